@@ -1,0 +1,45 @@
+# Works on a fresh machine that has only Python 3.11 or newer; everything else goes into .venv.
+PYTHON ?= python3
+VENV ?= .venv
+OUT ?= out
+BIN := $(VENV)/bin
+RECENT := import sys; sys.exit(sys.version_info < (3, 11))
+
+.PHONY: help demo test test-slow clean
+
+help:
+	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
+	@echo "make test       install into $(VENV) and run the tests, without the long ones"
+	@echo "make test-slow  the long physics runs"
+	@echo "make clean      remove $(VENV), $(OUT) and caches"
+
+demo: $(VENV)/.installed
+	$(BIN)/python -m fastbeam run ring_on_cable --out $(OUT)
+
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q
+
+test-slow: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -m slow
+
+# the first Python in the list that is recent enough makes the environment
+$(BIN)/python:
+	@for python in "$(PYTHON)" python3.11 python3.12 python3.13 python3.14; do \
+		if "$$python" -c "$(RECENT)" >/dev/null 2>&1; then \
+			echo "making $(VENV) with $$python"; "$$python" -m venv "$(VENV)" && exit 0; \
+			rm -rf "$(VENV)"; echo "cannot make $(VENV); on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; \
+		fi; \
+	done; \
+	echo "fastbeam needs Python 3.11 or newer; '$(PYTHON)' is missing or older." >&2; \
+	echo "Install one (https://www.python.org/downloads) or name it: make demo PYTHON=/path/to/python3.12" >&2; exit 1
+
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --disable-pip-version-check -q -e .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --disable-pip-version-check -q -e ".[dev]"
+	@touch $@ $(VENV)/.installed
+
+clean:
+	rm -rf "$(VENV)" "$(OUT)" .pytest_cache .hypothesis build dist

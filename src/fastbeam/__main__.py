@@ -1,0 +1,89 @@
+"""Command line: `python -m fastbeam` lists the examples, `python -m fastbeam run NAME [--out DIR]` runs one."""
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib.util
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import ModuleType
+
+
+def example_folders() -> list[Path]:
+    """Where examples may be: beside the installed package, or in the source tree this package lies in."""
+    package = Path(__file__).resolve().parent
+    return [package / "examples", package.parents[1] / "examples"]
+
+
+def find_examples() -> dict[str, Path]:
+    """Name -> script of every example; files that start with an underscore are no examples."""
+    for folder in example_folders():
+        scripts = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
+        if scripts:
+            return {path.stem: path for path in scripts}
+    return {}
+
+
+def first_line(script: Path) -> str:
+    """First line of a script's docstring, read without running it."""
+    doc = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+    return doc.split("\n", 1)[0]
+
+
+def list_examples() -> str:
+    """One line per example: its name and what it shows."""
+    examples = find_examples()
+    if not examples:
+        return "no examples found in " + " or ".join(str(folder) for folder in example_folders())
+    width = max(len(name) for name in examples)
+    return "\n".join(f"  {name:<{width}}  {first_line(path)}" for name, path in examples.items())
+
+
+def load_example(name: str) -> ModuleType:
+    """Import an example's script.
+
+    Raises
+    ------
+    KeyError
+        There is no such example.
+    """
+    path = find_examples()[name]
+    spec = importlib.util.spec_from_file_location(f"fastbeam_example_{name}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # dataclasses and typing look a module up by its name
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def program_version() -> str:
+    """Version of the installed package."""
+    try:
+        return version("fastbeam")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code (2: wrong use)."""
+    parser = argparse.ArgumentParser(prog="python -m fastbeam", description="Geometrically exact beams with sliding contact.")
+    parser.add_argument("--version", action="version", version=f"fastbeam {program_version()}")
+    commands = parser.add_subparsers(dest="command", metavar="command")
+    run = commands.add_parser("run", help="run an example and write its pictures and results")
+    run.add_argument("name", help="name of the example")
+    run.add_argument("--out", default="out", help="folder for what it writes (default: out)")
+    chosen = parser.parse_args(arguments)
+    if chosen.command is None:
+        print(f"examples (python -m fastbeam run NAME [--out DIR]):\n{list_examples()}")
+        return 0
+    if chosen.name not in find_examples():
+        print(f"example '{chosen.name}' does not exist; choose from:\n{list_examples()}", file=sys.stderr)
+        return 2
+    load_example(chosen.name).main(out=chosen.out)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,42 @@
+"""The errors that fastbeam raises. Each message names the object, the value, the allowed range and the next step."""
+from __future__ import annotations
+
+from typing import Any
+
+
+class SceneError(ValueError):
+    """A scene or an argument is not usable; raised before anything runs."""
+
+
+class ConvergenceError(RuntimeError):
+    """A step or load step did not converge.
+
+    Attributes
+    ----------
+    step : int
+        Number of the step that failed, counted from 0.
+    time : float
+        Time (dynamics, s) or load factor (statics) of the last good state.
+    residuals : list of float
+        Norms of the residual over the Newton iterations of the failed step.
+    worst : str
+        The element, node, slider or joint with the largest residual.
+    state : State
+        The last good state; a run can start again from it.
+    result : Result or None
+        Everything computed until then.
+    """
+
+    def __init__(self, message: str, *, step: int = 0, time: float = 0.0, residuals: list[float] | None = None,
+                 worst: str = "", state: Any = None, result: Any = None) -> None:
+        super().__init__(message)
+        self.step, self.time, self.residuals = step, time, list(residuals or [])
+        self.worst, self.state, self.result = worst, state, result
+
+
+class BackendError(ImportError):
+    """An optional library is missing; the message says what to install."""
+
+
+class ResultFileError(ValueError):
+    """A file is not a fastbeam result, or is damaged."""

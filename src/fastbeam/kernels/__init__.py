@@ -1,0 +1,1 @@
+"""Pure compiled functions of arrays: no scene, no model, no Python objects."""

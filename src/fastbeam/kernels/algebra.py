@@ -1,0 +1,359 @@
+"""Small algebra inside compiled code: values that LLVM keeps in registers.
+
+`Vec` is 8 doubles (one per element of a group), `V3` a 3-vector and `M3` a 3 x 3 matrix whose entries are lanes; a lane is
+a float64 or a Vec. The operators are lowered straight to LLVM, one statement a formula, so the same source is readable
+as theory, runs one element or eight at a time, and leaves numba's front end few statements to type.
+Loads and stores are unchecked: offsets count doubles from the start of a contiguous array.
+"""
+from __future__ import annotations
+
+import operator
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, models, register_model
+
+LANES = 8
+_DOUBLE = ir.DoubleType()
+_VECTOR = ir.VectorType(_DOUBLE, LANES)
+_I32 = ir.IntType(32)
+_I64 = ir.IntType(64)
+_FLAGS = ("contract",)
+
+
+class VecType(types.Type):
+    """8 doubles."""
+
+    def __init__(self) -> None:
+        super().__init__("fastbeam.Vec")
+
+
+vec = VecType()
+f8 = types.float64
+
+
+class SmallType(types.Type):
+    """n lanes: a 3-vector (n = 3) or a 3 x 3 matrix stored by rows (n = 9)."""
+
+    def __init__(self, lane: types.Type, n: int) -> None:
+        self.lane, self.n = lane, n
+        super().__init__(f"fastbeam.Small{n}({lane.name})")
+
+    @property
+    def key(self):
+        return (self.lane, self.n)
+
+
+V3 = {lane: SmallType(lane, 3) for lane in (vec, f8)}
+M3 = {lane: SmallType(lane, 9) for lane in (vec, f8)}
+
+
+def _lane_ir(lane):
+    return _VECTOR if isinstance(lane, VecType) else _DOUBLE
+
+
+@register_model(VecType)
+class _VecModel(models.PrimitiveModel):
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, _VECTOR)
+
+
+@register_model(SmallType)
+class _SmallModel(models.PrimitiveModel):
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, ir.LiteralStructType([_lane_ir(fe_type.lane)] * fe_type.n))
+
+
+# ---------------------------------------------------------------------------------------------------- IR helpers
+def _splat(b, x):
+    v = b.insert_element(ir.Constant(_VECTOR, ir.Undefined), x, ir.Constant(_I32, 0))
+    return b.shuffle_vector(v, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(_I32, LANES), [0] * LANES))
+
+
+def _as_lane(ctx, b, x, ty, lane):
+    """x as a value of `lane`: numbers are cast to float64 and repeated where the lane is a Vec."""
+    if isinstance(ty, VecType):
+        return x
+    x = ctx.cast(b, x, ty, f8)
+    return _splat(b, x) if isinstance(lane, VecType) else x
+
+
+def _parts(b, value, n):
+    return [b.extract_value(value, i) for i in range(n)]
+
+
+def _pack(b, lane, xs):
+    out = ir.Constant(ir.LiteralStructType([_lane_ir(lane)] * len(xs)), ir.Undefined)
+    for i, x in enumerate(xs):
+        out = b.insert_value(out, x, i)
+    return out
+
+
+def _add(b, x, y):
+    return b.fadd(x, y, flags=_FLAGS)
+
+
+def _sub(b, x, y):
+    return b.fsub(x, y, flags=_FLAGS)
+
+
+def _mul(b, x, y):
+    return b.fmul(x, y, flags=_FLAGS)
+
+
+def _div(b, x, y):
+    return b.fdiv(x, y, flags=_FLAGS)
+
+
+def _int(ctx, b, x, ty):
+    return ctx.cast(b, x, ty, types.intp)
+
+
+def _pointer(ctx, b, array_type, array, offset, lane):
+    data = ctx.make_array(array_type)(ctx, b, array).data
+    return b.bitcast(b.gep(data, [offset]), _lane_ir(lane).as_pointer())
+
+
+# ---------------------------------------------------------------------------------------------------- operators
+def _register(op, cases, lower):
+    infer_global(op)(type("Small_" + op.__name__, (ConcreteTemplate,), {"cases": cases}))
+    for case in cases:
+        lower_builtin(op, *case.args)(lower)
+
+
+def _vec_operator(ops, f):
+    def lower(ctx, b, sig, args):
+        return f(b, *(_as_lane(ctx, b, x, t, vec) for x, t in zip(args, sig.args)))
+
+    for op in ops:
+        _register(op, [signature(vec, vec, vec), signature(vec, vec, f8), signature(vec, f8, vec)], lower)
+
+
+_vec_operator((operator.add, operator.iadd), _add)
+_vec_operator((operator.sub, operator.isub), _sub)
+_vec_operator((operator.mul, operator.imul), _mul)
+_vec_operator((operator.truediv, operator.itruediv), _div)
+
+
+def _elementwise(op, f):
+    def lower(ctx, b, sig, args):
+        r = sig.return_type
+        return _pack(b, r.lane, [f(b, x, y) for x, y in zip(_parts(b, args[0], r.n), _parts(b, args[1], r.n))])
+
+    _register(op, [signature(t, t, t) for kind in (V3, M3) for t in kind.values()], lower)
+
+
+for _op in (operator.add, operator.iadd):
+    _elementwise(_op, _add)
+for _op in (operator.sub, operator.isub):
+    _elementwise(_op, _sub)
+
+
+def _scale(ctx, b, sig, args):
+    r = sig.return_type
+    s = _as_lane(ctx, b, args[0], sig.args[0], r.lane)
+    return _pack(b, r.lane, [_mul(b, s, x) for x in _parts(b, args[1], r.n)])
+
+
+_register(operator.mul, [signature(kind[lane], scalar, kind[lane]) for kind in (V3, M3)
+                         for lane, scalar in ((f8, f8), (vec, vec), (vec, f8))], _scale)
+
+
+# ---------------------------------------------------------------------------------------------------- formulas
+@intrinsic
+def dot(tc, u, v):
+    """u . v"""
+    def codegen(ctx, b, sig, args):
+        x, y = _parts(b, args[0], 3), _parts(b, args[1], 3)
+        return _add(b, _add(b, _mul(b, x[0], y[0]), _mul(b, x[1], y[1])), _mul(b, x[2], y[2]))
+    return u.lane(u, v), codegen
+
+
+def _make_component(i):
+    @intrinsic
+    def component(tc, u):
+        def codegen(ctx, b, sig, args):
+            return b.extract_value(args[0], i)
+        return u.lane(u), codegen
+    return component
+
+
+component0, component1, component2 = (_make_component(i) for i in range(3))
+
+
+@intrinsic
+def cross(tc, u, v):
+    """u x v"""
+    def codegen(ctx, b, sig, args):
+        x, y = _parts(b, args[0], 3), _parts(b, args[1], 3)
+        return _pack(b, sig.return_type.lane, [
+            _sub(b, _mul(b, x[(i + 1) % 3], y[(i + 2) % 3]), _mul(b, x[(i + 2) % 3], y[(i + 1) % 3])) for i in range(3)])
+    return u(u, v), codegen
+
+
+@intrinsic
+def outer(tc, u, v):
+    """u v^T"""
+    def codegen(ctx, b, sig, args):
+        x, y = _parts(b, args[0], 3), _parts(b, args[1], 3)
+        return _pack(b, sig.return_type.lane, [_mul(b, x[i], y[j]) for i in range(3) for j in range(3)])
+    return M3[u.lane](u, v), codegen
+
+
+@intrinsic
+def add_iso(tc, m, t):
+    """m + t I"""
+    def codegen(ctx, b, sig, args):
+        x = _parts(b, args[0], 9)
+        t_ = _as_lane(ctx, b, args[1], sig.args[1], sig.return_type.lane)
+        for i in (0, 4, 8):
+            x[i] = _add(b, x[i], t_)
+        return _pack(b, sig.return_type.lane, x)
+    return m(m, t), codegen
+
+
+@intrinsic
+def add_skew(tc, m, z):
+    """m + skew(z), skew(z) w = z x w"""
+    def codegen(ctx, b, sig, args):
+        x, z = _parts(b, args[0], 9), _parts(b, args[1], 3)
+        for i, f, c in ((1, _sub, 2), (2, _add, 1), (3, _add, 2), (5, _sub, 0), (6, _sub, 1), (7, _add, 0)):
+            x[i] = f(b, x[i], z[c])
+        return _pack(b, sig.return_type.lane, x)
+    return m(m, z), codegen
+
+
+# ---------------------------------------------------------------------------------------------------- memory
+def _make_load(lane, n):
+    result = lane if n == 1 else (V3 if n == 3 else M3)[lane]
+
+    @intrinsic
+    def load(tc, array, offset, stride):
+        def codegen(ctx, b, sig, args):
+            o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
+            xs = []
+            for _ in range(n):
+                xs.append(b.load(_pointer(ctx, b, sig.args[0], args[0], o, lane), align=8))
+                o = b.add(o, step)
+            return xs[0] if n == 1 else _pack(b, lane, xs)
+        return result(array, offset, stride), codegen
+    return load
+
+
+def _make_store(lane, n, accumulate):
+    @intrinsic
+    def store(tc, array, offset, stride, value):
+        def codegen(ctx, b, sig, args):
+            o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
+            xs = [_as_lane(ctx, b, args[3], sig.args[3], lane)] if n == 1 else _parts(b, args[3], n)
+            for x in xs:
+                p = _pointer(ctx, b, sig.args[0], args[0], o, lane)
+                if accumulate:
+                    x = _add(b, b.load(p, align=8), x)
+                b.store(x, p, align=8)
+                o = b.add(o, step)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, stride, value), codegen
+    return store
+
+
+def _make_store_matrix(lane, accumulate):
+    @intrinsic
+    def store(tc, array, offset, row_stride, column_stride, value):
+        def codegen(ctx, b, sig, args):
+            o, rs, cs = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 3))
+            xs = _parts(b, args[4], 9)
+            for i in range(3):
+                q = o
+                for j in range(3):
+                    p = _pointer(ctx, b, sig.args[0], args[0], q, lane)
+                    x = xs[3 * i + j]
+                    if accumulate:
+                        x = _add(b, b.load(p, align=8), x)
+                    b.store(x, p, align=8)
+                    q = b.add(q, cs)
+                o = b.add(o, rs)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, row_stride, column_stride, value), codegen
+    return store
+
+
+def _make_zero(lane, n):
+    result = lane if n == 1 else (V3 if n == 3 else M3)[lane]
+
+    @intrinsic
+    def zero(tc):
+        def codegen(ctx, b, sig, args):
+            z = ir.Constant(_lane_ir(lane), [0.0] * LANES if isinstance(lane, VecType) else 0.0)
+            return z if n == 1 else _pack(b, lane, [z] * n)
+        return result(), codegen
+    return zero
+
+
+# 8 lanes: (array, offset, stride[, value]); stride between the components, in doubles
+vld, vld3, vldm = _make_load(vec, 1), _make_load(vec, 3), _make_load(vec, 9)
+vst, vst3, vstm = _make_store(vec, 1, False), _make_store(vec, 3, False), _make_store(vec, 9, False)
+vadd3 = _make_store(vec, 3, True)
+vst_matrix, vadd_matrix = _make_store_matrix(vec, False), _make_store_matrix(vec, True)
+vzero, vzero3, vzerom = _make_zero(vec, 1), _make_zero(vec, 3), _make_zero(vec, 9)
+# one lane
+ld3, st3, add3 = _make_load(f8, 3), _make_store(f8, 3, False), _make_store(f8, 3, True)
+add_matrix = _make_store_matrix(f8, True)
+zero3, zerom = _make_zero(f8, 3), _make_zero(f8, 9)
+
+
+@intrinsic
+def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target):
+    """Add 6 lane columns to 8 rows: for lane l, target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l],
+    c = 0..5. An 8 x 8 transposition in registers; rows are padded to 8 doubles, the last two stay as they are."""
+    def codegen(ctx, b, sig, args):
+        src, o, idx, io, scale_, shift_, dst = args
+        t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst = sig.args
+        o, io = _int(ctx, b, o, t_o), _int(ctx, b, io, t_io)
+        scale_, shift_ = _int(ctx, b, scale_, t_scale), _int(ctx, b, shift_, t_shift)
+        p = _pointer(ctx, b, t_src, src, o, vec)
+        rows = [b.load(b.gep(p, [ir.Constant(_I64, c)]), align=8) for c in range(6)]
+        rows += [ir.Constant(_VECTOR, [0.0] * LANES)] * 2
+
+        def mask(m):
+            return ir.Constant(ir.VectorType(_I32, LANES), m)
+
+        for st in (4, 2, 1):
+            new = [None] * 8
+            for i in range(8):
+                if i & st:
+                    continue
+                x, y = rows[i], rows[i + st]
+                new[i] = b.shuffle_vector(x, y, mask([j if not j & st else 8 + j - st for j in range(8)]))
+                new[i + st] = b.shuffle_vector(x, y, mask([j + st if not j & st else 8 + j for j in range(8)]))
+            rows = new
+        indices = ctx.make_array(t_idx)(ctx, b, idx).data
+        for lane in range(8):
+            k = b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))]))
+            q = _pointer(ctx, b, t_dst, dst, b.add(b.mul(k, scale_), shift_), vec)
+            b.store(_add(b, b.load(q, align=8), rows[lane]), q, align=8)
+        return ctx.get_dummy_value()
+    return types.void(source, offset, index, index_offset, scale, shift, target), codegen
+
+
+@intrinsic
+def gather_lanes(tc, source, index, index_offset, scale, n, target, offset):
+    """target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for c = 0..n-1 and the lanes l = 0..7."""
+    def codegen(ctx, b, sig, args):
+        src, idx, io, scale_, n_, dst, o = args
+        t_src, t_idx, t_io, t_scale, t_n, t_dst, t_o = sig.args
+        io, scale_, n_, o = (_int(ctx, b, x, t) for x, t in ((io, t_io), (scale_, t_scale), (n_, t_n), (o, t_o)))
+        indices = ctx.make_array(t_idx)(ctx, b, idx).data
+        data = ctx.make_array(t_src)(ctx, b, src).data
+        base = [b.gep(data, [b.mul(b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))])), scale_)])
+                for lane in range(8)]
+        with cgutils.for_range(b, n_) as loop:
+            v = ir.Constant(_VECTOR, ir.Undefined)
+            for lane in range(8):
+                v = b.insert_element(v, b.load(b.gep(base[lane], [loop.index])), ir.Constant(_I32, lane))
+            q = _pointer(ctx, b, t_dst, dst, b.add(o, b.mul(loop.index, ir.Constant(_I64, 8))), vec)
+            b.store(v, q, align=8)
+        return ctx.get_dummy_value()
+    return types.void(source, index, index_offset, scale, n, target, offset), codegen

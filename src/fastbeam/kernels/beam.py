@@ -1,0 +1,417 @@
+"""Element loops of geometrically exact beams: residual and tangent of the conserving step, eight elements at a time.
+
+Unknowns per node are the position increment and the spin increment at the end of the step: a director at t_n+1 varies
+by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, method.md (4.2).
+With both ends equal the same kernel is statics; its tangent is then half the static one.
+
+Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 36; per point: weight, (phi_s, dir, dir_s) of every
+node, 6 reference strains; rhoA, rhoI2, rhoI3; position masses nn*nn; director masses nn*nn.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatter_rows, vadd3, vadd_matrix, vld, vld3,
+                      vldm, vst, vst3, vst_matrix, vstm, vzero, vzero3, vzerom)
+
+Q_LANES = 24 * 8     # mid and end coordinates of a node
+B_LANES = 18 * 8     # six rotation rows of a node
+
+
+class ElementTables(NamedTuple):
+    """Constant tables of all elements with one strain set; G groups of 8 lanes."""
+
+    meta: np.ndarray     # int64 [G, 6]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled
+    tab: np.ndarray      # float64 [*], see the module docstring
+    nodes: np.ndarray    # int64 [*]: per group nn x 8 node numbers; idle lanes repeat the last element
+    rows: np.ndarray     # int64 [*]: per group nn x 8 rows of the residual; idle lanes point to the row behind the last
+    blocks: np.ndarray   # int64 [*]: per group nn x nn x 8 blocks of the tangent; idle lanes to the block behind the last
+
+
+def point_table_size(nn: int) -> int:
+    """Doubles per quadrature point in `tab`."""
+    return 8 * (7 + 3 * nn)
+
+
+def group_table_size(nn: int, nq: int) -> int:
+    """Doubles per group in `tab`."""
+    return 8 * (36 + 3 + 2 * nn * nn) + nq * point_table_size(nn)
+
+
+def scratch_size(nn: int, nq: int) -> int:
+    """Doubles of scratch that a group needs."""
+    per_point = 6 + 9 + 21 + 21 + 18 + 18 + nn * (18 + 18 + 9 + 9)
+    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nq * per_point)
+
+
+@kernel
+def interpolate(tab, to, nn, scratch, qo, zo):
+    """z = (phi', d1, d2, d3, d1', d2', d3') at one point; qo: first of nn nodes of 24 lanes each, zo: output."""
+    f = vzero3(); d1 = vzero3(); d2 = vzero3(); d3 = vzero3(); k1 = vzero3(); k2 = vzero3(); k3 = vzero3()
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        q = qo + Q_LANES * a
+        dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        f += dp * vld3(scratch, q, 8)
+        x = vld3(scratch, q + 24, 8); d1 += n * x; k1 += dn * x
+        x = vld3(scratch, q + 48, 8); d2 += n * x; k2 += dn * x
+        x = vld3(scratch, q + 72, 8); d3 += n * x; k3 += dn * x
+    vst3(scratch, zo, 8, f); vst3(scratch, zo + 24, 8, d1); vst3(scratch, zo + 48, 8, d2); vst3(scratch, zo + 72, 8, d3)
+    vst3(scratch, zo + 96, 8, k1); vst3(scratch, zo + 120, 8, k2); vst3(scratch, zo + 144, 8, k3)
+
+
+@kernel
+def quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, add):
+    """The homogeneous quadratic part of the six strains, method.md (2.1), (2.2); added to what stands there if `add`."""
+    e4 = 0.5 * (dot(k2, d3) - dot(k3, d2))
+    if simo is not None:
+        e1 = dot(f, d1)
+        e5 = 0.5 * (dot(k3, d1) - dot(k1, d3))
+        e6 = 0.5 * (dot(k1, d2) - dot(k2, d1))
+    else:
+        e1 = 0.5 * dot(f, f)
+        e5 = dot(f, k3)
+        e6 = -1.0 * dot(f, k2)
+    e2 = dot(f, d2)
+    e3 = dot(f, d3)
+    if add:
+        e1 += vld(scratch, eo, 0); e2 += vld(scratch, eo + 8, 0); e3 += vld(scratch, eo + 16, 0)
+        e4 += vld(scratch, eo + 24, 0); e5 += vld(scratch, eo + 32, 0); e6 += vld(scratch, eo + 40, 0)
+    vst(scratch, eo, 0, e1); vst(scratch, eo + 8, 0, e2); vst(scratch, eo + 16, 0, e3)
+    vst(scratch, eo + 24, 0, e4); vst(scratch, eo + 32, 0, e5); vst(scratch, eo + 40, 0, e6)
+
+
+@kernel
+def mean_strains(scratch, zm, ze, simo, eo):
+    """(E_n + E_n+1)/2 without the reference: E quadratic gives E(z_mid) + E(z_end - z_mid)."""
+    f = vld3(scratch, zm, 8); d1 = vld3(scratch, zm + 24, 8); d2 = vld3(scratch, zm + 48, 8)
+    d3 = vld3(scratch, zm + 72, 8); k1 = vld3(scratch, zm + 96, 8); k2 = vld3(scratch, zm + 120, 8)
+    k3 = vld3(scratch, zm + 144, 8)
+    quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, False)
+    quadratic_strains(vld3(scratch, ze, 8) - f, vld3(scratch, ze + 24, 8) - d1, vld3(scratch, ze + 48, 8) - d2,
+                      vld3(scratch, ze + 72, 8) - d3, vld3(scratch, ze + 96, 8) - k1, vld3(scratch, ze + 120, 8) - k2,
+                      vld3(scratch, ze + 144, 8) - k3, simo, scratch, eo, True)
+
+
+@kernel
+def stresses(tab, co, to, nn, coupled, scratch, eo, so):
+    """weight times C (E - E0) into the six lanes at `so`."""
+    w = vld(tab, to, 0)
+    e0 = to + 8 + 24 * nn
+    for i in range(6):
+        vst(scratch, eo + 8 * i, 0, vld(scratch, eo + 8 * i, 0) - vld(tab, e0 + 8 * i, 0))
+    for i in range(6):
+        j0 = 0 if coupled else i
+        j1 = 6 if coupled else i + 1
+        s = vzero()
+        for j in range(j0, j1):
+            s += vld(tab, co + 48 * i + 8 * j, 0) * vld(scratch, eo + 8 * j, 0)
+        vst(scratch, so + 8 * i, 0, w * s)
+
+
+@kernel
+def translation_rows(scratch, z, simo, out):
+    """Derivatives of the six strains by phi': vectors t_i; (2.2) has only the first three."""
+    if simo is not None:
+        vst3(scratch, out, 8, vld3(scratch, z + 24, 8))
+        vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
+        vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
+    else:
+        vst3(scratch, out, 8, vld3(scratch, z, 8))
+        vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
+        vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
+        vst3(scratch, out + 72, 8, vzero3())
+        vst3(scratch, out + 96, 8, vld3(scratch, z + 144, 8))
+        vst3(scratch, out + 120, 8, -1.0 * vld3(scratch, z + 120, 8))
+
+
+@kernel
+def rotation_rows(scratch, z, q, n, dn, simo, out):
+    """Derivatives of the six strains by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi)."""
+    f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+    k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
+    y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
+    p2 = dn * d2 - n * k2
+    p3 = dn * d3 - n * k3
+    vst3(scratch, out + 72, 8, 0.5 * (cross(y2, p3) - cross(y3, p2)))
+    if simo is not None:
+        d1 = vld3(scratch, z + 24, 8); k1 = vld3(scratch, z + 96, 8); y1 = vld3(scratch, q + 24, 8)
+        p1 = dn * d1 - n * k1
+        nf = n * f
+        vst3(scratch, out, 8, cross(y1, nf))
+        vst3(scratch, out + 24, 8, cross(y2, nf))
+        vst3(scratch, out + 48, 8, cross(y3, nf))
+        vst3(scratch, out + 96, 8, 0.5 * (cross(y3, p1) - cross(y1, p3)))
+        vst3(scratch, out + 120, 8, 0.5 * (cross(y1, p2) - cross(y2, p1)))
+    else:
+        x2 = cross(y2, f)
+        x3 = cross(y3, f)
+        vst3(scratch, out, 8, vzero3())
+        vst3(scratch, out + 24, 8, n * x2)
+        vst3(scratch, out + 48, 8, n * x3)
+        vst3(scratch, out + 96, 8, dn * x3)
+        vst3(scratch, out + 120, 8, -1.0 * (dn * x2))
+
+
+@kernel
+def add_forces(tab, to, nn, scratch, z, so, simo, fo):
+    """Internal forces B(q_mid)^T S on the 12 coordinates of every node, fo: nn x 12 lanes."""
+    f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+    k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
+    s1 = vld(scratch, so, 0); s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
+    s4 = 0.5 * vld(scratch, so + 24, 0)
+    # director forces are N x_i + N' y_i, the position force is N' x0
+    x2 = s2 * f - s4 * k3
+    x3 = s3 * f + s4 * k2
+    y2 = s4 * d3
+    y3 = -1.0 * (s4 * d2)
+    if simo is not None:
+        s5 = 0.5 * vld(scratch, so + 32, 0); s6 = 0.5 * vld(scratch, so + 40, 0)
+        x0 = s1 * d1 + s2 * d2 + s3 * d3
+        x1 = s1 * f + s5 * k3 - s6 * k2
+        y1 = s6 * d2 - s5 * d3
+        x2 += s6 * k1
+        y2 -= s6 * d1
+        x3 -= s5 * k1
+        y3 += s5 * d1
+    else:
+        s5 = vld(scratch, so + 32, 0); s6 = vld(scratch, so + 40, 0)
+        x0 = s1 * f + s2 * d2 + s3 * d3 + s5 * k3 - s6 * k2
+        x1 = vzero3()
+        y1 = vzero3()
+        y2 -= s6 * f
+        y3 += s5 * f
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        o = fo + 96 * a
+        vadd3(scratch, o, 8, vld(tab, t, 0) * x0)
+        if simo is not None:
+            vadd3(scratch, o + 24, 8, n * x1 + dn * y1)
+        vadd3(scratch, o + 48, 8, n * x2 + dn * y2)
+        vadd3(scratch, o + 72, 8, n * x3 + dn * y3)
+
+
+@kernel
+def point_stiffness(tab, co, to, nn, coupled, simo, scratch, z_mid, z_end, qo, so, po):
+    """Everything of one point that the node pairs share, from po on: TT (9), per node rows of the midpoint (18), stiffness times
+    rows of the end (18), rotation-translation RT (9) and translation-rotation TR (9)."""
+    nt = 3 if simo is not None else 6
+    tm = po + 8 * (9 + 54 * nn)
+    te = tm + 144
+    translation_rows(scratch, z_mid, simo, tm)
+    translation_rows(scratch, z_end, simo, te)
+    half_w = 0.5 * vld(tab, to, 0)
+    tt = vzerom()
+    # C t_end, kept in place of z_end which is no longer needed after the rotation rows
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        b = po + 72 + 432 * a
+        rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, simo, b)
+        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, simo, z_mid + 504)
+        for i in range(6):
+            j0 = 0 if coupled else i
+            j1 = 6 if coupled else i + 1
+            x = vzero3()
+            for j in range(j0, j1):
+                x += (half_w * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, z_mid + 504 + 24 * j, 8)
+            vst3(scratch, b + 144 + 24 * i, 8, x)
+    for a in range(nn):
+        b = po + 72 + 432 * a
+        rt = vzerom()
+        tr = vzerom()
+        for i in range(6):
+            if i < nt:
+                tr += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, b + 144 + 24 * i, 8))
+        for i in range(6):
+            j0 = 0 if coupled else i
+            j1 = nt if coupled else min(i + 1, nt)
+            for j in range(j0, j1):
+                c = half_w * vld(tab, co + 48 * i + 8 * j, 0)
+                rt += outer(c * vld3(scratch, b + 24 * i, 8), vld3(scratch, te + 24 * j, 8))
+        vstm(scratch, b + 288, 8, rt)
+        vstm(scratch, b + 360, 8, tr)
+    for i in range(nt):
+        j0 = 0 if coupled else i
+        j1 = nt if coupled else i + 1
+        for j in range(j0, j1):
+            c = half_w * vld(tab, co + 48 * i + 8 * j, 0)
+            tt += outer(c * vld3(scratch, tm + 24 * i, 8), vld3(scratch, te + 24 * j, 8))
+    if simo is None:
+        tt = add_iso(tt, 0.5 * vld(scratch, so, 0))
+    vstm(scratch, po, 8, tt)
+
+
+@kernel
+def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, scratch, qa, qb, simo, ko):
+    """The 6 x 6 block of nodes a, b without inertia: material part from the shared matrices, geometric part from the
+    stresses; qa, qb: mid coordinates of a and end coordinates of b."""
+    ktt = vzerom(); ktr = vzerom(); krt = vzerom(); krr = vzerom()
+    h1 = vzero(); h2 = vzero(); h3 = vzero(); g1 = vzero(); g2 = vzero(); g3 = vzero()
+    e4 = vzero(); e5 = vzero(); e6 = vzero()
+    for g in range(nq):
+        t = to0 + pt * g
+        ta = t + 8 + 24 * a
+        tb = t + 8 + 24 * b
+        po = po0 + ps * g
+        so = so0 + ps * g
+        pa = vld(tab, ta, 0); na = vld(tab, ta + 8, 0); da = vld(tab, ta + 16, 0)
+        pb = vld(tab, tb, 0); nb = vld(tab, tb + 8, 0); db = vld(tab, tb + 16, 0)
+        ba = po + 72 + 432 * a
+        bb = po + 72 + 432 * b
+        ktt += (pa * pb) * vldm(scratch, po, 8)
+        krt += pb * vldm(scratch, ba + 288, 8)
+        ktr += pa * vldm(scratch, bb + 360, 8)
+        for i in range(6):
+            krr += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 144 + 24 * i, 8))
+        # geometric part: sums of stress times basis products over the points
+        s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
+        twist = da * nb - na * db
+        e4 += vld(scratch, so + 24, 0) * twist
+        if simo is not None:
+            s1 = vld(scratch, so, 0)
+            h1 += (pa * nb) * s1; h2 += (pa * nb) * s2; h3 += (pa * nb) * s3
+            g1 += (na * pb) * s1; g2 += (na * pb) * s2; g3 += (na * pb) * s3
+            e5 += vld(scratch, so + 32, 0) * twist
+            e6 += vld(scratch, so + 40, 0) * twist
+        else:
+            s5 = vld(scratch, so + 32, 0); s6 = vld(scratch, so + 40, 0)
+            h2 += pa * (nb * s2 - db * s6); h3 += pa * (nb * s3 + db * s5)
+            g2 += pb * (na * s2 - da * s6); g3 += pb * (na * s3 + da * s5)
+    a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
+    b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
+    v = h2 * b2 + h3 * b3
+    u = g2 * a2 + g3 * a3
+    q4 = 0.25 * e4
+    krr += outer(q4 * b2, a3) - outer(q4 * b3, a2)
+    iso = q4 * (dot(a2, b3) - dot(a3, b2))
+    if simo is not None:
+        a1 = vld3(scratch, qa + 24, 8); b1 = vld3(scratch, qb + 24, 8)
+        v += h1 * b1
+        u += g1 * a1
+        q5 = 0.25 * e5; q6 = 0.25 * e6
+        krr += outer(q5 * b3, a1) - outer(q5 * b1, a3) + outer(q6 * b1, a2) - outer(q6 * b2, a1)
+        iso += q5 * (dot(a3, b1) - dot(a1, b3)) + q6 * (dot(a1, b2) - dot(a2, b1))
+    vst_matrix(scratch, ko, 48, 8, ktt)
+    vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
+    vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
+    vst_matrix(scratch, ko + 168, 48, 8, add_iso(krr, iso))
+
+
+@kernel
+def add_pair_inertia(tab, mo, nn, a, b, rate, scratch, qa, qb, ko):
+    """2/h^2 times the mass of nodes a, b, projected: method.md (4.1), (4.2)."""
+    m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
+    md = rate * vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
+    j2 = md * vld(tab, mo + 8, 0); j3 = md * vld(tab, mo + 16, 0)
+    vadd_matrix(scratch, ko, 48, 8, add_iso(vzerom(), m * vld(tab, mo, 0)))
+    a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
+    b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
+    k = vzerom() - outer(j2 * b2, a2) - outer(j3 * b3, a3)
+    vadd_matrix(scratch, ko + 168, 48, 8, add_iso(k, j2 * dot(a2, b2) + j3 * dot(a3, b3)))
+
+
+@kernel
+def add_inertia_forces(tab, mo, nn, scratch, uo, fo):
+    """M u on the 12 coordinates of every node; u = 2/h^2 (q_n+1 - q_n - h v_n)."""
+    rho = vld(tab, mo, 0); j2 = vld(tab, mo + 8, 0); j3 = vld(tab, mo + 16, 0)
+    for a in range(nn):
+        p = vzero3(); d2 = vzero3(); d3 = vzero3()
+        for b in range(nn):
+            m = vld(tab, mo + 24 + 8 * (nn * a + b), 0)
+            md = vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
+            u = uo + 96 * b
+            p += m * vld3(scratch, u, 8)
+            d2 += md * vld3(scratch, u + 48, 8)
+            d3 += md * vld3(scratch, u + 72, 8)
+        o = fo + 96 * a
+        vadd3(scratch, o, 8, rho * p)
+        vadd3(scratch, o + 48, 8, j2 * d2)
+        vadd3(scratch, o + 72, 8, j3 * d3)
+
+
+@kernel
+def project_node(scratch, q, fo, ro, ko):
+    """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid."""
+    vst3(scratch, ro, 8, vld3(scratch, fo, 8))
+    moment = vzero3()
+    k = vzerom()
+    iso = vzero()
+    for i in range(1, 4):
+        f = vld3(scratch, fo + 24 * i, 8)
+        moment += cross(vld3(scratch, q + 24 * i, 8), f)
+        d = vld3(scratch, q + 96 + 24 * i, 8)
+        k += outer(d, f)
+        iso -= dot(d, f)
+    vst3(scratch, ro + 24, 8, moment)
+    half = 0.5 * add_iso(k, iso)
+    vadd_matrix(scratch, ko + 168, 48, 8, half)
+
+
+@kernel
+def element_groups(tables, q_mid, q_end, u, rate, simo, r_out, blocks_out, scratch):
+    """Add residual rows and tangent blocks of all groups.
+
+    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2. simo: None selects strain set (2.1), else (2.2).
+    r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
+    """
+    meta = tables.meta
+    tab = tables.tab
+    for k in range(meta.shape[0]):
+        nn = meta[k, 0]
+        nq = meta[k, 1]
+        co = meta[k, 2]
+        no = meta[k, 3]
+        bo = meta[k, 4]
+        coupled = meta[k, 5] != 0
+        pt = 8 * (7 + 3 * nn)
+        to0 = co + 288
+        mo = to0 + nq * pt
+        # scratch: coordinates, inertia, forces, residual, tangent, then the points
+        uo = Q_LANES * nn
+        fo = uo + 96 * nn
+        ro = fo + 96 * nn
+        ko = ro + 48 * nn
+        so0 = ko + 288 * nn * nn
+        ps = 8 * (6 + 9 + 54 * nn + 78)
+        for a in range(nn):
+            gather_lanes(q_mid, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a)
+            gather_lanes(q_end, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a + 96)
+        for i in range(fo, ko):
+            scratch[i] = 0.0
+        if u is not None:
+            for a in range(nn):
+                gather_lanes(u, tables.nodes, no + 8 * a, 12, 12, scratch, uo + 96 * a)
+            add_inertia_forces(tab, mo, nn, scratch, uo, fo)
+        for g in range(nq):
+            to = to0 + pt * g
+            so = so0 + ps * g
+            po = so + 48
+            # z_mid and z_end share the room behind the rows of the point: t_mid 18, t_end 18, then 42
+            zm = ko            # the tangent room is free until the pair loop
+            ze = zm + 168
+            eo = zm + 336
+            interpolate(tab, to, nn, scratch, 0, zm)
+            interpolate(tab, to, nn, scratch, 96, ze)
+            mean_strains(scratch, zm, ze, simo, eo)
+            stresses(tab, co, to, nn, coupled, scratch, eo, so)
+            add_forces(tab, to, nn, scratch, zm, so, simo, fo)
+            point_stiffness(tab, co, to, nn, coupled, simo, scratch, zm, ze, 0, so, po)
+        for a in range(nn):
+            for b in range(nn):
+                kab = ko + 288 * (nn * a + b)
+                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, scratch, Q_LANES * a, Q_LANES * b + 96,
+                               simo, kab)
+                if u is not None:
+                    add_pair_inertia(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, Q_LANES * b + 96, kab)
+            project_node(scratch, Q_LANES * a, fo + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
+        for a in range(nn):
+            scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out)
+            for b in range(nn):
+                for i in range(6):
+                    scatter_rows(scratch, ko + 288 * (nn * a + b) + 48 * i, tables.blocks, bo + 8 * (nn * a + b), 48, 8 * i,
+                                 blocks_out)

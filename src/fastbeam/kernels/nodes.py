@@ -1,0 +1,266 @@
+"""Node loops: predictor, update of position and triad, point inertia, ties between nodes, held unknowns.
+
+A step is described by its increments `dq` of the 12 coordinates of every node and the Cayley vectors `theta`
+(d_n+1 = cay(theta) d_n, method.md (4.2)); velocities and inertia forces are formed from dq, never from differences of large
+coordinates, so round-off stays relative to the motion.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import add3, add_iso, add_matrix, add_skew, cross, dot, ld3, outer, st3, zero3, zerom
+
+
+class Bodies(NamedTuple):
+    """Nodes with an inertia of their own: point masses and rigid bodies."""
+
+    node: np.ndarray     # int64 [B]
+    row: np.ndarray      # int64 [B]
+    block: np.ndarray    # int64 [B]: diagonal block
+    inertia: np.ndarray  # float64 [16 B]: symmetric 4 x 4 over (phi, d1, d2, d3), Euler tensor for the directors
+
+
+class Ties(NamedTuple):
+    """Nodes whose coordinates are linear in those of others: rigid and ball connections.
+
+    The position or the triad of slave k is the sum of its entries: kind 0, position of the target; kind 1, offset c
+    in the triad of the target; kind 2, triad of the target turned by a constant matrix.
+    """
+
+    slave: np.ndarray      # int64 [K]: node
+    row: np.ndarray        # int64 [K]
+    start: np.ndarray      # int64 [N + 1]: entries of every node; none for a free node
+    target: np.ndarray     # int64 [M]: node
+    target_row: np.ndarray  # int64 [M]
+    diagonal: np.ndarray   # int64 [M]: diagonal block of the target
+    kind: np.ndarray       # int64 [M]
+    offset: np.ndarray     # float64 [3 M]
+    rotation: np.ndarray   # float64 [9 M]: d_i = sum_j R_ij d_j of the target
+    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to
+
+
+class Held(NamedTuple):
+    """Unknowns that are no unknowns: clamps, pins, triads of point masses, tied coordinates."""
+
+    row: np.ndarray        # int64 [F]
+    mask: np.ndarray       # int64 [F]: bit c set, unknown c of that row is held
+    diagonal: np.ndarray   # int64 [F]
+    block: np.ndarray      # int64 [P]: blocks in a row or column of a held unknown
+    row_mask: np.ndarray   # int64 [P]
+    column_mask: np.ndarray  # int64 [P]
+
+
+@kernel
+def set_directors(q, theta, dq_out, i):
+    """Increments of the three directors of node i: cay(theta) d - d without cancellation."""
+    t = ld3(theta, 3 * i, 1)
+    c = 1.0 / (1.0 + 0.25 * dot(t, t))
+    for k in range(3, 12, 3):
+        x = cross(t, ld3(q, 12 * i + k, 1))
+        st3(dq_out, 12 * i + k, 1, c * (x + 0.5 * cross(t, x)))
+
+
+@kernel
+def tie_coordinates(ties, x_out):
+    """Coordinates (or their increments or rates) of the tied nodes from those of their targets; linear, so one function
+    serves all three."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        e0 = ties.start[i]
+        e1 = ties.start[i + 1]
+        for e in range(e0, e1):
+            t = 12 * ties.target[e]
+            if ties.kind[e] == 2 and ties.target[e] != i:
+                for a in range(3):
+                    x = zero3()
+                    for b in range(3):
+                        x += ties.rotation[9 * e + 3 * a + b] * ld3(x_out, t + 3 + 3 * b, 1)
+                    st3(x_out, 12 * i + 3 + 3 * a, 1, x)
+        x = zero3()
+        for e in range(e0, e1):
+            t = 12 * ties.target[e]
+            if ties.kind[e] == 0:
+                x += ld3(x_out, t, 1)
+            elif ties.kind[e] == 1:
+                for b in range(3):
+                    x += ties.offset[3 * e + b] * ld3(x_out, t + 3 + 3 * b, 1)
+        st3(x_out, 12 * i, 1, x)
+
+
+@kernel
+def predict(q, v, h, held_theta, theta_out, dq_out):
+    """First guess of a step: positions move on, triads spin on with omega = 1/2 sum d_i x v_i."""
+    for i in range(q.shape[0] // 12):
+        st3(dq_out, 12 * i, 1, h * ld3(v, 12 * i, 1))
+        w = zero3()
+        for k in range(3, 12, 3):
+            w += cross(ld3(q, 12 * i + k, 1), ld3(v, 12 * i + k, 1))
+        free = 0.0 if held_theta[i] else 0.5 * h
+        st3(theta_out, 3 * i, 1, free * w)
+        set_directors(q, theta_out, dq_out, i)
+
+
+@kernel
+def spread(q, v, dq, h, q_mid_out, q_end_out, u_out):
+    """Mid and end coordinates, and u = 2/h^2 (dq - h v)."""
+    for k in range(q.shape[0]):
+        q_mid_out[k] = q[k] + 0.5 * dq[k]
+        q_end_out[k] = q[k] + dq[k]
+        u_out[k] = (2.0 / (h * h)) * (dq[k] - h * v[k])
+
+
+@kernel
+def update_nodes(row_of, x, width, q, theta, dq):
+    """Add the solution x [rows, 6, width] (column 0) to the increments of a step. Returns the largest position increment and
+    the largest spin."""
+    largest = 0.0
+    spin = 0.0
+    for i in range(row_of.shape[0]):
+        o = 6 * width * row_of[i]
+        for c in range(3):
+            z = x[o + c * width]
+            dq[12 * i + c] += z
+            if not abs(z) <= largest:
+                largest = abs(z)
+        p = ld3(x, o + 3 * width, width)
+        # from spin to Cayley vector: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi
+        t = ld3(theta, 3 * i, 1)
+        add3(theta, 3 * i, 1, p - 0.5 * cross(t, p) + (0.25 * dot(t, p)) * t)
+        n = dot(p, p)
+        if not n <= spin:
+            spin = n
+        set_directors(q, theta, dq, i)
+    return largest, np.sqrt(spin)
+
+
+@kernel
+def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
+    """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node."""
+    for k in range(bodies.node.shape[0]):
+        q = 12 * bodies.node[k]
+        ro = 8 * bodies.row[k]
+        ko = 48 * bodies.block[k]
+        j0 = 16 * k
+        tt = zerom(); tr = zerom(); rt = zerom(); rr = zerom()
+        moment = zero3()
+        for a in range(4):
+            f = zero3()
+            for b in range(4):
+                f += bodies.inertia[j0 + 4 * a + b] * ld3(u, q + 3 * b, 1)
+            if a == 0:
+                add3(r_out, ro, 1, f)
+            else:
+                moment += cross(ld3(q_mid, q + 3 * a, 1), f)
+                d = ld3(q_end, q + 3 * a, 1)
+                rr += 0.5 * add_iso(outer(d, f), -dot(d, f))
+        add3(r_out, ro + 3, 1, moment)
+        for a in range(4):
+            x = ld3(q_mid, q + 3 * a, 1)
+            for b in range(4):
+                m = rate * bodies.inertia[j0 + 4 * a + b]
+                if m != 0.0:
+                    y = ld3(q_end, q + 3 * b, 1)
+                    if a == 0 and b == 0:
+                        tt = add_iso(tt, m)
+                    elif a == 0:
+                        tr = add_skew(tr, -m * y)
+                    elif b == 0:
+                        rt = add_skew(rt, m * x)
+                    else:
+                        rr += add_iso(zerom() - outer(m * y, x), m * dot(x, y))
+        add_matrix(blocks_out, ko, 8, 1, tt)
+        add_matrix(blocks_out, ko + 3, 8, 1, tr)
+        add_matrix(blocks_out, ko + 24, 8, 1, rt)
+        add_matrix(blocks_out, ko + 27, 8, 1, rr)
+
+
+@kernel
+def tie_arm(ties, e, q):
+    """Offset of an entry of kind 1 in space."""
+    t = 12 * ties.target[e]
+    x = zero3()
+    for b in range(3):
+        x += ties.offset[3 * e + b] * ld3(q, t + 3 + 3 * b, 1)
+    return x
+
+
+@kernel
+def apply_ties(ties, q_mid, q_end, r, blocks, scratch):
+    """Move residual rows and tangent blocks of tied nodes to their targets: r <- L(q_mid)^T r, K <- L(q_mid)^T K L(q_end),
+    plus the change of L with the target's spin."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 8 * ties.row[k]
+        f = ld3(r, o, 1)
+        m = ld3(r, o + 3, 1)
+        st3(r, o, 1, zero3())
+        st3(r, o + 3, 1, zero3())
+        for e in range(ties.start[i], ties.start[i + 1]):
+            t = 8 * ties.target_row[e]
+            if ties.kind[e] == 0:
+                add3(r, t, 1, f)
+            elif ties.kind[e] == 1:
+                add3(r, t + 3, 1, cross(tie_arm(ties, e, q_mid), f))
+                d = tie_arm(ties, e, q_end)
+                add_matrix(blocks, 48 * ties.diagonal[e] + 27, 8, 1, 0.5 * add_iso(outer(d, f), -dot(d, f)))
+            else:
+                add3(r, t + 3, 1, m)
+    for p in range(ties.moves.shape[0]):
+        source = 48 * ties.moves[p, 0]
+        ea = ties.moves[p, 1]
+        eb = ties.moves[p, 2]
+        to = 48 * ties.moves[p, 3]
+        # columns: scratch = K L_b
+        for i in range(6):
+            for j in range(6):
+                scratch[8 * i + j] = 0.0
+            s = source + 8 * i
+            if eb < 0:
+                for j in range(6):
+                    scratch[8 * i + j] = blocks[s + j]
+            elif ties.kind[eb] == 0:
+                st3(scratch, 8 * i, 1, ld3(blocks, s, 1))
+            elif ties.kind[eb] == 1:
+                st3(scratch, 8 * i + 3, 1, cross(tie_arm(ties, eb, q_end), ld3(blocks, s, 1)))
+            else:
+                st3(scratch, 8 * i + 3, 1, ld3(blocks, s + 3, 1))
+        # rows: add L_a^T scratch
+        for j in range(6):
+            if ea < 0:
+                for i in range(6):
+                    blocks[to + 8 * i + j] += scratch[8 * i + j]
+            elif ties.kind[ea] == 0:
+                add3(blocks, to + j, 8, ld3(scratch, j, 8))
+            elif ties.kind[ea] == 1:
+                add3(blocks, to + 24 + j, 8, cross(tie_arm(ties, ea, q_mid), ld3(scratch, j, 8)))
+            else:
+                add3(blocks, to + 24 + j, 8, ld3(scratch, j + 24, 8))
+
+
+@kernel
+def apply_held(held, r, blocks):
+    """Rows and columns of held unknowns become those of the identity."""
+    for k in range(held.block.shape[0]):
+        o = 48 * held.block[k]
+        rm = held.row_mask[k]
+        cm = held.column_mask[k]
+        for i in range(6):
+            for j in range(6):
+                if (rm >> i) & 1 or (cm >> j) & 1:
+                    blocks[o + 8 * i + j] = 0.0
+    for k in range(held.row.shape[0]):
+        for c in range(6):
+            if (held.mask[k] >> c) & 1:
+                r[8 * held.row[k] + c] = 0.0
+                blocks[48 * held.diagonal[k] + 9 * c] = 1.0
+
+
+@kernel
+def advance(q, v, dq, h):
+    """Accept a step: q <- q + dq, v <- 2 dq/h - v, method.md (4.1)."""
+    for k in range(q.shape[0]):
+        q[k] += dq[k]
+        v[k] = (2.0 / h) * dq[k] - v[k]

@@ -1,0 +1,239 @@
+"""One conserving step and the compiled time loop, method.md 4 to 6.
+
+Every part that a scene lacks arrives as None; the branches on it are pruned before typing, so no code is compiled for it.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .beam import element_groups
+from .chain import factor, solve
+from .nodes import add_bodies, advance, apply_held, apply_ties, predict, spread, tie_coordinates, update_nodes
+from .slider import add_sliders, fill_panel, predict_sliders, solve_border
+
+OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
+
+
+class Work(NamedTuple):
+    """Everything a step writes besides the state."""
+
+    dq: np.ndarray        # float64 [12 N]
+    theta: np.ndarray     # float64 [3 N]
+    q_mid: np.ndarray     # float64 [12 N]
+    q_end: np.ndarray     # float64 [12 N]
+    u: np.ndarray         # float64 [12 N]
+    s_end: np.ndarray     # float64 [S]
+    f_ext: np.ndarray     # float64 [8 (rows + 1)]
+    r: np.ndarray         # float64 [8 (rows + 1)]
+    blocks: np.ndarray    # float64 [48 (blocks + 1)]
+    pivots: np.ndarray    # int64 [6 rows]
+    panel: np.ndarray     # float64 [rows, 6, width] flat
+    schur: np.ndarray     # float64 [7 S, 7 S]
+    y: np.ndarray         # float64 [7 S]
+    scratch: np.ndarray   # float64
+    keep_q: np.ndarray    # float64 [12 N]: state before the step
+    keep_v: np.ndarray    # float64 [12 N]
+    keep_s: np.ndarray    # float64 [S]
+    keep_force: np.ndarray  # float64 [3 S]
+
+
+class State(NamedTuple):
+    """What a step changes; `force` is the contact force of the last step, also the first guess of the next."""
+
+    q: np.ndarray         # float64 [12 N]
+    v: np.ndarray         # float64 [12 N]
+    s: np.ndarray         # float64 [S]
+    force: np.ndarray     # float64 [3 S]
+
+
+@kernel
+def copy(x, y_out):
+    for i in range(x.shape[0]):
+        y_out[i] = x[i]
+
+
+@kernel
+def assemble(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, u, rate):
+    """Residual and tangent at the present dq, theta, s_end, force. u: None in statics."""
+    for i in range(work.r.shape[0]):
+        work.r[i] = -work.f_ext[i]
+    for i in range(work.blocks.shape[0]):
+        work.blocks[i] = 0.0
+    if simo is not None:
+        element_groups(simo, work.q_mid, work.q_end, u, rate, 1, work.r, work.blocks, work.scratch)
+    if green is not None:
+        element_groups(green, work.q_mid, work.q_end, u, rate, None, work.r, work.blocks, work.scratch)
+    if bodies is not None:
+        if u is not None:
+            add_bodies(bodies, work.q_mid, work.q_end, u, rate, work.r, work.blocks)
+    if sliders is not None:
+        add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s, work.s_end,
+                    state.force, work.r)
+    if ties is not None:
+        apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks)
+
+
+@kernel
+def start_step(ties, curves, sliders, contact, spinless, state, work, h):
+    """First guess of everything."""
+    predict(state.q, state.v, h, spinless, work.theta, work.dq)
+    if ties is not None:
+        tie_coordinates(ties, work.dq)
+    if sliders is not None:
+        predict_sliders(curves, sliders, contact, state.q, state.v, state.s, h, work.s_end)
+
+
+@kernel
+def assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, h):
+    """Everything of one Newton iteration up to the linear system."""
+    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+    assemble(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, work.u, 2.0 / (h * h))
+
+
+@kernel
+def prepare_panel(held, contact, row_of, work, width):
+    """Right-hand sides of the linear system."""
+    fill_panel(contact, work.r, held, row_of.shape[0], width, work.panel)
+
+
+@kernel
+def update_step(ties, contact, row_of, state, work, width, length):
+    """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
+    increment relative to `length`, or -1 where the border is singular."""
+    slide = 0.0
+    if contact is not None:
+        if not solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y):
+            return -1.0
+        for k in range(state.s.shape[0]):
+            for c in range(3):
+                state.force[3 * k + c] += work.y[7 * k + c]
+            work.s_end[k] += work.y[7 * k + 3]
+            if not abs(work.y[7 * k + 3]) <= slide:
+                slide = abs(work.y[7 * k + 3])
+    else:
+        for i in range(6 * row_of.shape[0]):
+            work.panel[i * width] = -work.panel[i * width]
+    move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq)
+    if ties is not None:
+        tie_coordinates(ties, work.dq)
+        for k in range(ties.slave.shape[0]):
+            i = ties.slave[k]
+            for e in range(ties.start[i], ties.start[i + 1]):
+                if ties.kind[e] == 2:
+                    for c in range(3):
+                        work.theta[3 * i + c] = work.theta[3 * ties.target[e] + c]
+    return move / length + spin + slide / length
+
+
+@kernel
+def has_converged(size, before, floor):
+    """Round-off level reached, or certain to be reached: Newton squares the increment, so the next would be about
+    size (size/before)^2. `floor` is where increments of round-off size end the iteration."""
+    if size <= 1e-15:
+        return True
+    if size < before and before < np.inf:
+        if size * (size / before)**2 <= 1e-16:
+            return True
+    return size <= floor and size > 0.1 * before
+
+
+@kernel
+def newton(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of, state, work, h, width, length, max_iterations,
+           sizes_out):
+    """Newton iteration of one step with block elimination. Returns (status, iterations)."""
+    before = np.inf
+    for it in range(max_iterations):
+        assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, h)
+        worst = factor(plan, work.blocks, work.pivots)
+        if not worst > 1e-14:
+            return SINGULAR, it + 1
+        prepare_panel(held, contact, row_of, work, width)
+        solve(plan, work.blocks, work.pivots, work.panel, width)
+        size = update_step(ties, contact, row_of, state, work, width, length)
+        if size < 0.0:
+            return BORDER_SINGULAR, it + 1
+        sizes_out[it] = size
+        if not size < 1e6:
+            return NOT_FINITE, it + 1
+        if has_converged(size, before, 1e-9):
+            return OK, it + 1
+        before = size
+    return NOT_CONVERGED, max_iterations
+
+
+@kernel
+def finish_step(state, work, h):
+    """Accept a converged step."""
+    advance(state.q, state.v, work.dq, h)
+    copy(work.s_end, state.s)
+
+
+@kernel
+def external_forces(vectors, factors, f_ext_out):
+    """Sum of load vectors [K, n] times their mean factors over the step [K]."""
+    for i in range(f_ext_out.shape[0]):
+        x = 0.0
+        for k in range(factors.shape[0]):
+            x += factors[k] * vectors[k, i]
+        f_ext_out[i] = x
+
+
+@kernel
+def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of, spinless, loads, factors, state, work, weights, h,
+        n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
+    """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, method.md 6).
+
+    loads: None or [K, n] vectors with `factors` [n_steps * n_weights, K]. lengths: arc length where each slider's beam
+    ends. mean_force_out [2, 3 S]: mean contact force of the first and of the last step.
+    counts_out: status, steps done, Newton iterations, slider of an event, iterations of the last solve.
+    On a failure the state is the last good one.
+    """
+    n_sub = weights.shape[0]
+    counts_out[0] = OK
+    counts_out[1] = 0
+    counts_out[2] = 0
+    counts_out[3] = -1
+    for n in range(n_steps):
+        copy(state.q, work.keep_q)
+        copy(state.v, work.keep_v)
+        copy(state.s, work.keep_s)
+        copy(state.force, work.keep_force)
+        for k in range(mean_force_out.shape[1]):
+            mean_force_out[1, k] = 0.0
+        status = OK
+        for m in range(n_sub):
+            hm = weights[m] * h
+            if loads is not None:
+                external_forces(loads, factors[n * n_sub + m], work.f_ext)
+            start_step(ties, curves, sliders, contact, spinless, state, work, hm)
+            status, iterations = newton(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of, state, work,
+                                        hm, width, length, max_iterations, sizes_out)
+            counts_out[2] += iterations
+            counts_out[4] = iterations
+            if status != OK:
+                break
+            finish_step(state, work, hm)
+            for k in range(mean_force_out.shape[1]):
+                mean_force_out[1, k] += weights[m] * state.force[k]
+        if sliders is not None:
+            if status == OK:
+                for k in range(state.s.shape[0]):
+                    if not (state.s[k] >= 0.0 and state.s[k] <= lengths[k]):
+                        status = SLIDER_END
+                        counts_out[3] = k
+        if status != OK:
+            counts_out[0] = status
+            copy(work.keep_q, state.q)
+            copy(work.keep_v, state.v)
+            copy(work.keep_s, state.s)
+            copy(work.keep_force, state.force)
+            return
+        counts_out[1] = n + 1
+        if n == 0:
+            for k in range(mean_force_out.shape[1]):
+                mean_force_out[0, k] = mean_force_out[1, k]

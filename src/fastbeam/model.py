@@ -1,0 +1,144 @@
+"""The compiled scene: constant tables, and the list of the work that is present."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .kernels.beam import ElementTables, scratch_size
+from .kernels.nodes import Bodies, Held, Ties
+from .kernels.slider import BORDER, Contact, Curves, Sliders
+from .kernels.step import State, Work
+from .pattern import Pattern
+
+Array = np.ndarray
+
+
+@dataclass
+class Model:
+    """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
+
+    Attributes
+    ----------
+    simo, green : ElementTables or None
+        Elements with strain set (2.2), (2.1).
+    bodies, ties, held, curves, sliders : tables or None
+        None where the scene has none; then no code is compiled for them.
+    pattern : Pattern
+        Order, blocks and elimination plan.
+    spinless : int8 [N]
+        1 where a triad does not turn.
+    spin_root : int64 [N]
+        The node whose spin a node shares.
+    loads : float64 [K, 8 (N + 1)]
+        Load vectors in row layout; `load_times[k]` their factor (None: constant).
+    q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
+    length : float
+        Size of the scene, m.
+    """
+
+    scene_name: str
+    n_nodes: int
+    simo: ElementTables | None
+    green: ElementTables | None
+    bodies: Bodies | None
+    ties: Ties | None
+    held: Held | None
+    curves: Curves | None
+    sliders: Sliders | None
+    pattern: Pattern
+    spinless: Array
+    spin_root: Array
+    loads: Array
+    load_times: list[Callable[[float], float] | None]
+    gravity: Array
+    gravity_time: Callable[[float], float] | None
+    gravity_weight: Array
+    constant_load: Array
+    q0: Array
+    v0: Array
+    s0: Array
+    slider_lengths: Array
+    length: float
+    n_blocks: int
+    names: dict[str, list[Any]]
+    labels: list[str]
+    text: str = ""
+    element_labels: list[str] = field(default_factory=list)
+
+    @property
+    def n_sliders(self) -> int:
+        """Number of sliders."""
+        return self.s0.size
+
+    @property
+    def width(self) -> int:
+        """Columns of the panel of right-hand sides: residual and borders, padded to 8."""
+        return -(-(1 + BORDER * self.n_sliders) // 8) * 8
+
+    @property
+    def n_unknowns(self) -> int:
+        """Free unknowns of the nodes plus 4 a slider."""
+        n_held = 0 if self.held is None else int(sum(int(m).bit_count() for m in self.held.mask))
+        return 6 * self.n_nodes - n_held + 4 * self.n_sliders
+
+    @property
+    def solver(self) -> str:
+        """'chain' (block elimination in compiled code) or 'sparse' (PARDISO, SuperLU)."""
+        return "sparse" if self.pattern.plan is None else "chain"
+
+    def node_label(self, node: int) -> str:
+        """Beam and node, body or mass of a global node number."""
+        return self.labels[node]
+
+    def state(self) -> State:
+        """A fresh copy of the initial state."""
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(3 * self.n_sliders))
+
+    def work(self) -> Work:
+        """Work arrays of one run."""
+        n, s = self.n_nodes, self.n_sliders
+        metas = [t.meta for t in (self.simo, self.green) if t is not None]
+        scratch = max([scratch_size(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
+        return Work(dq=np.zeros(12 * n), theta=np.zeros(3 * n), q_mid=np.zeros(12 * n), q_end=np.zeros(12 * n), u=np.zeros(12 * n),
+                    s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)), blocks=_aligned(48 * (self.n_blocks + 1)),
+                    pivots=np.zeros(6 * n, np.int64), panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)),
+                    y=np.zeros(BORDER * s), scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n),
+                    keep_s=np.zeros(s), keep_force=np.zeros(3 * s))
+
+    def contact(self) -> Contact | None:
+        """Work arrays of the sliders."""
+        if self.sliders is None or self.curves is None:
+            return None
+        s = self.n_sliders
+        most = int(np.max(np.diff(self.sliders.node_s_start)))
+        # every node of the beam, the point and the frame, each possibly on two arms
+        entries = 3 * (most + 2)
+        return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
+                       np.zeros((s, entries), np.int64), np.zeros((s, 48 * entries)), np.zeros((s, 48 * entries)),
+                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s, np.int64))
+
+    def load_factors(self, times: Array, steps: Array) -> Array:
+        """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads
+        are exact to order 6 and a step stays symmetric."""
+        x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
+        w = np.array([5.0, 8.0, 5.0]) / 18.0
+        out = np.ones((len(times), len(self.load_times)))
+        points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
+        for k, time in enumerate(self.load_times):
+            if time is not None:
+                values = np.array([float(time(float(t))) for t in points]).reshape(-1, 3)
+                out[:, k] = values @ w
+        return out
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def _aligned(n: int) -> Array:
+    """n zeros on a cache line."""
+    raw = np.zeros(n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift:shift + n]

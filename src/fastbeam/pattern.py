@@ -1,0 +1,159 @@
+"""Sparsity: the order of elimination, its fill, and where every 6 x 6 block stands."""
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kernels.chain import Elimination
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Blocks of a symmetric structure.
+
+    Attributes
+    ----------
+    row_of : int [n]
+        Row of every node.
+    keys : int [n_blocks]
+        row * n + column of the blocks, ascending: block k stands at rank k.
+    plan : Elimination or None
+        Update lists of the block elimination; None where its fill is too large and a sparse solver has to do it.
+    """
+
+    row_of: Array
+    keys: Array
+    plan: Elimination | None
+
+    @property
+    def n(self) -> int:
+        """Number of block rows."""
+        return self.row_of.size
+
+    @property
+    def rows(self) -> Array:
+        """Block row of every block."""
+        return self.keys // self.n
+
+    @property
+    def columns(self) -> Array:
+        """Block column of every block."""
+        return self.keys % self.n
+
+    def block(self, i: Array, j: Array) -> Array:
+        """Block of nodes i, j (arrays or numbers); both must be in the pattern."""
+        return np.searchsorted(self.keys, self.row_of[i] * self.n + self.row_of[j])
+
+
+def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = True) -> Pattern:
+    """Choose an order and, where the fill stays small, plan the block elimination.
+
+    Parameters
+    ----------
+    n : int
+        Number of nodes.
+    pairs : int [m, 2]
+        Coupled nodes, any order, repeats allowed; the diagonal is added.
+    band : int
+        Couplings of a node to one side within a beam; what a chain costs.
+    allow_elimination : bool
+        False: leave the factorisation to a sparse solver.
+    """
+    low, high = np.minimum(pairs[:, 0], pairs[:, 1]), np.maximum(pairs[:, 0], pairs[:, 1])
+    edges = np.unique(low * n + high)
+    low, high = edges // n, edges % n
+    keep = low != high
+    low, high = low[keep], high[keep]
+    natural = np.arange(n)
+    if allow_elimination:
+        # a chain costs band + band^2 updates a node; beyond three times that the sparse solver is the better one
+        limit = 3 * n * (band + band * band) + 200 * n
+        best: tuple[int, Array, list[list[int]]] | None = None
+        orders = [lambda: natural] + ([lambda: _minimum_degree(n, low, high)] if n <= 20000 else [])
+        for order in orders:
+            rank = order()
+            found = _symbolic(n, rank[low], rank[high], limit if best is None else best[0])
+            if found is not None and (best is None or found[0] < best[0]):
+                best = (found[0], rank, found[1])
+            if best is not None and best[0] <= n * (band + band * band):
+                break
+        if best is not None:
+            return _with_plan(best[1], best[2])
+    row = np.concatenate((low, high, natural))
+    column = np.concatenate((high, low, natural))
+    return Pattern(natural, np.sort(row * n + column), None)
+
+
+def _symbolic(n: int, a: Array, b: Array, limit: int) -> tuple[int, list[list[int]]] | None:
+    """(updates, upper columns of every row with fill) for edges between rows a, b; None beyond the limit."""
+    i, j = np.minimum(a, b), np.maximum(a, b)
+    order = np.lexsort((j, i))
+    start = np.searchsorted(i[order], np.arange(n + 1))
+    columns = j[order].tolist()
+    upper: list[list[int]] = [columns[start[k]:start[k + 1]] for k in range(n)]
+    cost = 0
+    for k in range(n):
+        row = upper[k]
+        if not row:
+            continue
+        cost += len(row) + len(row) ** 2
+        if cost > limit:
+            return None
+        # the first neighbour inherits the others
+        parent = upper[row[0]]
+        if len(row) > 1 and row[1:] != parent:
+            upper[row[0]] = sorted(set(parent).union(row[1:]))
+    return cost, upper
+
+
+def _minimum_degree(n: int, low: Array, high: Array) -> Array:
+    """Rank of every node in a greedy minimum degree order, ties by number."""
+    neighbours: list[set[int]] = [set() for _ in range(n)]
+    for a, b in zip(low.tolist(), high.tolist()):
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    heap = [(len(s), k) for k, s in enumerate(neighbours)]
+    heapq.heapify(heap)
+    rank = np.full(n, -1)
+    done = 0
+    while heap:
+        degree, k = heapq.heappop(heap)
+        if rank[k] >= 0 or degree != len(neighbours[k]):
+            continue
+        if degree > 200:
+            return np.arange(n)
+        rank[k] = done
+        done += 1
+        around = neighbours[k]
+        for a in around:
+            neighbours[a] |= around
+            neighbours[a] -= {a, k}
+            heapq.heappush(heap, (len(neighbours[a]), a))
+    return rank
+
+
+def _with_plan(rank: Array, upper: list[list[int]]) -> Pattern:
+    n = rank.size
+    counts = np.array([len(row) for row in upper], dtype=np.int64)
+    start = np.concatenate(([0], np.cumsum(counts)))
+    column = np.fromiter((c for row in upper for c in row), dtype=np.int64, count=start[-1])
+    row = np.repeat(np.arange(n), counts)
+    diagonal = np.arange(n) * (n + 1)
+    keys = np.sort(np.concatenate((row * n + column, column * n + row, diagonal)))
+
+    def find(i: Array, j: Array) -> Array:
+        return np.searchsorted(keys, i * n + j)
+
+    targets_from = np.concatenate(([0], np.cumsum(counts**2)))
+    # all pairs (j, k) of the columns of a row, row by row
+    local = np.arange(targets_from[-1]) - np.repeat(targets_from[:-1], counts**2)
+    width = np.repeat(counts, counts**2)
+    first = np.repeat(start[:-1], counts**2)
+    target = find(column[first + local // np.maximum(width, 1)], column[first + local % np.maximum(width, 1)])
+    plan = Elimination(find(np.arange(n), np.arange(n)), start, column, find(row, column), find(column, row),
+                       targets_from[:-1].copy(), target)
+    return Pattern(rank, keys, plan)

@@ -1,0 +1,75 @@
+"""What `print(model)` says: the work that runs, and what was left out and why."""
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .kernels.slider import BORDER
+from .scene import Scene
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+def _plural(n: int, noun: str) -> str:
+    return f"{n} {noun}" + ("" if n == 1 else "s")
+
+
+def describe(scene: Scene, model: Model) -> str:
+    """Text of a model."""
+    lines = [f"model of {scene.label}: {_plural(model.n_nodes, 'node')}, {model.n_unknowns} unknowns"]
+    kinds = Counter((b.basis.n_elements, b.basis.phi_s.shape[1], b.interpolation, b.degree,
+                     b.directors if b.interpolation == "bspline" else "", b.strain, not b.section.is_diagonal) for b in scene.beams)
+    for (ne, nq, family, degree, directors, strain, coupled), count in kinds.items():
+        what = f"{family} {degree}" + (f" ({directors})" if directors else "") + f", {strain}" + (", coupled section" if coupled else "")
+        lines.append(f"  conserving step    {_plural(count, 'beam')} of {ne} elements x {nq} points, {what}, spatial, 8 lanes, serial")
+    if model.bodies is not None:
+        lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
+                     f"{_plural(len(scene.masses), 'point mass').replace('masss', 'masses')}")
+    if model.ties is not None:
+        lines.append(f"  ties               {_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections")
+    if model.held is not None:
+        lines.append(f"  supports           {_plural(int(sum(int(m).bit_count() for m in model.held.mask)), 'unknown')} held, eliminated")
+    if model.loads.shape[0]:
+        timed = sum(t is not None for t in model.load_times)
+        lines.append(f"  loads              {_plural(model.loads.shape[0], 'constant vector')}"
+                     + (f", {timed} with a time function" if timed else ""))
+    if model.sliders is not None:
+        c1 = sum(s.curve == "c1" for s in scene.sliders)
+        lines.append(f"  sliding contact    {_plural(model.n_sliders, 'slider')}, discrete gradient"
+                     + (f", {c1} on a C1 curve" if c1 else ""))
+    pattern = model.pattern
+    if pattern.plan is not None:
+        cost = pattern.plan.target.size / max(pattern.n, 1)
+        border = f", border {BORDER * model.n_sliders} ({_plural(model.n_sliders, 'slider')})" if model.n_sliders else ""
+        lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{border}, in the compiled loop")
+    else:
+        lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of 6 x 6, analysed once; SuperLU as fallback")
+    lines.append("  left out           " + ", ".join(_left_out(scene, model)))
+    return "\n".join(lines)
+
+
+def _left_out(scene: Scene, model: Model) -> list[str]:
+    out = []
+    if not np.any(scene.gravity):
+        out.append("gravity (none)")
+    if not (scene.loads or scene.distributed):
+        out.append("loads (none)")
+    if model.bodies is None:
+        out.append("bodies and masses (none)")
+    if model.ties is None:
+        out.append("connections (none)")
+    if model.held is None:
+        out.append("supports (none)")
+    if model.sliders is None:
+        out.append("sliders (none)")
+    if model.green is None:
+        out.append("green_lagrange strains (no beam uses them)")
+    if model.simo is None:
+        out.append("simo_reissner strains (no beam uses them)")
+    if model.pattern.plan is not None:
+        out.append("sparse solver (chains only)")
+    out.append("energies (unless observed)")
+    return out

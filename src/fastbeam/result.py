@@ -1,0 +1,324 @@
+"""What a run leaves behind: rows over time, snapshots of the shape, events, and the invariants read from them.
+
+`ResultHeader` says which series a run records. `ResultBuffer` (memory) and `store.ResultWriter` (file) take the same calls
+`append`, `snapshot`, `event`, `close`; `Result` is what the user reads.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from .errors import SceneError
+
+Rows = Mapping[str, Any]
+
+# series that hold whole numbers; everything else is float64
+INTEGER_SERIES = ("iterations",)
+# rows of Result.table: series, label, unit
+INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
+              ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"), ("gap", "gap of sliders", "m"))
+
+
+@dataclass
+class ResultHeader:
+    """What is known before the first step: the model, the names, and the shape of one row of every series.
+
+    Attributes
+    ----------
+    model_text : str
+        The printed model.
+    info : dict
+        JSON-able facts: scene, method, order, step, versions, ... Optional keys that have a meaning here:
+        'scale' {series: characteristic size} for `Result.drift`; 'conserved' [series] for tables and pictures.
+    names : dict of lists
+        See `Result`.
+    n_nodes : int
+        Nodes N in the global list (snapshots hold [N, 3] and [N, 3, 3]).
+    series : dict
+        Name -> shape of ONE row: () for an energy, (3,) for a momentum, (n_sliders, 3) for contact forces.
+    integer : tuple of str
+        Series that hold whole numbers.
+    """
+
+    model_text: str = ""
+    info: dict[str, Any] = field(default_factory=dict)
+    names: dict[str, list[Any]] = field(default_factory=dict)
+    n_nodes: int = 0
+    series: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    integer: tuple[str, ...] = INTEGER_SERIES
+
+    def row_tables(self) -> tuple[dict[str, tuple[int, ...]], dict[str, type]]:
+        """Row shapes and types of the time series, 't' first."""
+        shapes = {"t": (), **{name: tuple(int(k) for k in shape) for name, shape in self.series.items()}}
+        return shapes, {name: np.int64 if name in self.integer else np.float64 for name in shapes}
+
+    def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
+        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3)."""
+        return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3)}
+
+
+class RowBuffer:
+    """Columns that grow geometrically, so that appending costs O(1) per row.
+
+    Parameters
+    ----------
+    shapes : dict
+        Name -> shape of one row.
+    dtypes : dict, optional
+        Name -> type, float64 where absent.
+    capacity : int
+        Rows allocated at first.
+    """
+
+    def __init__(self, shapes: Mapping[str, tuple[int, ...]], dtypes: Mapping[str, type] | None = None,
+                 capacity: int = 64) -> None:
+        dtypes = dtypes or {}
+        self.n_rows = 0
+        self._capacity = max(1, int(capacity))
+        self._data = {name: np.empty((self._capacity, *shape), dtype=dtypes.get(name, np.float64))
+                      for name, shape in shapes.items()}
+
+    def __len__(self) -> int:
+        return self.n_rows
+
+    def append(self, rows: Rows, n: int | None = None) -> None:
+        """Add one row (n None) or a block of n rows (every array with first axis n).
+
+        Raises
+        ------
+        ValueError
+            The names are not those of the buffer, or a value has the wrong shape. The buffer is then unchanged.
+        """
+        if rows.keys() != self._data.keys():
+            raise ValueError(_name_mismatch(rows.keys(), self._data.keys()))
+        first, last = self.n_rows, self.n_rows + (1 if n is None else n)
+        if last > self._capacity:
+            self._grow(last)
+        for name, column in self._data.items():
+            value = np.asarray(rows[name])
+            expected = column.shape[1:] if n is None else (n, *column.shape[1:])
+            if value.shape != expected:
+                raise ValueError(f"series '{name}': expected shape {expected}, got {value.shape}")
+            column[first:last] = value
+        # counted last: a refused row leaves nothing behind
+        self.n_rows = last
+
+    def clear(self) -> None:
+        """Forget all rows, keep the memory (not while views are in use)."""
+        self.n_rows = 0
+
+    def views(self) -> dict[str, np.ndarray]:
+        """Name -> array [n_rows, ...] without copying; later growth does not change them."""
+        return {name: column[: self.n_rows] for name, column in self._data.items()}
+
+    def _grow(self, needed: int) -> None:
+        self._capacity = max(needed, 2 * self._capacity)
+        for name, old in self._data.items():
+            new = np.empty((self._capacity, *old.shape[1:]), dtype=old.dtype)
+            new[: self.n_rows] = old[: self.n_rows]
+            self._data[name] = new
+
+
+class ResultBuffer:
+    """Collects a run in memory; takes the same calls as `store.ResultWriter`.
+
+    Parameters
+    ----------
+    header : ResultHeader
+        Fixes the names and shapes of all series.
+    """
+
+    def __init__(self, header: ResultHeader) -> None:
+        self.header = header
+        self._rows = RowBuffer(*header.row_tables())
+        self._snapshots = RowBuffer(header.snapshot_tables(), capacity=8)
+        self._events: list[dict[str, Any]] = []
+
+    def append(self, rows: Rows, t: Any) -> None:
+        """Add one row (t a number, s) or a block (t [m], arrays with first axis m) of all series of the header."""
+        times = np.asarray(t, dtype=np.float64)
+        self._rows.append({"t": times, **rows}, None if times.ndim == 0 else len(times))
+
+    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray) -> None:
+        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3)."""
+        self._snapshots.append({"t_snap": t, "phi": phi, "directors": d})
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Keep an event {'kind', 'time', 'text', ...} (JSON-able)."""
+        self._events.append(dict(event))
+
+    def result(self, info: Mapping[str, Any] | None = None) -> Result:
+        """The result so far (also for an aborted run); `info` is added to the header's."""
+        series = self._rows.views()
+        return Result(model_text=self.header.model_text, info={**self.header.info, **(info or {})}, names=self.header.names,
+                      t=series.pop("t"), series=series, events=list(self._events), **self._snapshots.views())
+
+    def close(self, info: Mapping[str, Any] | None = None) -> Result:
+        """The finished result; the same as `result(info)`."""
+        return self.result(info)
+
+
+class Result:
+    """A finished or aborted run.
+
+    Parameters
+    ----------
+    model_text : str
+        The printed model.
+    info : dict
+        JSON-able facts about the run (scene, method, step, solver, iterations, wall time, versions, ...).
+    names : dict of lists
+        'sliders' and 'points': names in the order of the series. 'beams': {'name', 'first', 'count', 'element_ends'} with
+        first node, number of nodes and element end nodes in the global list. 'bodies' and 'masses': {'name', 'node'}.
+        'slider_nodes': node of each slider's point (optional).
+    t : ndarray [n]
+        Times of the rows, s.
+    series : dict of ndarray
+        'kinetic', 'potential', 'strain', 'gravity', 'total' [n] (J); 'lin_mom' (kg m/s), 'ang_mom' (kg m^2/s) [n, 3];
+        'gap', 's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N); 'points', 'slider_position'
+        [n, ..., 3] (m); 'iterations', 'step_size' [n]. Only what was recorded is present.
+    t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
+        Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
+    events : list of dict
+        {'kind', 'time', 'text', ...}.
+
+    Raises
+    ------
+    ValueError
+        A series does not have as many rows as t, or a snapshot array does not fit t_snap.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> run = Result(t=np.array([0.0, 1.0]), series={"total": np.array([2.0, 2.0])})
+    >>> run.drift("total")
+    0.0
+    """
+
+    def __init__(self, *, t: Any, series: Mapping[str, Any] | None = None, model_text: str = "",
+                 info: Mapping[str, Any] | None = None, names: Mapping[str, list[Any]] | None = None,
+                 t_snap: Any = None, phi: Any = None, directors: Any = None,
+                 events: Iterable[Mapping[str, Any]] = ()) -> None:
+        self.model_text = model_text
+        self.info: dict[str, Any] = dict(info or {})
+        self.names: dict[str, list[Any]] = {key: list(value) for key, value in (names or {}).items()}
+        self.t = np.asarray(t, dtype=np.float64)
+        self.series: dict[str, np.ndarray] = {name: np.asarray(value) for name, value in (series or {}).items()}
+        self.t_snap = np.zeros(0) if t_snap is None else np.asarray(t_snap, dtype=np.float64)
+        self.phi = np.zeros((0, 0, 3)) if phi is None else np.asarray(phi, dtype=np.float64)
+        self.directors = np.zeros((*self.phi.shape, 3)) if directors is None else np.asarray(directors, dtype=np.float64)
+        self.events: list[dict[str, Any]] = [dict(event) for event in events]
+        self._check_shapes()
+
+    def point(self, name: str) -> np.ndarray:
+        """Path of an observed point [n, 3], m."""
+        return self._series("points")[:, self._index("points", "point", name)]
+
+    def slider(self, name: str) -> dict[str, np.ndarray]:
+        """Of one slider: s [n] (m), force [n, 3] (N, on the slider), gap [n] (m); position [n, 3] (m) where recorded."""
+        k = self._index("sliders", "slider", name)
+        out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
+               "gap": self._series("gap")[:, k]}
+        if "slider_position" in self.series:
+            out["position"] = self.series["slider_position"][:, k]
+        return out
+
+    def deviation(self, name: str) -> np.ndarray:
+        """Relative deviation of a series from its first row [n]: |x - x0| / scale.
+
+        The scale is info['scale'][name] where the run stored one, else the largest |x| over time. A gap should vanish:
+        its deviation is the largest |gap| of all sliders, in m unless info['scale'] holds a length for it.
+        """
+        x = np.asarray(self._series(name), dtype=np.float64)
+        if len(x) == 0 or x.size == 0:
+            return np.zeros(len(x))
+        rows = x.reshape(len(x), -1)
+        scale = (self.info.get("scale") or {}).get(name)
+        if name == "gap":
+            return np.abs(rows).max(axis=1) / (scale or 1.0)
+        difference = np.linalg.norm(rows - rows[0], axis=1)
+        scale = scale or np.linalg.norm(rows, axis=1).max()
+        return difference / scale if scale != 0.0 else difference
+
+    def drift(self, name: str) -> float:
+        """Largest relative deviation of a series from its start (see `deviation`); NaN where the series holds NaN."""
+        return float(self.deviation(name).max(initial=0.0))
+
+    def is_conserved(self, name: str) -> bool:
+        """Whether the run expected this series to be constant: listed in info['conserved'], or no list was stored."""
+        conserved = self.info.get("conserved")
+        return name not in ("kinetic", "potential") and (conserved is None or name in conserved)
+
+    def table(self) -> str:
+        """Neat table of energies, momenta and gap: first value, last value, largest relative drift."""
+        lines = [f"{'quantity':<28}{'start':>16}{'end':>16}{'max drift':>14}"]
+        for name, label, unit in INVARIANTS:
+            x = self.series.get(name)
+            if x is None or x.size == 0:
+                continue
+            rows = x.reshape(len(x), -1)
+            # vectors and gaps show their size: the norm of a momentum, the largest gap of all sliders
+            size = rows[:, 0] if x.ndim == 1 else np.abs(rows).max(axis=1) if name == "gap" else np.linalg.norm(rows, axis=1)
+            label = f"{'|' + label + '|' if x.ndim > 1 else label} [{unit}]"
+            drift = f"{self.drift(name):14.2e}" if self.is_conserved(name) else f"{'-':>14}"
+            lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
+        return "\n".join(lines)
+
+    def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the result to an HDF5 file; `fastbeam.load_result(path)` gives it back.
+
+        Raises
+        ------
+        BackendError
+            h5py is missing.
+        ResultFileError
+            The file exists (and not `overwrite`), or its folder does not.
+        """
+        from .store import save_result
+        save_result(self, path, overwrite=overwrite)
+
+    def header(self) -> ResultHeader:
+        """The header that a run with these series would have started with."""
+        return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
+                            series={name: x.shape[1:] for name, x in self.series.items()},
+                            integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"))
+
+    def __repr__(self) -> str:
+        span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no rows"
+        name = f" of '{self.info['scene']}'" if self.info.get("scene") else ""
+        return (f"Result{name}: {len(self.t)} rows, {span}; {len(self.t_snap)} snapshots of {self.phi.shape[1]} nodes; "
+                f"{len(self.events)} events; series {', '.join(sorted(self.series)) or 'none'}")
+
+    def _series(self, name: str) -> np.ndarray:
+        if name not in self.series:
+            raise SceneError(f"series '{name}' was not recorded: choose from {_listing(self.series)}")
+        return self.series[name]
+
+    def _index(self, kind: str, noun: str, name: str) -> int:
+        known = self.names.get(kind, [])
+        if name not in known:
+            raise SceneError(f"{noun} '{name}' is not in this result: choose from {_listing(known)}")
+        return known.index(name)
+
+    def _check_shapes(self) -> None:
+        n, m, shape = len(self.t), len(self.t_snap), self.phi.shape
+        for name, x in self.series.items():
+            if x.ndim == 0 or len(x) != n:
+                raise ValueError(f"series '{name}': shape {x.shape} does not have the {n} rows of t")
+        if len(shape) != 3 or shape[0] != m or shape[2] != 3 or self.directors.shape != (*shape, 3):
+            raise ValueError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
+                             f"expected ({m}, N, 3) and ({m}, N, 3, 3)")
+
+
+def _listing(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in sorted(names)) or "nothing (none recorded)"
+
+
+def _name_mismatch(got: Iterable[str], expected: Iterable[str]) -> str:
+    missing, extra = set(expected) - set(got), set(got) - set(expected)
+    parts = [f"missing {_listing(missing)}"] * bool(missing) + [f"not in the header {_listing(extra)}"] * bool(extra)
+    return "rows do not match the header: " + "; ".join(parts)

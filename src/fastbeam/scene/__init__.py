@@ -1,0 +1,15 @@
+"""The nouns of a scene: what a user writes. They hold validated data only; `compile_scene` turns them into tables."""
+from __future__ import annotations
+
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
+from fastbeam.scene.parts import (
+    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
+)
+from fastbeam.scene.scene import Scene
+from fastbeam.scene.sections import Section
+
+__all__ = [
+    "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "NodeRef", "Pin",
+    "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "StraightLine",
+]

@@ -1,0 +1,357 @@
+"""Beams and references to their nodes."""
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.checks import Array
+from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, spline_through
+from fastbeam.scene.sections import Section
+
+if TYPE_CHECKING:
+    from fastbeam.basis import Basis
+
+DEGREES = {"lagrange": (1, 8), "bspline": (2, 5)}
+DIRECTORS = ("greville", "control")
+STRAINS = ("simo_reissner", "green_lagrange")
+
+
+@dataclass(frozen=True, eq=False)
+class NodeRef:
+    """One node of a beam, or a point fixed to a rigid body or point mass. Made by `beam.start`, `body.point(...)` and so on.
+
+    Attributes
+    ----------
+    owner : Beam, RigidBody or PointMass
+    index : int
+        Node of the beam, counted from 0; 0 for bodies and masses.
+    offset : ndarray (3,)
+        Position relative to the centre in the body triad, m; zero except for bodies.
+    """
+
+    owner: Any
+    index: int = 0
+    offset: Array = field(default_factory=lambda: checks.constant(np.zeros(3)))
+
+    @property
+    def is_center(self) -> bool:
+        """True when the point is the node itself (no offset)."""
+        return not np.any(self.offset)
+
+    @property
+    def label(self) -> str:
+        """Text for messages and automatic names, without the arc length."""
+        if isinstance(self.owner, Beam):
+            return f"{self.owner.label} node {self.index}"
+        return self.owner.label if self.is_center else f"{self.owner.label} at offset {checks.shown(self.offset)} m"
+
+    def __str__(self) -> str:
+        if isinstance(self.owner, Beam):
+            return f"{self.label} (s = {self.owner.node_s[self.index]:.6g} m)"
+        return self.label
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+    def __eq__(self, other: object) -> bool:
+        return (isinstance(other, NodeRef) and self.owner is other.owner and self.index == other.index
+                and np.array_equal(self.offset, other.offset))
+
+    def __hash__(self) -> int:
+        return hash((id(self.owner), self.index, tuple(self.offset.tolist())))
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """One beam: a reference curve with triads, a section and an interpolation. The stress-free state is the reference.
+
+    Parameters
+    ----------
+    name : str
+        Unique in its scene.
+    curve : Curve
+        Object with `length` and `reference(s)`; usually made by `straight`, `arc`, `helix`, `from_curve`, `through_points`.
+    section : Section
+    elements : int or array_like
+        Number of equal elements, or increasing arc lengths of the element ends from 0 to the length, m.
+    degree : int
+        Polynomial degree: 1 to 8 ('lagrange'), 2 to 5 ('bspline').
+    interpolation : {'lagrange', 'bspline'}
+    directors : {'greville', 'control'}
+        Where the triads of a 'bspline' are orthonormal (method.md 3.1); without meaning for 'lagrange'.
+    strain : {'simo_reissner', 'green_lagrange'}
+        Strain measure, method.md (2.2) or (2.1).
+
+    Raises
+    ------
+    SceneError
+        An argument is out of its range; the message names it.
+    """
+
+    kind: ClassVar[str] = "beam"
+
+    name: str
+    curve: Curve
+    _: KW_ONLY
+    section: Section
+    elements: int | Array
+    degree: int = 3
+    interpolation: str = "lagrange"
+    directors: str = "greville"
+    strain: str = "simo_reissner"
+
+    def __post_init__(self) -> None:
+        who = checks.label("beam", self.name)
+        if not hasattr(self.curve, "reference") or not hasattr(self.curve, "length"):
+            hint = "use Beam.from_curve(...)" if callable(self.curve) else "use Beam.straight(...) or a curve object"
+            raise SceneError(f"{who}: curve must have length and reference(s), got {self.curve!r}; {hint}")
+        checks.number(who, "length", self.curve.length, above=0.0, unit="m")
+        if not isinstance(self.section, Section):
+            raise SceneError(f"{who}: section must be a Section, got {self.section!r}; use Section.rectangle(...) for instance")
+        if self.interpolation not in DEGREES:
+            raise SceneError(f"{who}: interpolation {self.interpolation!r} does not exist: choose 'lagrange' (degree 1 to 8) "
+                             "or 'bspline' (degree 2 to 5)")
+        low, high = DEGREES[self.interpolation]
+        degree = _whole(self.degree)
+        if degree is None or not low <= degree <= high:
+            raise SceneError(f"{who}: degree={self.degree!r} lies outside {low} to {high} of interpolation "
+                             f"{self.interpolation!r}")
+        checks.choice(who, "directors", self.directors, DIRECTORS)
+        if self.interpolation == "lagrange" and self.directors != "greville":
+            raise SceneError(f"{who}: directors={self.directors!r} exists only for interpolation 'bspline'; leave it out")
+        checks.choice(who, "strain", self.strain, STRAINS)
+        checks.fill(self, degree=degree, elements=_element_ends(who, self.elements, self.length))
+
+    # --- ways to make one ---------------------------------------------------------------------------------------------
+    @classmethod
+    def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0, **common: Any) -> Beam:
+        """Straight beam from `start` to `end` (3,), m.
+
+        d1 points along the beam. Without a hint d3 is as close to e_z as possible, d2 = e_z x d1 (for a beam along e_z:
+        d2 = e_y). `d2` (3,) is a hint: its part orthogonal to d1 is taken. `twist` (rad) turns d2, d3 about d1 linearly.
+
+        Raises
+        ------
+        SceneError
+            Start and end coincide, d2 is parallel to the beam, or an argument of Beam is out of range.
+
+        Examples
+        --------
+        >>> from fastbeam.scene import Beam, Section
+        >>> bar = Section.circle(radius=0.01, E=70e9, rho=2700.0)
+        >>> boom = Beam.straight('boom', (0, 0, 0), (0, 2, 0), section=bar, elements=4)
+        >>> boom.length
+        2.0
+        >>> phi, d = boom.reference([1.0])
+        >>> phi[0].tolist(), d[0, 0].tolist(), d[0, 2].tolist()
+        ([0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+        """
+        who = checks.label("beam", name)
+        start, end = checks.vector(who, "start", start), checks.vector(who, "end", end)
+        twist = checks.number(who, "twist", twist)
+        length = float(np.linalg.norm(end - start))
+        if length <= 1e-14 * float(np.max(np.abs([start, end]))):
+            raise SceneError(f"{who}: start and end coincide at {checks.shown(start)}; a beam needs a length > 0 m")
+        triad = checks.default_triad(who, checks.direction(who, "end - start", end - start), d2)
+        return cls(name, StraightLine(start, triad, length, twist), **common)
+
+    @classmethod
+    def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float, **common: Any) -> Beam:
+        """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
+
+        d1 is the tangent, d2 points to the centre, d3 = d1 x d2 is constant. `radius` in m, `angle` in rad, both > 0.
+
+        Raises
+        ------
+        SceneError
+            Tangent and normal are not orthogonal (1e-6), or radius or angle is not positive.
+        """
+        who = checks.label("beam", name)
+        start = checks.vector(who, "start", start)
+        t, n = checks.direction(who, "tangent", tangent), checks.direction(who, "normal", normal)
+        if abs(float(t @ n)) > 1e-6:
+            angle_between = math.degrees(math.acos(max(-1.0, min(1.0, float(t @ n)))))
+            raise SceneError(f"{who}: normal={checks.shown(normal)} must be orthogonal to tangent={checks.shown(tangent)}, "
+                             f"the angle between them is {angle_between:.6g} degrees")
+        radius = checks.number(who, "radius", radius, above=0.0, unit="m")
+        angle = checks.number(who, "angle", angle, above=0.0, unit="rad")
+        return cls(name, Arc(start, checks.triad_from(who, t, n), radius, angle), **common)
+
+    @classmethod
+    def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: Any = (0.0, 0.0, 0.0),
+              axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Any) -> Beam:
+        """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
+
+        `pitch` (m) is the rise per turn; negative gives a left-handed helix. Frenet frame: d1 tangent, d2 towards the axis.
+
+        Raises
+        ------
+        SceneError
+            Radius or turns is not positive, or start_direction is parallel to the axis.
+        """
+        who = checks.label("beam", name)
+        center = checks.vector(who, "center", center)
+        radius = checks.number(who, "radius", radius, above=0.0, unit="m")
+        pitch = checks.number(who, "pitch", pitch)
+        turns = checks.number(who, "turns", turns, above=0.0)
+        e3, hint = checks.direction(who, "axis", axis), checks.direction(who, "start_direction", start_direction)
+        if float(np.linalg.norm(np.cross(e3, hint))) < 1e-6:
+            raise SceneError(f"{who}: start_direction={checks.shown(start_direction)} is parallel to axis={checks.shown(axis)}")
+        e3, e1, e2 = checks.triad_from(who, e3, hint)
+        return cls(name, Helix(center, checks.constant(np.array([e1, e2, e3])), radius, pitch, turns), **common)
+
+    @classmethod
+    def from_curve(cls, name: str, curve: Callable[[float], Any], *, frame: Callable[[float], Any] | None = None,
+                   d2: Any = None, **common: Any) -> Beam:
+        """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
+
+        `frame`: t -> d2 (3,), or rows d1, d2, d3 (3, 3) with d1 the tangent. Without it the frame has no rotation about
+        the tangent (rotation minimising) and starts from the hint `d2` or the rule of `straight`.
+
+        Raises
+        ------
+        SceneError
+            The function gives no finite points, stands still or turns back; the frame is parallel to the tangent.
+        """
+        return cls(name, FittedCurve(checks.label("beam", name), curve, frame=frame, d2=d2), **common)
+
+    @classmethod
+    def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Any) -> Beam:
+        """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
+
+        The frame is rotation minimising and starts from the hint `d2` or the rule of `straight`.
+
+        Raises
+        ------
+        SceneError
+            Fewer than two points, a wrong shape, or neighbouring points that coincide.
+        """
+        return cls(name, spline_through(checks.label("beam", name), points, d2=d2), **common)
+
+    # --- geometry -----------------------------------------------------------------------------------------------------
+    @property
+    def label(self) -> str:
+        """`beam 'name'`."""
+        return f"beam {self.name!r}"
+
+    @property
+    def length(self) -> float:
+        """Reference length, m."""
+        return float(self.curve.length)
+
+    def reference(self, s: Any) -> tuple[Array, Array]:
+        """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
+
+        Raises
+        ------
+        SceneError
+            An arc length lies outside the beam.
+        """
+        s = np.atleast_1d(np.asarray(s, dtype=float))
+        slack = 1e-9 * self.length
+        if s.ndim != 1 or not np.all((s >= -slack) & (s <= self.length + slack)):
+            bad = s[~((s >= -slack) & (s <= self.length + slack))]
+            text = f"s={bad.flat[0]:.6g} lies outside it" if bad.size else f"s must have shape [n], got {list(s.shape)};"
+            raise SceneError(f"{self.label}: {text} (0 to {self.length:.6g} m)")
+        return self.curve.reference(np.clip(s, 0.0, self.length))
+
+    # --- nodes --------------------------------------------------------------------------------------------------------
+    @cached_property
+    def basis(self) -> Basis:
+        """Interpolation tables of the beam, built once when first asked for."""
+        from fastbeam.basis import build_basis
+
+        return build_basis(self.interpolation, self.degree, self.elements, self.length, self.directors)
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements."""
+        return self.elements if isinstance(self.elements, int) else len(self.elements) - 1
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return self.basis.n_nodes
+
+    @property
+    def node_s(self) -> Array:
+        """Arc length of every node [n_nodes], m (Greville abscissae for 'bspline')."""
+        return self.basis.node_s
+
+    @property
+    def start(self) -> NodeRef:
+        """The node at s = 0."""
+        return NodeRef(self, 0)
+
+    @property
+    def end(self) -> NodeRef:
+        """The node at s = length."""
+        return NodeRef(self, self.n_nodes - 1)
+
+    def node(self, index: int) -> NodeRef:
+        """Node by number; negative numbers count from the end.
+
+        Raises
+        ------
+        SceneError
+            There is no such node.
+        """
+        clean, n = _whole(index), self.n_nodes
+        if clean is None or not -n <= clean < n:
+            raise SceneError(f"{self.label}: node {index!r} does not exist, nodes run from 0 to {n - 1} (or from the end, -1 to "
+                             f"{-n})")
+        return NodeRef(self, clean % n)
+
+    def at(self, s: float) -> NodeRef:
+        """The node at arc length s (m), which must be one of `node_s` within 1e-9 of the length.
+
+        Raises
+        ------
+        SceneError
+            No node lies there; the message lists the two nearest.
+        """
+        s = checks.number(self.label, "s", s)
+        gap = np.abs(self.node_s - s)
+        index = int(np.argmin(gap))
+        if gap[index] > 1e-9 * self.length:
+            near = " and ".join(f"{x:.10g}" for x in sorted(self.node_s[np.argsort(gap, kind="stable")[:2]].tolist()))
+            raise SceneError(f"{self.label}: no node at s={s:.10g}, the nearest nodes lie at s = {near} m (beam: 0 to "
+                             f"{self.length:.6g} m); use one of them or put an element end at s with elements=[...]")
+        return NodeRef(self, index)
+
+    def __repr__(self) -> str:
+        return (f"<{self.label}: {self.length:.6g} m, {self.n_elements} elements, {self.interpolation} {self.degree}, "
+                f"{self.strain}>")
+
+
+def _whole(value: Any) -> int | None:
+    """`value` as an int, or None where it is not a whole number."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
+        return None
+    return int(value)
+
+
+def _element_ends(who: str, elements: Any, length: float) -> int | Array:
+    """The number of elements, or their checked ends [n + 1]; both outer ends are set exactly."""
+    count = _whole(elements)
+    if count is not None and count >= 1:
+        return count
+    if count is not None or np.ndim(elements) != 1 or isinstance(elements, (str, bytes)):
+        raise SceneError(f"{who}: elements must be a whole number >= 1 or the increasing arc lengths of the element ends, "
+                         f"got {elements!r}")
+    ends = np.array(checks.array(who, "elements", elements, np.shape(elements), "finite arc lengths"))
+    if ends.size < 2 or abs(ends[0]) > 1e-9 * length or abs(ends[-1] - length) > 1e-9 * length:
+        raise SceneError(f"{who}: elements must run from 0 to the length {length:.10g} m, got {checks.shown(elements)}")
+    ends[0], ends[-1] = 0.0, length
+    if np.any(np.diff(ends) <= 0.0):
+        i = int(np.argmax(np.diff(ends) <= 0.0))
+        raise SceneError(f"{who}: elements must increase strictly, entry {i + 1} ({ends[i + 1]:.6g}) does not exceed entry {i} "
+                         f"({ends[i]:.6g})")
+    return checks.constant(ends)

@@ -1,0 +1,421 @@
+"""Everything of a scene besides beams: masses, bodies, supports, joints, loads, initial velocities and sliders."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import Array, Field, TimeFactor
+
+ZERO = (0.0, 0.0, 0.0)
+CURVES = ("own", "c1")
+
+
+@dataclass(frozen=True, eq=False)
+class PointMass:
+    """Point mass (kg, > 0). `position` (3,) m may be left out where a slider or a joint places it.
+
+    `velocity` (3,) m/s: None means at rest, or moving with its slider.
+
+    Raises
+    ------
+    SceneError
+        The mass is not positive, or a vector is not 3 finite numbers.
+    """
+
+    kind: ClassVar[str] = "point mass"
+
+    name: str
+    _: KW_ONLY
+    mass: float
+    position: Array | None = None
+    velocity: Array | None = None
+
+    def __post_init__(self) -> None:
+        who = checks.label(self.kind, self.name)
+        checks.fill(self, mass=checks.number(who, "mass", self.mass, above=0.0, unit="kg"))
+        for key in ("position", "velocity"):
+            value = getattr(self, key)
+            checks.fill(self, **{key: None if value is None else checks.vector(who, key, value)})
+
+    @property
+    def label(self) -> str:
+        """`point mass 'name'`."""
+        return f"{self.kind} {self.name!r}"
+
+    @property
+    def center(self) -> NodeRef:
+        """The mass as a node."""
+        return NodeRef(self)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """Rigid body: one node at the centre of mass with a body triad.
+
+    Parameters
+    ----------
+    name : str
+    mass : float
+        kg, > 0.
+    inertia : array_like (3,) or (3, 3)
+        Principal moments, or the symmetric inertia tensor, about the centre of mass in the body triad, kg m^2; kept as (3, 3).
+    position : array_like (3,)
+        Centre of mass, m.
+    directors : array_like (3, 3)
+        Rows d1, d2, d3 of the body triad in space; default: the identity.
+    velocity, spin : array_like (3,)
+        Initial velocity of the centre of mass (m/s) and angular velocity in space (rad/s).
+
+    Raises
+    ------
+    SceneError
+        The inertia is not that of a body (not symmetric, negative, triangle inequality), or another value is out of range.
+    """
+
+    kind: ClassVar[str] = "body"
+
+    name: str
+    _: KW_ONLY
+    mass: float
+    inertia: Array
+    position: Array
+    directors: Array | None = None
+    velocity: Array = ZERO
+    spin: Array = ZERO
+
+    def __post_init__(self) -> None:
+        who = checks.label(self.kind, self.name)
+        directors = np.eye(3) if self.directors is None else self.directors
+        checks.fill(self, mass=checks.number(who, "mass", self.mass, above=0.0, unit="kg"), inertia=_inertia(who, self.inertia),
+                    position=checks.vector(who, "position", self.position),
+                    directors=checks.rotation(who, "directors", directors),
+                    velocity=checks.vector(who, "velocity", self.velocity), spin=checks.vector(who, "spin", self.spin))
+
+    @property
+    def label(self) -> str:
+        """`body 'name'`."""
+        return f"{self.kind} {self.name!r}"
+
+    @property
+    def center(self) -> NodeRef:
+        """The centre of mass as a node."""
+        return NodeRef(self)
+
+    def point(self, offset: Any) -> NodeRef:
+        """The point at `offset` (3,) m from the centre of mass, in the body triad."""
+        return NodeRef(self, 0, checks.vector(self.label, "offset", offset))
+
+
+def _inertia(who: str, value: Any) -> Array:
+    """Symmetric inertia tensor (3, 3) of a possible body from principal moments or a tensor."""
+    if np.shape(value) == (3,):
+        value = np.diag(checks.array(who, "inertia", value, (3,), "3 finite numbers"))
+    tensor = checks.array(who, "inertia", value, (3, 3), "3 finite principal moments or a finite 3 x 3 tensor")
+    scale = float(np.max(np.abs(tensor)))
+    skew = float(np.max(np.abs(tensor - tensor.T)))
+    if skew > 1e-9 * scale:
+        raise SceneError(f"{who}: inertia must be symmetric, it deviates by {skew:.3g} kg m^2")
+    moments = np.linalg.eigvalsh(0.5 * (tensor + tensor.T))
+    if moments[0] < -1e-9 * scale:
+        raise SceneError(f"{who}: inertia must not be negative, its smallest principal moment is {moments[0]:.6g} kg m^2")
+    if moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
+        raise SceneError(f"{who}: principal moments {checks.shown(moments)} kg m^2 belong to no body: the largest exceeds the "
+                         "sum of the other two (triangle inequality)")
+    return checks.constant(0.5 * (tensor + tensor.T))
+
+
+def as_node(who: str, what: str, value: Any) -> NodeRef:
+    """A node from a NodeRef, RigidBody (its centre) or PointMass."""
+    if isinstance(value, NodeRef):
+        return value
+    if isinstance(value, (RigidBody, PointMass)):
+        return value.center
+    if isinstance(value, Beam):
+        raise SceneError(f"{who}: {what} names all of {value.label}; use its start, end, node(i) or at(s)")
+    raise SceneError(f"{who}: {what} must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {value!r}")
+
+
+def as_beam(who: str, value: Any) -> Beam:
+    """A Beam, or an error that says what came instead."""
+    if not isinstance(value, Beam):
+        raise SceneError(f"{who}: beam must be a Beam, got {value!r}")
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class _Support:
+    """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
+
+    kind: ClassVar[str] = "support"
+
+    at: NodeRef
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        who = self.kind if self.name is None else checks.label(self.kind, self.name)
+        checks.fill(self, at=as_node(who, "at", self.at))
+        if self.name is None:
+            checks.fill(self, name=f"{self.kind} of {self.at.label}")
+
+
+class Clamp(_Support):
+    """Holds position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
+
+    Raises
+    ------
+    SceneError
+        `at` is no node, body or mass.
+    """
+
+    kind: ClassVar[str] = "clamp"
+
+
+class Pin(_Support):
+    """Holds the position of a node, rotation stays free: `Pin(beam.end)`.
+
+    Raises
+    ------
+    SceneError
+        `at` is no node, body or mass, or a body point away from the centre.
+    """
+
+    kind: ClassVar[str] = "pin"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.at.is_center:
+            raise SceneError(f"{self.name}: a pin holds the centre of a body; for another point clamp a PointMass there and "
+                             "join it with BallJoint(body.point(...), mass)")
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """Common part of the joints: two nodes of different owners or at least different nodes."""
+
+    kind: ClassVar[str] = "joint"
+
+    a: NodeRef
+    b: NodeRef
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        who = self.kind if self.name is None else checks.label(self.kind, self.name)
+        a, b = as_node(who, "a", self.a), as_node(who, "b", self.b)
+        if a.owner is b.owner and a.index == b.index:
+            same = a.label if isinstance(a.owner, Beam) else a.owner.label
+            raise SceneError(f"{who}: both sides are {same}; a joint needs two different nodes")
+        checks.fill(self, a=a, b=b)
+        if self.name is None:
+            checks.fill(self, name=f"{self.kind} of {a.label} and {b.label}")
+
+
+class RigidConnection(_Joint):
+    """Keeps the relative position and rotation that two nodes have at t = 0; an offset between them is allowed.
+
+    Raises
+    ------
+    SceneError
+        A side is no node, body or mass, or both sides are the same node.
+    """
+
+    kind: ClassVar[str] = "rigid connection"
+
+
+class BallJoint(_Joint):
+    """Keeps two coincident points together, rotations stay free. `Scene.check` tests that they coincide at t = 0.
+
+    Raises
+    ------
+    SceneError
+        A side is no node, body or mass, or both sides are the same node.
+    """
+
+    kind: ClassVar[str] = "ball joint"
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
+
+    Raises
+    ------
+    SceneError
+        A vector is not 3 finite numbers, `time` is no function, or a point mass gets a moment.
+    """
+
+    kind: ClassVar[str] = "load"
+
+    name: str
+    at: NodeRef
+    _: KW_ONLY
+    force: Array = ZERO
+    moment: Array = ZERO
+    time: TimeFactor | None = None
+
+    def __post_init__(self) -> None:
+        who = checks.label(self.kind, self.name)
+        checks.fill(self, at=as_node(who, "at", self.at), force=checks.vector(who, "force", self.force),
+                    moment=checks.vector(who, "moment", self.moment), time=checks.time_factor(who, "time", self.time))
+        if isinstance(self.at.owner, PointMass) and np.any(self.moment):
+            raise SceneError(f"{who}: {self.at.label} has no rotation and takes no moment; use a RigidBody or leave moment out")
+
+
+@dataclass(frozen=True, eq=False)
+class DistributedLoad:
+    """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
+
+    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none.
+
+    Raises
+    ------
+    SceneError
+        A field does not give finite [n, 3], `time` is no function, or `beam` no Beam.
+    """
+
+    kind: ClassVar[str] = "distributed load"
+
+    name: str
+    beam: Beam
+    _: KW_ONLY
+    force: Field | None = None
+    moment: Field | None = None
+    time: TimeFactor | None = None
+
+    def __post_init__(self) -> None:
+        who = checks.label(self.kind, self.name)
+        beam = as_beam(who, self.beam)
+        if self.force is None and self.moment is None:
+            raise SceneError(f"{who}: give force or moment per length")
+        for key in ("force", "moment"):
+            value = getattr(self, key)
+            checks.fill(self, **{key: None if value is None else checks.field(who, key, value, beam.length)})
+        checks.fill(self, time=checks.time_factor(who, "time", self.time))
+
+    def force_at(self, s: Array) -> Array:
+        """Force per length [n, 3] at the arc lengths s[n], without the time factor."""
+        return checks.field_values(checks.label(self.kind, self.name), "force", _field_or_zero(self.force), s)
+
+    def moment_at(self, s: Array) -> Array:
+        """Moment per length [n, 3] at the arc lengths s[n], without the time factor."""
+        return checks.field_values(checks.label(self.kind, self.name), "moment", _field_or_zero(self.moment), s)
+
+
+def _field_or_zero(value: Field | None) -> Field:
+    return np.zeros(3) if value is None else value
+
+
+@dataclass(frozen=True, eq=False)
+class InitialVelocity:
+    """Initial velocity (m/s) and angular velocity in space (rad/s) along a beam: 3 numbers or functions s[n] -> [n, 3].
+
+    Raises
+    ------
+    SceneError
+        A field does not give finite [n, 3], or `beam` is no Beam.
+    """
+
+    kind: ClassVar[str] = "initial velocity"
+
+    beam: Beam
+    _: KW_ONLY
+    velocity: Field = ZERO
+    spin: Field = ZERO
+
+    def __post_init__(self) -> None:
+        beam = as_beam(self.kind, self.beam)
+        for key in ("velocity", "spin"):
+            checks.fill(self, **{key: checks.field(self.label, key, getattr(self, key), beam.length)})
+
+    @property
+    def label(self) -> str:
+        """`initial velocity of beam 'name'`."""
+        return f"{self.kind} of {self.beam.label}"
+
+    def velocity_at(self, s: Array) -> Array:
+        """Velocity [n, 3] at the arc lengths s[n]."""
+        return checks.field_values(self.label, "velocity", self.velocity, s)
+
+    def spin_at(self, s: Array) -> Array:
+        """Angular velocity [n, 3] at the arc lengths s[n]."""
+        return checks.field_values(self.label, "spin", self.spin, s)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
+
+    `objects`: one Beam, RigidBody or PointMass, or several; kept as a tuple. Units m/s, rad/s, m. Contributions add up.
+
+    Raises
+    ------
+    SceneError
+        An object is of another kind, or a vector is not 3 finite numbers.
+    """
+
+    kind: ClassVar[str] = "rigid motion"
+
+    objects: tuple[Beam | RigidBody | PointMass, ...] | None = None
+    _: KW_ONLY
+    velocity: Array = ZERO
+    spin: Array = ZERO
+    about: Array = ZERO
+
+    def __post_init__(self) -> None:
+        objects = self.objects
+        if objects is not None:
+            objects = tuple(objects) if isinstance(objects, Iterable) and not isinstance(objects, str) else (objects,)
+            for item in objects:
+                if not isinstance(item, (Beam, RigidBody, PointMass)):
+                    raise SceneError(f"{self.kind}: objects must be beams, bodies and point masses, got {item!r}")
+        checks.fill(self, objects=objects, **{key: checks.vector(self.kind, key, getattr(self, key))
+                                              for key in ("velocity", "spin", "about")})
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """Lets a point slide without friction along a beam (method.md 5).
+
+    Parameters
+    ----------
+    name : str
+    point : PointMass, RigidBody or NodeRef
+        What slides: a mass, a body or a point of it, or a node of another beam.
+    beam : Beam
+        The beam it slides on.
+    at : float
+        Arc length of the contact at t = 0, m, from 0 to the length of the beam.
+    rate : float or None
+        Initial ds/dt, m/s; also moves a point mass that has no velocity of its own.
+    curve : {'own', 'c1'}
+        The beam's own interpolation, or its version with a continuous tangent (method.md 3.2).
+
+    Raises
+    ------
+    SceneError
+        An argument is of the wrong kind or not finite. `Scene.check` tests the position.
+    """
+
+    kind: ClassVar[str] = "slider"
+
+    name: str
+    point: NodeRef
+    beam: Beam
+    _: KW_ONLY
+    at: float
+    rate: float | None = None
+    curve: str = "own"
+
+    def __post_init__(self) -> None:
+        who = checks.label(self.kind, self.name)
+        point, beam, at = as_node(who, "point", self.point), as_beam(who, self.beam), checks.number(who, "at", self.at)
+        # round-off at the ends is not worth an error
+        if -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
+            at = min(max(at, 0.0), beam.length)
+        checks.fill(self, point=point, beam=beam, at=at, curve=checks.choice(who, "curve", self.curve, CURVES),
+                    rate=None if self.rate is None else checks.number(who, "rate", self.rate))

@@ -1,0 +1,378 @@
+"""The scene: a list of parts, and every check that concerns more than one of them."""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import Array, TimeFactor
+from fastbeam.scene.parts import (
+    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
+)
+
+Part = (Beam | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
+        | RigidMotion | Slider)
+KINDS: tuple[type, ...] = (Beam, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
+                           InitialVelocity, RigidMotion, Slider)
+PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
+Joint = RigidConnection | BallJoint
+P = TypeVar("P")
+
+
+class Scene:
+    """A set of parts under one gravity.
+
+    Parameters
+    ----------
+    *parts : Beam, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, ...
+        In any order; `add` appends more.
+    name : str
+    gravity : array_like (3,)
+        Acceleration, m/s^2.
+    gravity_time : callable or None
+        Factor t -> float on gravity; None: constant.
+    project_velocities : bool
+        Make inconsistent initial velocities consistent with sliders and joints instead of refusing them.
+
+    Raises
+    ------
+    SceneError
+        A part is of an unknown kind, or a value is not usable. Relations between parts are tested by `check`.
+
+    Examples
+    --------
+    >>> from fastbeam.scene import Beam, Clamp, PointMass, Scene, Section, Slider
+    >>> bar = Section.circle(radius=0.01, E=70e9, rho=2700.0)
+    >>> rail = Beam.straight('rail', (0, 0, 0), (1.2, 0, 0), section=bar, elements=4)
+    >>> cart = PointMass('cart', mass=0.5)
+    >>> scene = Scene(rail, cart, Clamp(rail.start), Slider('run', cart, rail, at=0.3), gravity=(0, 0, -9.81))
+    >>> scene.check()
+    >>> scene.position_of(cart).tolist()
+    [0.3, 0.0, 0.0]
+    >>> scene
+    <scene 'scene': 1 beam ('rail'), 1 point mass ('cart'), 1 clamp, 1 slider ('run'), gravity (0, 0, -9.81)>
+    """
+
+    def __init__(self, *parts: Part, name: str = "scene", gravity: Any = (0.0, 0.0, 0.0),
+                 gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
+        who = checks.label("scene", name)
+        self.name = name
+        self.gravity = checks.vector(who, "gravity", gravity)
+        self.gravity_time = checks.time_factor(who, "gravity_time", gravity_time)
+        if not isinstance(project_velocities, (bool, np.bool_)):
+            raise SceneError(f"{who}: project_velocities must be True or False, got {project_velocities!r}")
+        self.project_velocities = bool(project_velocities)
+        self.parts: list[Part] = []
+        self._link_table: tuple[int, dict[int, list[Slider | Joint]]] = (0, {})
+        self.add(*parts)
+
+    def add(self, *parts: Part) -> Scene:
+        """Append parts; returns the scene.
+
+        Raises
+        ------
+        SceneError
+            A part is of an unknown kind.
+        """
+        for part in parts:
+            if not isinstance(part, KINDS):
+                hint = "; unpack it: scene.add(*parts)" if isinstance(part, (list, tuple)) else ""
+                raise SceneError(f"{self.label}: {part!r} is no part of a scene{hint or ' (Beam, RigidBody, Load, ...)'}")
+        self.parts.extend(parts)
+        return self
+
+    # --- parts by kind ------------------------------------------------------------------------------------------------
+    @property
+    def label(self) -> str:
+        """`scene 'name'`."""
+        return f"scene {self.name!r}"
+
+    def _of(self, kind: type[P]) -> list[P]:
+        return [part for part in self.parts if isinstance(part, kind)]
+
+    @property
+    def beams(self) -> list[Beam]:
+        """All beams, in the order added; so are the other lists."""
+        return self._of(Beam)
+
+    @property
+    def bodies(self) -> list[RigidBody]:
+        """All rigid bodies."""
+        return self._of(RigidBody)
+
+    @property
+    def masses(self) -> list[PointMass]:
+        """All point masses."""
+        return self._of(PointMass)
+
+    @property
+    def clamps(self) -> list[Clamp]:
+        """All clamps."""
+        return self._of(Clamp)
+
+    @property
+    def pins(self) -> list[Pin]:
+        """All pins."""
+        return self._of(Pin)
+
+    @property
+    def rigid(self) -> list[RigidConnection]:
+        """All rigid connections."""
+        return self._of(RigidConnection)
+
+    @property
+    def balls(self) -> list[BallJoint]:
+        """All ball joints."""
+        return self._of(BallJoint)
+
+    @property
+    def loads(self) -> list[Load]:
+        """All loads on nodes."""
+        return self._of(Load)
+
+    @property
+    def distributed(self) -> list[DistributedLoad]:
+        """All loads along beams."""
+        return self._of(DistributedLoad)
+
+    @property
+    def velocities(self) -> list[InitialVelocity]:
+        """All initial velocities along beams."""
+        return self._of(InitialVelocity)
+
+    @property
+    def motions(self) -> list[RigidMotion]:
+        """All initial rigid motions."""
+        return self._of(RigidMotion)
+
+    @property
+    def sliders(self) -> list[Slider]:
+        """All sliders."""
+        return self._of(Slider)
+
+    # --- positions ----------------------------------------------------------------------------------------------------
+    def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
+        """Position (3,) m at t = 0 of a node, body or mass; a mass without position is placed by its slider or joint.
+
+        Raises
+        ------
+        SceneError
+            Nothing places the mass.
+        """
+        if isinstance(thing, PointMass):
+            return self._mass_position(thing, ())
+        if isinstance(thing, RigidBody):
+            return np.array(thing.position)
+        return self._node_position(thing, ())
+
+    def _node_position(self, node: NodeRef, visited: tuple[PointMass, ...]) -> Array:
+        owner = node.owner
+        if isinstance(owner, Beam):
+            return owner.reference(owner.node_s[node.index])[0][0]
+        if isinstance(owner, RigidBody):
+            return owner.position + node.offset @ owner.directors
+        return self._mass_position(owner, visited)
+
+    def _mass_position(self, mass: PointMass, visited: tuple[PointMass, ...]) -> Array:
+        if mass.position is not None:
+            return np.array(mass.position)
+        for _, position in self._placements(mass, visited):
+            return position
+        raise SceneError(f"{mass.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
+                         "RigidConnection")
+
+    def _placements(self, mass: PointMass, visited: tuple[PointMass, ...] = ()) -> Iterator[tuple[Slider | Joint, Array]]:
+        """(slider or joint, where it places a mass without position); joints may lead through other masses."""
+        visited = (*visited, mass)
+        for link in self._links().get(id(mass), []):
+            if isinstance(link, Slider):
+                yield link, link.beam.reference(link.at)[0][0]
+                continue
+            other = link.b if link.a.owner is mass else link.a
+            if any(other.owner is known for known in visited):
+                continue
+            if isinstance(other.owner, PointMass) and other.owner.position is None:
+                found = next(self._placements(other.owner, visited), None)
+                if found is not None:
+                    yield link, found[1]
+            else:
+                yield link, self._node_position(other, visited)
+
+    def _links(self) -> dict[int, list[Slider | Joint]]:
+        """Sliders, then ball joints, then rigid connections of every point mass, by id; rebuilt when parts were added."""
+        if self._link_table[0] != len(self.parts):
+            table: dict[int, list[Slider | Joint]] = {}
+            for link in [*self.sliders, *self.balls, *self.rigid]:
+                for node in _held_nodes(link):
+                    if isinstance(node.owner, PointMass):
+                        table.setdefault(id(node.owner), []).append(link)
+            self._link_table = (len(self.parts), table)
+        return self._link_table[1]
+
+    def _tolerance(self) -> float:
+        """1e-9 of the size of the scene, m."""
+        points = [p for beam in self.beams for p in beam.reference(np.linspace(0.0, beam.length, 3))[0]]
+        points += [part.position for part in [*self.bodies, *self.masses] if part.position is not None]
+        offsets = [float(np.linalg.norm(n.offset)) for joint in [*self.balls, *self.rigid] for n in (joint.a, joint.b)]
+        extent = float(np.max(np.ptp(np.array(points), axis=0))) if points else 0.0
+        size = max([extent, *offsets, *(beam.length for beam in self.beams)]) or 1.0
+        reach = float(np.max(np.abs(points))) if points else 0.0
+        return 1e-9 * size + 16.0 * float(np.finfo(float).eps) * reach
+
+    # --- checks -------------------------------------------------------------------------------------------------------
+    def check(self) -> None:
+        """Test every relation between parts; the compiler calls it first.
+
+        Raises
+        ------
+        SceneError
+            An empty scene, equal names, parts that refer to others outside the scene, nodes that are no material points,
+            sliders off their beam, masses without a place or with two, ball joints with a gap.
+        """
+        if not (self.beams or self.bodies or self.masses):
+            raise SceneError(f"{self.label} is empty: add at least one Beam, RigidBody or PointMass")
+        self._check_names()
+        self._check_members()
+        self._check_control_points()
+        tolerance = self._tolerance()
+        for slider in self.sliders:
+            self._check_slider(slider)
+        for mass in self.masses:
+            self._check_place(mass, tolerance)
+        for slider in self.sliders:
+            self._check_contact(slider, tolerance)
+        for ball in self.balls:
+            gap = float(np.linalg.norm(self.position_of(ball.a) - self.position_of(ball.b)))
+            if gap > tolerance:
+                raise SceneError(f"{_who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
+                                 "m); move one of them, or use RigidConnection, which allows an offset")
+
+    def _check_names(self) -> None:
+        """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
+        known: set[int] = set()
+        named: dict[str, Part] = {}
+        for part in self.parts:
+            if id(part) in known and not isinstance(part, (Clamp, Pin)):
+                raise SceneError(f"{self.label}: {_who(part)} was added twice")
+            known.add(id(part))
+            name = getattr(part, "name", None)
+            first = part if name is None else named.setdefault(name, part)
+            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part) and first.at == part.at):
+                continue
+            raise SceneError(f"{self.label}: the name {name!r} is used twice, by a {first.kind} and a {part.kind}; "
+                             "give every part its own name")
+
+    def _check_members(self) -> None:
+        """Every beam, body or mass that a part refers to is in the scene."""
+        members = {id(part) for part in [*self.beams, *self.bodies, *self.masses]}
+        for part in self.parts:
+            for owner in _owners(part):
+                if id(owner) not in members:
+                    raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
+
+    def _check_control_points(self) -> None:
+        """Interior control points of a spline beam are no points of it: nothing can be held or joined there."""
+        for part in self.parts:
+            for node in _held_nodes(part):
+                beam = node.owner
+                if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
+                    raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
+                                     "end, split the beam there, or interpolation='lagrange'")
+
+    @staticmethod
+    def _check_slider(slider: Slider) -> None:
+        """The contact lies on a beam other than the point's own."""
+        beam, point = slider.beam, slider.point
+        if point.owner is beam:
+            raise SceneError(f"{_who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
+        if not 0.0 <= slider.at <= beam.length:
+            raise SceneError(f"{_who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
+
+    def _check_place(self, mass: PointMass, tolerance: float) -> None:
+        """A mass has a position, and all that place it agree."""
+        if mass.position is not None:
+            return
+        self.position_of(mass)
+        (first, place), *others = self._placements(mass)
+        for link, position in others:
+            # once a slider or ball joint says where, a rigid connection keeps the distance that results
+            if isinstance(link, RigidConnection) and not isinstance(first, RigidConnection):
+                continue
+            gap = float(np.linalg.norm(position - place))
+            if gap > tolerance:
+                raise SceneError(f"{mass.label}: {_who(first)} and {_who(link)} place it {gap:.6g} m apart; make them agree"
+                                 + (", or give its position" if isinstance(link, RigidConnection) else ""))
+
+    def _check_contact(self, slider: Slider, tolerance: float) -> None:
+        """A sliding point lies on the curve at t = 0."""
+        point, beam = self.position_of(slider.point), slider.beam
+        gap = float(np.linalg.norm(point - beam.reference(slider.at)[0][0]))
+        if gap <= tolerance:
+            return
+        s, least = _closest(beam, point)
+        if least <= tolerance:
+            cure = f"use at={s:.10g}, where it lies on the beam"
+        else:
+            cure = f"the beam is closest at s={s:.4g} m, still {least:.6g} m away: move the point"
+        leave = "leave its position out, or " if isinstance(slider.point.owner, PointMass) else ""
+        raise SceneError(f"{_who(slider)}: {slider.point} lies {gap:.6g} m away from {beam.label} at={slider.at:.6g}; "
+                         f"{leave}{cure}")
+
+    def __repr__(self) -> str:
+        items = []
+        for kind in KINDS:
+            found = [part for part in self.parts if type(part) is kind]
+            if not found:
+                continue
+            noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
+            names = [repr(part.name) for part in found[:4] if kind in (Beam, RigidBody, PointMass, Load, DistributedLoad, Slider)]
+            more = ", ..." if len(found) > 4 else ""
+            items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
+        if np.any(self.gravity):
+            items.append(f"gravity {checks.shown(self.gravity)}")
+        return f"<{self.label}: {', '.join(items) or 'empty'}>"
+
+
+def _who(part: Any) -> str:
+    """A part as text for messages; automatic names already say the kind."""
+    name = getattr(part, "name", None)
+    if name is None:
+        return getattr(part, "label", part.kind)
+    return name if name.startswith(f"{part.kind} of ") else f"{part.kind} {name!r}"
+
+
+def _held_nodes(part: Part) -> list[NodeRef]:
+    """The nodes that a support, joint or slider holds as points."""
+    if isinstance(part, (Clamp, Pin)):
+        return [part.at]
+    if isinstance(part, (RigidConnection, BallJoint)):
+        return [part.a, part.b]
+    return [part.point] if isinstance(part, Slider) else []
+
+
+def _owners(part: Part) -> list[Any]:
+    """The beams, bodies and masses that a part refers to."""
+    owners = [node.owner for node in _held_nodes(part)]
+    if isinstance(part, Load):
+        owners.append(part.at.owner)
+    if isinstance(part, (Slider, DistributedLoad, InitialVelocity)):
+        owners.append(part.beam)
+    if isinstance(part, RigidMotion):
+        owners.extend(part.objects or ())
+    return owners
+
+
+def _closest(beam: Beam, point: Array) -> tuple[float, float]:
+    """Arc length of the point of the reference curve closest to `point` (3,), and the distance, both m."""
+    low, high = 0.0, beam.length
+    s = np.linspace(low, high, 1001)
+    for _ in range(8):
+        distance = np.linalg.norm(beam.reference(s)[0] - point, axis=1)
+        best = int(np.argmin(distance))
+        low, high = s[max(best - 1, 0)], s[min(best + 1, s.size - 1)]
+        s = np.linspace(low, high, 41)
+    return float(s[best]), float(distance[best])

@@ -1,0 +1,223 @@
+"""Cross-sections: stiffness and inertia of a beam per unit length."""
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.checks import Array
+
+STIFFNESS = ("EA", "GA2", "GA3", "GJ", "EI2", "EI3")
+# 31/32 zeta(5) = sum of 1/n^5 over odd n
+ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Stiffness and inertia of a cross-section; d2 and d3 are its principal axes, X2 and X3 the coordinates along them.
+
+    Parameters
+    ----------
+    EA, GA2, GA3 : float
+        Axial stiffness and shear stiffness along d2 and d3 (shear factors included), N, > 0.
+    GJ, EI2, EI3 : float
+        Torsion stiffness, bending stiffness about d2 (E int X3^2 dA) and about d3 (E int X2^2 dA), N m^2, > 0.
+    rhoA : float
+        Mass per length, kg/m, > 0.
+    rhoI2, rhoI3 : float
+        rho int X2^2 dA and rho int X3^2 dA (method.md (1.2)), kg m, >= 0. They weigh the velocities of d2 and d3.
+    name : str
+        Shown in messages.
+
+    Raises
+    ------
+    SceneError
+        A value is not finite or out of range.
+    """
+
+    _: KW_ONLY
+    EA: float
+    GA2: float
+    GA3: float
+    GJ: float
+    EI2: float
+    EI3: float
+    rhoA: float
+    rhoI2: float
+    rhoI3: float
+    name: str = ""
+    _matrix: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        who = f"section {self.name!r}" if self.name else "section"
+        for key in STIFFNESS:
+            checks.fill(self, **{key: checks.number(who, key, getattr(self, key), above=0.0)})
+        checks.fill(self, rhoA=checks.number(who, "rhoA", self.rhoA, above=0.0, unit="kg/m"))
+        for key in ("rhoI2", "rhoI3"):
+            checks.fill(self, **{key: checks.number(who, key, getattr(self, key), least=0.0, unit="kg m")})
+
+    @property
+    def C(self) -> Array:
+        """Stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3 (method.md (2.3)); a fresh copy."""
+        if self._matrix is not None:
+            return self._matrix.copy()
+        return np.diag([self.EA, self.GA2, self.GA3, self.GJ, self.EI2, self.EI3])
+
+    @property
+    def is_diagonal(self) -> bool:
+        """True when the stiffness couples no two strains."""
+        return self._matrix is None or not np.any(self._matrix - np.diag(np.diag(self._matrix)))
+
+    @property
+    def inertia(self) -> tuple[float, float, float]:
+        """(rhoA, rhoI2, rhoI3)."""
+        return self.rhoA, self.rhoI2, self.rhoI3
+
+    @classmethod
+    def rectangle(cls, *, height: float, width: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
+                  shear_factor: float = 5.0 / 6.0, GJ: float | None = None, name: str = "") -> Section:
+        """Rectangle of `height` along d2 and `width` along d3 (m); E in N/m^2, rho in kg/m^3.
+
+        G defaults to E / (2 (1 + nu)); GJ to St Venant's exact torsion series (Timoshenko and Goodier, Theory of
+        Elasticity, art. 109); the shear factor 5/6 is that of a parabolic shear stress.
+
+        Raises
+        ------
+        SceneError
+            A size or constant is not positive, or nu lies outside (-1, 0.5].
+
+        Examples
+        --------
+        >>> from fastbeam.scene import Section
+        >>> bar = Section.rectangle(height=0.02, width=0.01, E=210e9, rho=7850.0)
+        >>> round(bar.EA), round(bar.EI3, 3), round(bar.rhoA, 4)
+        (42000000, 1400.0, 1.57)
+        """
+        who = _who("rectangle", name)
+        h = checks.number(who, "height", height, above=0.0, unit="m")
+        w = checks.number(who, "width", width, above=0.0, unit="m")
+        E, G, rho, _ = _material(who, E, rho, nu, G)
+        k = checks.number(who, "shear_factor", shear_factor, above=0.0)
+        twist = G * _rectangle_torsion(h, w) if GJ is None else GJ
+        area, i22, i33 = h * w, w * h**3 / 12.0, h * w**3 / 12.0       # int X2^2 dA, int X3^2 dA
+        return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=twist, EI2=E * i33, EI3=E * i22,
+                   rhoA=rho * area, rhoI2=rho * i22, rhoI3=rho * i33, name=name)
+
+    @classmethod
+    def circle(cls, *, radius: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
+               shear_factor: float | None = None, name: str = "") -> Section:
+        """Full circle of `radius` (m); E in N/m^2, rho in kg/m^3.
+
+        G defaults to E / (2 (1 + nu)), the shear factor to 6 (1 + nu) / (7 + 6 nu) (Cowper, J. Appl. Mech. 33, 1966;
+        0.886 for nu = 0.3).
+
+        Raises
+        ------
+        SceneError
+            A size or constant is not positive, or nu lies outside (-1, 0.5].
+
+        Examples
+        --------
+        >>> from fastbeam.scene import Section
+        >>> rod = Section.circle(radius=0.01, E=70e9, rho=2700.0)
+        >>> round(rod.EI2, 4), round(rod.EI2 / rod.GJ, 3)
+        (549.7787, 1.3)
+        """
+        who = _who("circle", name)
+        r = checks.number(who, "radius", radius, above=0.0, unit="m")
+        return cls._round(who, r, 0.0, E, rho, nu, G, shear_factor, name)
+
+    @classmethod
+    def tube(cls, *, radius: float, thickness: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
+             shear_factor: float | None = None, name: str = "") -> Section:
+        """Circular tube of outer `radius` and wall `thickness` (m); E in N/m^2, rho in kg/m^3.
+
+        The shear factor defaults to Cowper's (1966) 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2)
+        with m = inner / outer radius: from the full circle's value down to about 0.53 for a thin wall.
+
+        Raises
+        ------
+        SceneError
+            A size or constant is not positive, the wall is thicker than the radius, or nu lies outside (-1, 0.5].
+        """
+        who = _who("tube", name)
+        r = checks.number(who, "radius", radius, above=0.0, unit="m")
+        wall = checks.number(who, "thickness", thickness, above=0.0, unit="m")
+        if wall > r:
+            raise SceneError(f"{who}: thickness={wall:g} exceeds the outer radius {r:g} m")
+        return cls._round(who, r, r - wall, E, rho, nu, G, shear_factor, name)
+
+    @classmethod
+    def _round(cls, who: str, outer: float, inner: float, E: Any, rho: Any, nu: Any, G: Any, shear_factor: Any,
+               name: str) -> Section:
+        """Circle or tube from both radii."""
+        E, G, rho, nu = _material(who, E, rho, nu, G)
+        if shear_factor is None:
+            m2 = (inner / outer) ** 2
+            shear_factor = 6 * (1 + nu) * (1 + m2) ** 2 / ((7 + 6 * nu) * (1 + m2) ** 2 + (20 + 12 * nu) * m2)
+        k = checks.number(who, "shear_factor", shear_factor, above=0.0)
+        area = math.pi * (outer - inner) * (outer + inner)
+        second = area * (outer**2 + inner**2) / 4.0
+        return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=2 * G * second, EI2=E * second, EI3=E * second,
+                   rhoA=rho * area, rhoI2=rho * second, rhoI3=rho * second, name=name)
+
+    @classmethod
+    def from_matrix(cls, C: Any, *, rhoA: float, rhoI2: float, rhoI3: float, name: str = "") -> Section:
+        """Section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
+
+        The fields EA ... EI3 then hold the diagonal of C.
+
+        Raises
+        ------
+        SceneError
+            C is not 6 x 6, not symmetric (1e-9 of its entries' scale) or not positive definite.
+        """
+        who = _who("from_matrix", name)
+        C = checks.array(who, "C", C, (6, 6), "6 x 6 finite numbers")
+        diagonal = np.diag(C)
+        if np.any(diagonal <= 0.0):
+            raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is "
+                             f"{float(np.linalg.eigvalsh(0.5 * (C + C.T))[0]):.6g}")
+        # scaled to a unit diagonal: N, N m and N m^2 become comparable, definiteness is kept
+        scale = np.sqrt(diagonal)
+        scaled = C / np.outer(scale, scale)
+        skew = float(np.max(np.abs(scaled - scaled.T)))
+        if skew > 1e-9:
+            i, j = np.unravel_index(int(np.argmax(np.abs(scaled - scaled.T))), (6, 6))
+            raise SceneError(f"{who}: C must be symmetric, C[{i},{j}]={C[i, j]:.6g} but C[{j},{i}]={C[j, i]:.6g}")
+        smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+        if smallest <= 1e-14:
+            raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is {smallest:.3g} "
+                             "(after scaling to a unit diagonal)")
+        symmetric = checks.constant(0.5 * (C + C.T))
+        values = dict(zip(STIFFNESS, (float(x) for x in diagonal)))
+        return cls(**values, rhoA=rhoA, rhoI2=rhoI2, rhoI3=rhoI3, name=name, _matrix=symmetric)
+
+
+def _who(kind: str, name: str) -> str:
+    return f"section {name!r}" if name else f"Section.{kind}"
+
+
+def _material(who: str, E: Any, rho: Any, nu: Any, G: Any) -> tuple[float, float, float, float]:
+    """Checked (E, G, rho, nu); G from nu unless given."""
+    E = checks.number(who, "E", E, above=0.0, unit="N/m^2")
+    rho = checks.number(who, "rho", rho, above=0.0, unit="kg/m^3")
+    nu = checks.number(who, "nu", nu)
+    if not -1.0 < nu <= 0.5:
+        raise SceneError(f"{who}: nu={nu:g} lies outside (-1, 0.5]")
+    G = E / (2.0 * (1.0 + nu)) if G is None else checks.number(who, "G", G, above=0.0, unit="N/m^2")
+    return E, G, rho, nu
+
+
+def _rectangle_torsion(height: float, width: float) -> float:
+    """Torsion constant J (m^4) of a rectangle: a b^3 (1/3 - 64/pi^5 b/a sum_odd tanh(n pi a / 2 b) / n^5), a >= b."""
+    a, b = max(height, width), min(height, width)
+    # sum of (tanh - 1) / n^5 converges like exp(-n pi); the sum of 1/n^5 is known in closed form
+    total = ODD_FIFTH_POWERS
+    for n in range(1, 26, 2):
+        total -= 2.0 / (1.0 + math.exp(min(n * math.pi * a / b, 700.0))) / n**5
+    return a * b**3 * (1.0 / 3.0 - 64.0 / math.pi**5 * (b / a) * total)

@@ -1,0 +1,123 @@
+"""Packs beams into the lane tables of the element kernels: groups of 8 elements, each constant next to where it is used."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .basis import Basis, CurveBasis
+from .kernels.beam import ElementTables, group_table_size
+from .kernels.slider import Curves
+from .scene import Beam
+
+Array = np.ndarray
+
+
+def reference_strains(beam: Beam, phi: Array, d: Array) -> Array:
+    """Quadratic part of the six strains in the reference configuration, [n_elements, nq, 6]; what the kernels subtract, so that
+    any initial shape is free of stress (method.md 2)."""
+    basis = beam.basis
+    nodes = basis.element_nodes
+    f = np.einsum("egn,enc->egc", basis.phi_s, phi[nodes])
+    d_g = np.einsum("egn,enkc->egkc", basis.dir, d[nodes])
+    k_g = np.einsum("egn,enkc->egkc", basis.dir_s, d[nodes])
+    d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
+    k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
+
+    def dot(a: Array, b: Array) -> Array:
+        return np.einsum("egc,egc->eg", a, b)
+
+    twist = 0.5 * (dot(k2, d3) - dot(k3, d2))
+    if beam.strain == "simo_reissner":
+        e = [dot(f, d1), dot(f, d2), dot(f, d3), twist, 0.5 * (dot(k3, d1) - dot(k1, d3)), 0.5 * (dot(k1, d2) - dot(k2, d1))]
+    else:
+        e = [0.5 * dot(f, f), dot(f, d2), dot(f, d3), twist, dot(f, k3), -dot(f, k2)]
+    return np.stack(e, axis=-1)
+
+
+@dataclass
+class ElementPacker:
+    """Collects the elements of one strain set."""
+
+    meta: list[Array] = field(default_factory=list)
+    tab: list[Array] = field(default_factory=list)
+    nodes: list[Array] = field(default_factory=list)
+    n_tab: int = 0
+    n_nodes: int = 0
+    n_blocks: int = 0
+
+    def add(self, beam: Beam, first: int, phi: Array, d: Array) -> None:
+        """Append all elements of a beam whose nodes start at `first`; phi [n, 3], d [n, 3, 3]: its reference nodes."""
+        basis: Basis = beam.basis
+        ne, nq, nn = basis.phi_s.shape
+        groups = -(-ne // 8)
+        # idle lanes of the last group repeat its last element
+        lane = np.minimum(np.arange(8 * groups), ne - 1)
+        section = beam.section
+        e0 = reference_strains(beam, phi, d)
+        rho_a, rho_i2, rho_i3 = section.inertia
+        per_point = np.concatenate((basis.weight[:, :, None], np.stack((basis.phi_s, basis.dir, basis.dir_s), axis=-1).reshape(ne, nq, -1),
+                                    e0), axis=2)
+        inertia = np.broadcast_to([rho_a, rho_i2, rho_i3], (ne, 3))
+        stiffness = np.broadcast_to(section.C.reshape(-1), (ne, 36))
+        flat = np.concatenate((stiffness, per_point.reshape(ne, -1), inertia, basis.mass_phi.reshape(ne, -1),
+                               basis.mass_dir.reshape(ne, -1)), axis=1)
+        lanes = flat[lane].reshape(groups, 8, -1).transpose(0, 2, 1).reshape(groups, -1)
+        size = group_table_size(nn, nq)
+        assert lanes.shape[1] == size
+        k = np.arange(groups)
+        self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), self.n_tab + size * k, self.n_nodes + 8 * nn * k,
+                                   self.n_blocks + 8 * nn * nn * k, np.full(groups, int(not section.is_diagonal))), axis=1))
+        self.tab.append(lanes.reshape(-1))
+        nodes = (first + basis.element_nodes)[lane].reshape(groups, 8, nn)
+        idle = (np.arange(8 * groups) >= ne).reshape(groups, 8)
+        self.nodes.append(np.stack((nodes, np.where(idle[:, :, None], -1, nodes)), axis=-1).transpose(0, 2, 1, 3).reshape(-1, 2))
+        self.n_tab += groups * size
+        self.n_nodes += 8 * nn * groups
+        self.n_blocks += 8 * nn * nn * groups
+
+    def pairs(self) -> Array:
+        """Coupled nodes of all element pairs in the order of the block map, [*, 2]; -1 for idle lanes."""
+        out = []
+        for meta, nodes in zip(self.meta, self.nodes):
+            nn = int(meta[0, 0])
+            live = nodes[:, 1].reshape(-1, nn, 8)
+            a = np.broadcast_to(live[:, :, None, :], (live.shape[0], nn, nn, 8))
+            b = np.broadcast_to(live[:, None, :, :], a.shape)
+            out.append(np.stack((a.reshape(-1), b.reshape(-1)), axis=1))
+        return np.concatenate(out)
+
+    def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
+        """The finished tables; blocks: block of every pair (idle ones already set), in the order of `pairs`."""
+        if not self.meta:
+            return None
+        nodes = np.concatenate(self.nodes)
+        rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
+        return ElementTables(np.ascontiguousarray(np.concatenate(self.meta)).astype(np.int64), np.concatenate(self.tab),
+                             np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
+
+
+def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> tuple[Curves, Array, Array]:
+    """Tables of the curves (first node, beam, curve) and the arc lengths of their nodes with offsets."""
+    meta, shape, ends, first, count, coef, node_s, starts = [], [], [], [], [], [], [], [0]
+    n_ends = n_first = n_coef = 0
+    degree = 1
+    for base, beam, curve in items:
+        ne, width, n = curve.coef.shape
+        meta.append((base, ne, n_ends, n_first, n_coef))
+        shape.append((width, n))
+        degree = max(degree, n - 1)
+        ends.append(curve.element_ends)
+        first.append(curve.first_node)
+        count.append(curve.n_nodes_of)
+        coef.append(curve.coef.reshape(-1))
+        node_s.append(beam.node_s)
+        starts.append(starts[-1] + beam.n_nodes)
+        n_ends += ne + 1
+        n_first += ne
+        n_coef += curve.coef.size
+    # the rule integrates derivatives of degree p - 1 and, with the factor x, of p - 1 again: exact to degree p
+    x, w = np.polynomial.legendre.leggauss(degree // 2 + 1)
+    curves = Curves(np.array(meta, np.int64), np.array(shape, np.int64), np.concatenate(ends), np.concatenate(first).astype(np.int64),
+                    np.concatenate(count).astype(np.int64), np.concatenate(coef), 0.5 * (x + 1.0), 0.5 * w)
+    return curves, np.concatenate(node_s), np.array(starts, np.int64)

@@ -1,0 +1,136 @@
+"""Command line and progress bar."""
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fastbeam import __main__ as front
+from fastbeam import progress
+from fastbeam.progress import Progress
+
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+EXAMPLE = '''"""A pendulum that swings.
+
+More text.
+"""
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass
+class Swing:
+    angle: float = 0.1
+
+
+def main(out: str = "out", n_steps: int = 3) -> Swing:
+    Path(out).mkdir(parents=True, exist_ok=True)
+    (Path(out) / "done.txt").write_text(f"{n_steps} {Swing().angle}")
+    return Swing()
+'''
+
+
+@pytest.fixture
+def examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "examples"
+    folder.mkdir()
+    (folder / "pendulum.py").write_text(EXAMPLE)
+    (folder / "_shared.py").write_text("raise RuntimeError('not an example')")
+    (folder / "silent.py").write_text("raise RuntimeError('listing must not run this')")
+    monkeypatch.setattr(front, "example_folders", lambda: [tmp_path / "missing", folder])
+    return folder
+
+
+def test_listing_shows_first_docstring_lines_without_running_scripts(examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1:] == ["  pendulum  A pendulum that swings.", "  silent    "]
+
+
+def test_run_calls_main_with_the_folder(examples: Path, tmp_path: Path) -> None:
+    assert front.main(["run", "pendulum", "--out", str(tmp_path / "a" / "b")]) == 0
+    assert (tmp_path / "a" / "b" / "done.txt").read_text() == "3 0.1"
+
+
+def test_unknown_example_lists_the_known_ones_and_exits_with_2(examples: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["run", "pendulums"]) == 2
+    error = capsys.readouterr().err
+    assert "example 'pendulums' does not exist" in error and "pendulum  A pendulum that swings." in error
+
+
+def test_missing_examples_are_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(front, "example_folders", lambda: [tmp_path])
+    assert front.list_examples() == f"no examples found in {tmp_path}"
+
+
+@pytest.mark.parametrize(("arguments", "code", "text"), [
+    (["--version"], 0, "fastbeam "), ([], 0, "examples (python -m fastbeam run NAME"), (["fly"], 2, "invalid choice: 'fly'")])
+def test_module_runs_from_the_command_line(arguments: list[str], code: int, text: str) -> None:
+    done = subprocess.run([sys.executable, "-m", "fastbeam", *arguments], capture_output=True, text=True, check=False,
+                          env={**os.environ, "PYTHONPATH": str(SOURCE)})
+    assert done.returncode == code
+    assert text in done.stdout + done.stderr
+
+
+class Clock:
+    """Stands in for time.perf_counter."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def perf_counter(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    monkeypatch.delenv("FASTBEAM_PROGRESS", raising=False)
+    stand_in = Clock()
+    monkeypatch.setattr(progress, "time", stand_in)
+    return stand_in
+
+
+def test_progress_is_silent_during_the_first_second(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with Progress(10, "steps") as bar:
+        for _ in range(10):
+            clock.now += 0.1 - 1e-9
+            bar.update()
+    captured = capsys.readouterr()
+    assert bar.done == 10 and captured.err == captured.out == ""
+
+
+def test_progress_appears_on_stderr_after_a_second_and_counts_earlier_work(clock: Clock,
+                                                                          capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("tqdm")
+    with Progress(0.4, "steps") as bar:
+        bar.update(0.1)
+        clock.now += 1.5
+        bar.update(0.1)
+        # round-off past the end must not upset the bar
+        bar.update(0.2 + 1e-12)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "steps:  50%" in captured.err and "steps: 100%" in captured.err
+
+
+@pytest.mark.parametrize(("variable", "enabled", "shown"), [("0", None, False), ("0", True, True), ("1", False, False)])
+def test_progress_obeys_environment_and_argument(clock: Clock, capsys: pytest.CaptureFixture[str],
+                                                 monkeypatch: pytest.MonkeyPatch, variable: str, enabled: bool | None,
+                                                 shown: bool) -> None:
+    pytest.importorskip("tqdm")
+    monkeypatch.setenv("FASTBEAM_PROGRESS", variable)
+    with Progress(2, "steps", enabled) as bar:
+        clock.now += 2.0
+        bar.update()
+    assert ("50%" in capsys.readouterr().err) is shown
+
+
+def test_progress_needs_no_tqdm(clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    with Progress(2, "steps") as bar:
+        clock.now += 2.0
+        bar.update()
+    assert bar.done == 1 and capsys.readouterr().err == ""

@@ -1,0 +1,129 @@
+"""Pictures: the right axes, and no display needed."""
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fastbeam.errors import BackendError, SceneError
+from fastbeam.plot import plot_invariants, plot_overview, plot_shapes, plot_slider
+from fastbeam.result import Result
+
+pytest.importorskip("matplotlib")
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+
+
+def swing(axes: tuple[int, int] = (0, 1), sliders: tuple[str, ...] = ("ring",), spatial: bool = False) -> Result:
+    """A rod of 7 nodes that swings in a plane, with point masses on it."""
+    t, n = np.linspace(0.0, 1.0, 21), len(sliders)
+    s = np.linspace(0.0, 1.2, 7)
+    phi = np.zeros((21, 8, 3))
+    phi[:, :7, axes[0]], phi[:, :7, axes[1]] = np.cos(t)[:, None] * s, np.sin(t)[:, None] * s
+    if spatial:
+        phi[:, :7, 2] = 0.4 * t[:, None] * s
+    phi[:, 7] = phi[:, 3]
+    series = {"kinetic": 1 + t, "potential": 1 - t, "total": np.full(21, 2.0), "lin_mom": np.ones((21, 3)),
+              "ang_mom": np.ones((21, 3)), "gap": np.full((21, n), 1e-15), "s_slide": np.tile(0.5 + 0.1 * t[:, None], (1, n)),
+              "contact_force": np.ones((21, n, 3)), "slider_position": np.repeat(phi[:, 7:], n, axis=1)}
+    names = {"sliders": list(sliders), "beams": [{"name": "rod", "first": 0, "count": 7, "element_ends": [0, 3, 6]}],
+             "masses": [{"name": "bead", "node": 7}]}
+    return Result(t=t, series=series, names=names, info={"scene": "swing"}, t_snap=t, phi=phi,
+                  directors=np.tile(np.eye(3), (21, 8, 1, 1)))
+
+
+@pytest.mark.parametrize("axes", [(0, 1), (0, 2), (1, 2)])
+def test_flat_scene_is_drawn_in_its_plane_with_equal_aspect(axes: tuple[int, int]) -> None:
+    picture = plot_shapes(swing(axes)).axes[0]
+    assert (picture.get_xlabel(), picture.get_ylabel()) == (f"{'xyz'[axes[0]]} [m]", f"{'xyz'[axes[1]]} [m]")
+    assert picture.get_aspect() == 1.0
+
+
+def test_spatial_scene_is_drawn_in_space_unless_a_plane_is_asked_for() -> None:
+    assert plot_shapes(swing(spatial=True)).axes[0].name == "3d"
+    assert plot_shapes(swing(spatial=True), plane="xz").axes[0].get_ylabel() == "z [m]"
+
+
+def test_shapes_are_spread_over_the_whole_run_and_hold_the_nodes_of_the_beam() -> None:
+    run = swing(sliders=())
+    rods = [line for line in plot_shapes(run, n=5).axes[0].get_lines() if len(line.get_xdata()) == 7]
+    assert len(rods) == 5
+    for line, k in zip(rods, (0, 5, 10, 15, 20), strict=True):
+        np.testing.assert_array_equal(np.transpose(line.get_data()), run.phi[k, :7, :2])
+
+
+def test_invariants_show_energies_and_deviations_above_the_floor() -> None:
+    upper, lower = plot_invariants(swing()).axes
+    assert [line.get_label() for line in upper.get_lines()] == ["kinetic", "potential", "total"]
+    assert upper.get_ylabel() == "energy [J]" and lower.get_yscale() == "log"
+    labels = [line.get_label() for line in lower.get_lines()]
+    assert labels == ["total energy", "linear momentum", "angular momentum", "gap [m]", "machine epsilon"]
+    assert min(np.min(line.get_ydata()) for line in lower.get_lines()) == 1e-17
+
+
+def test_series_that_are_not_conserved_have_no_deviation_curve() -> None:
+    run = swing()
+    run.info["conserved"] = ["total"]
+    labels = [line.get_label() for line in plot_invariants(run).axes[1].get_lines()]
+    assert labels == ["total energy", "gap [m]", "machine epsilon"]
+
+
+def test_slider_picture_shows_coordinate_force_and_path() -> None:
+    run = swing()
+    coordinate, force, path = plot_slider(run).axes[:3]
+    np.testing.assert_array_equal(coordinate.get_lines()[0].get_ydata(), run.series["s_slide"][:, 0])
+    assert len(force.get_lines()) == 3 and force.get_ylabel() == "force [N]"
+    np.testing.assert_array_equal(path.get_lines()[0].get_ydata(), run.phi[:, 7, 1])
+
+
+def test_slider_path_falls_back_to_the_snapshots_of_its_node() -> None:
+    run = swing()
+    del run.series["slider_position"]
+    assert plot_slider(run, "ring").axes[2].get_title() == "Path: not recorded"
+    run.names["slider_nodes"] = [7]
+    np.testing.assert_array_equal(plot_slider(run).axes[2].get_lines()[0].get_xdata(), run.phi[:, 7, 0])
+
+
+@pytest.mark.parametrize(("sliders", "spatial", "titles"), [
+    ((), False, 3), (("ring",), False, 5), (("a", "b", "c"), True, 5)])
+def test_overview_holds_a_panel_for_everything_recorded(tmp_path: Path, sliders: tuple[str, ...], spatial: bool,
+                                                        titles: int) -> None:
+    figure = plot_overview(swing(sliders=sliders, spatial=spatial))
+    assert len({axes.get_title() for axes in figure.axes if axes.get_title()}) == titles
+    figure.savefig(tmp_path / "run.png", dpi=50)
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_requests_that_the_result_cannot_meet_are_refused() -> None:
+    empty = Result(t=[0.0])
+    with pytest.raises(SceneError, match="holds no snapshots"):
+        plot_shapes(empty)
+    with pytest.raises(SceneError, match="plane 'yx' does not exist: choose 'auto', 'xy'"):
+        plot_shapes(swing(), plane="yx")
+    with pytest.raises(SceneError, match="holds no slider"):
+        plot_slider(empty)
+    with pytest.raises(SceneError, match="slider 'cart' is not in this result: choose from 'ring'"):
+        plot_slider(swing(), "cart")
+    with pytest.raises(SceneError, match="no energies and momenta"):
+        plot_invariants(empty)
+
+
+def test_missing_matplotlib_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(BackendError, match="pip install matplotlib"):
+        plot_shapes(swing())
+
+
+def test_pictures_need_no_display_and_import_no_pyplot(tmp_path: Path) -> None:
+    code = ("import sys, test_plot as tp; tp.plot_overview(tp.swing()).savefig(sys.argv[1], dpi=40); "
+            "sys.exit('matplotlib.pyplot' in sys.modules)")
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    path = os.pathsep.join((str(SOURCE), str(Path(__file__).parent)))
+    target = tmp_path / "run.png"
+    done = subprocess.run([sys.executable, "-c", code, str(target)], env={**environment, "PYTHONPATH": path, "MPLBACKEND": "TkAgg"},
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert target.exists()
