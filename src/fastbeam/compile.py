@@ -125,7 +125,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto") -> Model:
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time,
         gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels)
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
     model.text = describe(scene, model)
     return model
 

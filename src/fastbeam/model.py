@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,8 @@ class Model:
     q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
     length : float
         Size of the scene, m.
+    numbers : compile.NodeList
+        Finds the global number of a node of the scene.
     """
 
     scene_name: str
@@ -65,8 +67,8 @@ class Model:
     n_blocks: int
     names: dict[str, list[Any]]
     labels: list[str]
+    numbers: Any
     text: str = ""
-    element_labels: list[str] = field(default_factory=list)
 
     @property
     def n_sliders(self) -> int:

@@ -27,7 +27,8 @@ STYLE = {"font.size": 10.0, "axes.titlesize": 11.0, "axes.labelsize": 10.0, "leg
          "axes.axisbelow": True, "legend.frameon": False, "axes.titleweight": "bold", "savefig.dpi": 150}
 # distinguishable for colour-blind readers (Okabe and Ito)
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]), ("total", "black"))
+ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
+            ("total", "black"))
 DRIFTS = (("total", "total energy", "black"), ("lin_mom", "linear momentum", COLOURS[0]),
           ("ang_mom", "angular momentum", COLOURS[1]), ("gap", "gap", COLOURS[2]))
 
@@ -118,6 +119,9 @@ def plot_slider(result: Result, slider: str | None = None) -> Figure:
         _time_bar(figure, axes, dots)
         axes.plot(*path[:1, pick].T, "o", color="black", ms=6, label="start")
         axes.legend(loc="best")
+    if len(axes.axes_of_space) == 3:
+        # the layout does not see the label of the z axis
+        figure.get_layout_engine().set(rect=(0.0, 0.0, 0.94, 1.0))
     axes.set_title(f"Path of '{name}'" if len(path) else "Path: not recorded")
     return figure
 

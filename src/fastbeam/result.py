@@ -20,7 +20,8 @@ Rows = Mapping[str, Any]
 INTEGER_SERIES = ("iterations",)
 # rows of Result.table: series, label, unit
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
-              ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"), ("gap", "gap of sliders", "m"))
+              ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
+              ("gap", "gap of sliders", "m"))
 
 
 @dataclass

@@ -123,7 +123,8 @@ def test_pictures_need_no_display_and_import_no_pyplot(tmp_path: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     path = os.pathsep.join((str(SOURCE), str(Path(__file__).parent)))
     target = tmp_path / "run.png"
-    done = subprocess.run([sys.executable, "-c", code, str(target)], env={**environment, "PYTHONPATH": path, "MPLBACKEND": "TkAgg"},
-                          capture_output=True, text=True, check=False)
+    environment |= {"PYTHONPATH": path, "MPLBACKEND": "TkAgg"}
+    done = subprocess.run([sys.executable, "-c", code, str(target)], env=environment, capture_output=True, text=True,
+                          check=False)
     assert done.returncode == 0, done.stderr
     assert target.exists()

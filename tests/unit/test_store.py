@@ -59,8 +59,9 @@ def test_row_buffer_keeps_rows_through_growth_and_blocks() -> None:
     assert len(buffer) == 7 and buffer.views()["v"].shape == (7, 2)
 
 
-@pytest.mark.parametrize(("bad", "text"), [({"x": 1.0}, "missing 'v'"), ({"x": 1.0, "v": [1, 2], "w": 0}, "not in the header 'w'"),
-                                           ({"x": 1.0, "v": [1, 2, 3]}, r"series 'v': expected shape \(2,\), got \(3,\)")])
+@pytest.mark.parametrize(("bad", "text"), [
+    ({"x": 1.0}, "missing 'v'"), ({"x": 1.0, "v": [1, 2], "w": 0}, "not in the header 'w'"),
+    ({"x": 1.0, "v": [1, 2, 3]}, r"series 'v': expected shape \(2,\), got \(3,\)")])
 def test_row_buffer_refuses_wrong_rows_and_stays_unchanged(bad: dict[str, object], text: str) -> None:
     buffer = RowBuffer({"x": (), "v": (2,)})
     with pytest.raises(ValueError, match=text):

@@ -1,0 +1,164 @@
+"""Time stepping above the single step: composition to order four, step control, runs that end at the end of a beam."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import ConvergenceError, SceneError
+from .kernels.step import OK, SLIDER_END, State
+from .newton import MEANING, Outcome, Stepper
+
+Array = np.ndarray
+SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
+WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
+# a located end of a beam is met within this share of its length
+END_TOLERANCE = 1e-10
+
+
+def composition(order: int) -> Array:
+    """Substeps of a step of order 2 or 4 (Suzuki's composition, method.md 6).
+
+    Raises
+    ------
+    SceneError
+        The order is neither 2 nor 4.
+    """
+    if order not in WEIGHTS:
+        raise SceneError(f"order: must be 2 or 4, got {order!r}")
+    return WEIGHTS[order]
+
+
+def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> ConvergenceError:
+    """The error of a step that failed, with the last good state."""
+    model = stepper.model
+    node, size = stepper.worst_node()
+    worst = f"{model.node_label(node)} (residual {size:.3g})"
+    if model.n_sliders and stepper.contact is not None:
+        gaps = np.abs(stepper.contact.residual[:, :3]).max(axis=1)
+        k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
+        worst += f", slider {model.names['sliders'][k]!r} (gap {gaps[k]:.3g} m, sliding {stepper.contact.residual[k, 3]:.3g} N)"
+    sizes = [float(x) for x in outcome.sizes if x != 0.0]
+    shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
+    return ConvergenceError(
+        f"step {step} at t = {t:.6g} s: {MEANING.get(outcome.status, 'failed')}; increments {shown or 'none'}; largest at {worst}; the last "
+        "good state is in .state, everything computed in .result. Try a smaller step, or step control with tolerance=...",
+        step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
+
+
+def run_to_end_of_beam(stepper: Stepper, t: float, h: float, slider: int) -> tuple[float, Outcome]:
+    """Shorten a step in which a slider leaves its beam so that it ends there. The step size is free, so the invariants stay exact.
+    Returns (size of the step, its outcome); size 0 where the slider stands at the end already."""
+    model = stepper.model
+    length = float(model.slider_lengths[slider])
+    start = stepper.copy_state()
+
+    def inside(s: float) -> float:
+        """Distance to the nearer end, positive on the beam."""
+        return min(s, length - s)
+
+    low, f_low = 0.0, inside(float(start.s[slider]))
+    if f_low <= END_TOLERANCE * length:
+        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, start.force.size)))
+    high, f_high = 1.0, inside(float(stepper.work.s_end[slider]))
+    best: tuple[float, State, Outcome] | None = None
+    for _ in range(60):
+        # secant with bisection as a guard; aim a little inside
+        x = low + (high - low) * f_low / (f_low - f_high) if f_high < 0.0 else 0.5 * (low + high)
+        x = min(max(x, low + 0.001 * (high - low)), high - 0.001 * (high - low))
+        stepper.set_state(start)
+        outcome = stepper.advance(t, x * h, 1)
+        if outcome.status == OK and outcome.steps == 1:
+            f = inside(float(stepper.state.s[slider]))
+            best = (x, stepper.copy_state(), outcome)
+            low, f_low = x, f
+            if f <= END_TOLERANCE * length:
+                break
+        else:
+            high = x
+            f_high = inside(float(stepper.work.s_end[slider])) if outcome.status == SLIDER_END else -f_low
+        if high - low < 1e-13:
+            break
+    if best is None:
+        stepper.set_state(start)
+        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, start.force.size)))
+    stepper.set_state(best[1])
+    return best[0] * h, best[2]
+
+
+@dataclass
+class StepControl:
+    """Local error control by step doubling: one step against two halves; the halves are kept.
+
+    Parameters
+    ----------
+    tolerance : float
+        Allowed local error of a position per step, relative to the size of the scene.
+    order : int
+        Of the method.
+    smallest, largest : float
+        Bounds of the step, s.
+
+    Attributes
+    ----------
+    accepted, rejected : int
+    """
+
+    tolerance: float
+    order: int
+    smallest: float
+    largest: float
+    accepted: int = 0
+    rejected: int = 0
+
+    def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
+        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END.
+
+        Raises
+        ------
+        ConvergenceError
+            The smallest step fails.
+        """
+        start = stepper.copy_state()
+        while True:
+            whole = stepper.advance(t, h, 1)
+            if whole.status == SLIDER_END:
+                return h, h, whole
+            coarse = stepper.copy_state()
+            error = np.inf
+            halves = whole
+            if whole.status == OK:
+                stepper.set_state(start)
+                halves = stepper.advance(t, 0.5 * h, 2)
+                if halves.status == SLIDER_END:
+                    stepper.set_state(start)
+                    return h, h, stepper.advance(t, h, 1)
+                if halves.status == OK:
+                    error = self._error(stepper, coarse)
+            if error <= self.tolerance:
+                self.accepted += 1
+                halves.force = np.stack((halves.force.mean(axis=0), halves.force.mean(axis=0)))
+                halves.iterations += whole.iterations
+                return h, min(self.largest, h * self._factor(error)), halves
+            self.rejected += 1
+            stepper.set_state(start)
+            shorter = h * (self._factor(error) if np.isfinite(error) else 0.25)
+            if h <= self.smallest * (1.0 + 1e-12):
+                if np.isfinite(error):
+                    raise ConvergenceError(f"step {step} at t = {t:.6g} s: the local error {error:.3g} exceeds the tolerance "
+                                           f"{self.tolerance:g} at the smallest step {h:.3g} s; lower min_step or raise tolerance",
+                                           step=step, time=t, state=start)
+                raise failure(stepper, halves if whole.status == OK else whole, t, step)
+            h = max(self.smallest, shorter)
+
+    def _error(self, stepper: Stepper, coarse: State) -> float:
+        difference = (stepper.state.q - coarse.q).reshape(-1, 12)[:, :3]
+        size = float(np.max(np.linalg.norm(difference, axis=1)))
+        if coarse.s.size:
+            size = max(size, float(np.max(np.abs(stepper.state.s - coarse.s))))
+        return size / (2.0**self.order - 1.0) / stepper.model.length
+
+    def _factor(self, error: float) -> float:
+        if error <= 0.0:
+            return 4.0
+        return float(np.clip(0.9 * (self.tolerance / error) ** (1.0 / (self.order + 1)), 0.2, 4.0))

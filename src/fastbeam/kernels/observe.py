@@ -1,0 +1,110 @@
+"""Energies and momenta of a state; run only when somebody asks for them."""
+from __future__ import annotations
+
+from .._jit import kernel
+from .algebra import add3, cross, dot, ld3, zero3
+from .slider import find_element, point_on_curve
+
+
+@kernel
+def element_momenta(tables, n_rows, v, p_out):
+    """p += M v of all beam elements; v, p [12 N]."""
+    meta = tables.meta
+    tab = tables.tab
+    for k in range(meta.shape[0]):
+        nn = meta[k, 0]
+        mo = meta[k, 2] + 288 + meta[k, 1] * 8 * (7 + 3 * nn)
+        no = meta[k, 3]
+        for lane in range(8):
+            if tables.rows[no + lane] == n_rows:
+                continue
+            for a in range(nn):
+                pa = 12 * tables.nodes[no + 8 * a + lane]
+                for b in range(nn):
+                    vb = 12 * tables.nodes[no + 8 * b + lane]
+                    m = tab[mo + 24 + 8 * (nn * a + b) + lane] * tab[mo + lane]
+                    md = tab[mo + 24 + 8 * (nn * nn + nn * a + b) + lane]
+                    add3(p_out, pa, 1, m * ld3(v, vb, 1))
+                    add3(p_out, pa + 6, 1, (md * tab[mo + 8 + lane]) * ld3(v, vb + 6, 1))
+                    add3(p_out, pa + 9, 1, (md * tab[mo + 16 + lane]) * ld3(v, vb + 9, 1))
+
+
+@kernel
+def body_momenta(bodies, v, p_out):
+    """p += M v of point masses and rigid bodies."""
+    for k in range(bodies.node.shape[0]):
+        o = 12 * bodies.node[k]
+        for a in range(4):
+            for b in range(4):
+                add3(p_out, o + 3 * a, 1, bodies.inertia[16 * k + 4 * a + b] * ld3(v, o + 3 * b, 1))
+
+
+@kernel
+def motion(q, v, p, out):
+    """Kinetic energy, linear and angular momentum from p = M v into out[0], out[1:4], out[4:7]; method.md (4.3). out[7], out[8]: sums of
+    the sizes of the contributions to both momenta, the scale of their round-off."""
+    for i in range(9):
+        out[i] = 0.0
+    for i in range(q.shape[0] // 12):
+        for k in range(0, 12, 3):
+            pk = ld3(p, 12 * i + k, 1)
+            out[0] += 0.5 * dot(ld3(v, 12 * i + k, 1), pk)
+            if k == 0:
+                add3(out, 1, 1, pk)
+                out[7] += dot(pk, pk)**0.5
+            x = cross(ld3(q, 12 * i + k, 1), pk)
+            add3(out, 4, 1, x)
+            out[8] += dot(x, x)**0.5
+
+
+@kernel
+def strain_energy(tables, n_rows, q, simo, work):
+    """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers."""
+    meta = tables.meta
+    tab = tables.tab
+    total = 0.0
+    for k in range(meta.shape[0]):
+        nn = meta[k, 0]
+        no = meta[k, 3]
+        for lane in range(8):
+            if tables.rows[no + lane] == n_rows:
+                continue
+            for g in range(meta[k, 1]):
+                to = meta[k, 2] + 288 + 8 * (7 + 3 * nn) * g + lane
+                f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
+                for a in range(nn):
+                    t = to + 8 + 24 * a
+                    o = 12 * tables.nodes[no + 8 * a + lane]
+                    f += tab[t] * ld3(q, o, 1)
+                    x = ld3(q, o + 3, 1); d1 += tab[t + 8] * x; k1 += tab[t + 16] * x
+                    x = ld3(q, o + 6, 1); d2 += tab[t + 8] * x; k2 += tab[t + 16] * x
+                    x = ld3(q, o + 9, 1); d3 += tab[t + 8] * x; k3 += tab[t + 16] * x
+                work[1] = dot(f, d2)
+                work[2] = dot(f, d3)
+                work[3] = 0.5 * (dot(k2, d3) - dot(k3, d2))
+                if simo is not None:
+                    work[0] = dot(f, d1)
+                    work[4] = 0.5 * (dot(k3, d1) - dot(k1, d3))
+                    work[5] = 0.5 * (dot(k1, d2) - dot(k2, d1))
+                else:
+                    work[0] = 0.5 * dot(f, f)
+                    work[4] = dot(f, k3)
+                    work[5] = -dot(f, k2)
+                for i in range(6):
+                    work[i] -= tab[to + 8 + 24 * nn + 8 * i]
+                energy = 0.0
+                for i in range(6):
+                    for j in range(6):
+                        energy += work[i] * tab[meta[k, 2] + 48 * i + 8 * j + lane] * work[j]
+                total += 0.5 * tab[to] * energy
+    return total
+
+
+@kernel
+def slider_points(curves, sliders, contact, q, s, gap_out):
+    """Distance of every sliding point from its curve at s."""
+    for k in range(sliders.curve.shape[0]):
+        c = sliders.curve[k]
+        e = find_element(curves, c, s[k], contact.element[k])
+        gap = ld3(q, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], q, e, contact, 0)
+        gap_out[k] = dot(gap, gap)**0.5

@@ -1,0 +1,132 @@
+"""What a run records: observers turn a state into one row of numbers; what is not asked for is not computed."""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import SceneError
+from .kernels import observe as kernels
+from .kernels.step import State
+from .model import Model
+from .result import ResultHeader
+from .scene import Beam, NodeRef, PointMass, RigidBody
+
+Array = np.ndarray
+KINDS = ("energy", "momentum", "slider")
+
+
+class Observer:
+    """Rows of the chosen series.
+
+    Parameters
+    ----------
+    model : Model
+    kinds : sequence of {'energy', 'momentum', 'slider'}
+    points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
+        Positions to record.
+
+    Raises
+    ------
+    SceneError
+        An unknown kind, or a point that is not in the scene.
+    """
+
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
+        unknown = [k for k in kinds if k not in KINDS]
+        if unknown:
+            raise SceneError(f"observe: {unknown[0]!r} does not exist: choose from 'energy', 'momentum', 'slider'")
+        self.model = model
+        self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
+        self.slider = "slider" in kinds and model.n_sliders > 0
+        self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
+        self._p = np.zeros(12 * model.n_nodes)
+        self._out = np.zeros(9)
+        self._work = np.zeros(6)
+        self._gap = np.zeros(model.n_sliders)
+        self._contact = model.contact() if self.slider else None
+        self.scale = {"lin_mom": 0.0, "ang_mom": 0.0}
+
+    def series(self) -> dict[str, tuple[int, ...]]:
+        """Shape of one row of every series."""
+        out: dict[str, tuple[int, ...]] = {"iterations": (), "step_size": ()}
+        if self.energy:
+            out |= dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total"), ())
+        if self.momentum:
+            out |= {"lin_mom": (3,), "ang_mom": (3,)}
+        if self.slider:
+            s = self.model.n_sliders
+            out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
+        if self.points:
+            out["points"] = (len(self.points), 3)
+        return out
+
+    def row(self, t: float, state: State) -> dict[str, Any]:
+        """Everything except iterations, step size and contact force, which the run knows."""
+        model = self.model
+        out: dict[str, Any] = {}
+        if self.energy or self.momentum:
+            self._p[:] = 0.0
+            for tables in (model.simo, model.green):
+                if tables is not None:
+                    kernels.element_momenta(tables, model.n_nodes, state.v, self._p)
+            if model.bodies is not None:
+                kernels.body_momenta(model.bodies, state.v, self._p)
+            kernels.motion(state.q, state.v, self._p, self._out)
+            self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
+            self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
+        if self.momentum:
+            out["lin_mom"], out["ang_mom"] = self._out[1:4].copy(), self._out[4:7].copy()
+        if self.energy:
+            out["kinetic"] = float(self._out[0])
+            out["strain"] = strain_energy(model, state.q, self._work)
+            phi = state.q.reshape(-1, 12)[:, :3]
+            factor = 1.0 if model.gravity_time is None else float(model.gravity_time(t))
+            out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
+            out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
+            out["total"] = out["kinetic"] + out["potential"]
+        if self.slider:
+            kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
+            out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
+            out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
+        if self.points:
+            q = state.q.reshape(-1, 4, 3)
+            out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
+        return out
+
+    def header(self, info: dict[str, Any]) -> ResultHeader:
+        """Header of the result."""
+        model = self.model
+        names = {**model.names, "points": list(self.points)}
+        if model.sliders is not None:
+            names["slider_nodes"] = [int(k) for k in model.sliders.point]
+        return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
+
+
+def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
+    """Energy stored in all beams, J."""
+    work = np.zeros(6) if work is None else work
+    total = 0.0
+    if model.simo is not None:
+        total += kernels.strain_energy(model.simo, model.n_nodes, q, 1, work)
+    if model.green is not None:
+        total += kernels.strain_energy(model.green, model.n_nodes, q, None, work)
+    return float(total)
+
+
+def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
+    """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
+    if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
+        owner, (first, values, _) = what[0], what[0].basis.curve("own").evaluate(float(what[1]))
+        local, weights = int(first[0]) + np.arange(values.shape[1]), np.zeros((values.shape[1], 4))
+        weights[:, 0] = values[0]
+    else:
+        node = what.center if isinstance(what, (RigidBody, PointMass)) else what
+        if not isinstance(node, NodeRef):
+            raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), got {what!r}")
+        owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
+    first_node = model.numbers.first.get(id(owner))
+    if first_node is None:
+        raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled scene")
+    return first_node + local, weights

@@ -1,0 +1,304 @@
+"""Runs a model in time and records what was asked for."""
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from .dynamics import StepControl, composition, failure, run_to_end_of_beam
+from .errors import ConvergenceError, SceneError
+from .kernels.step import OK, SLIDER_END, State
+from .model import Model
+from .newton import Outcome, Stepper
+from .observe import Observer
+from .progress import Progress
+from .result import Result, ResultBuffer
+
+Array = np.ndarray
+
+
+def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: State | None = None, t_start: float = 0.0,
+             observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
+             every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
+             callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
+             min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
+             progress: bool | None = None) -> Result:
+    """Integrate a model with the conserving step (method.md 4 to 6).
+
+    Energy, linear and angular momentum of an isolated system and the gap of its sliders stay at round-off for every step size
+    that converges.
+
+    Parameters
+    ----------
+    model : Model
+        From `compile_scene`.
+    t_end, step : float
+        End time and step size, s. With `tolerance`, `step` is the first step.
+    order : {2, 4}
+        4 composes five substeps, one of them backwards: for smooth scenes.
+    start, t_start : State, float
+        Go on from a state (`result.state`) at its time; default: the model's initial state at 0.
+    observe : sequence of {'energy', 'momentum', 'slider'}
+        What is recorded; `()` computes none of it.
+    points : mapping
+        name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
+    every : int
+        Steps between rows; default: about 500 rows in all. With step control every accepted step is a row.
+    snapshots : int
+        About how many whole shapes to keep, at rows.
+    file : path
+        Write the result to this HDF5 file as the run goes.
+    callback : callable
+        Called with (t, state) at every row; returning True ends the run there. Runs without it stay in compiled code between rows.
+    tolerance : float
+        Step control: local error of a position per step, relative to the size of the scene.
+    min_step, max_step : float
+        Its bounds, default step*1e-6 and (t_end - t_start)/10.
+    max_iterations : int
+        Newton iterations a substep.
+    backend : {'auto', 'pardiso', 'superlu'}
+        Sparse solver, where the scene needs one.
+    progress : bool
+        Progress bar; default: on anything longer than a second.
+
+    Returns
+    -------
+    Result
+        With the final state in `.state`. A slider that reaches the end of its beam ends the run there: see `.events`.
+
+    Raises
+    ------
+    SceneError
+        An argument out of range.
+    ConvergenceError
+        A step failed; the error carries the last good state and the result until then.
+
+    Examples
+    --------
+    >>> import fastbeam as fb
+    >>> bar = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+    >>> beam = fb.Beam.straight('beam', (0, 0, 0), (1, 0, 0), section=bar, elements=4)
+    >>> model = fb.compile_scene(fb.Scene(beam, fb.RigidMotion(velocity=(1, 0, 0), spin=(0, 0, 2))))
+    >>> result = fb.simulate(model, t_end=0.1, step=0.01)
+    >>> bool(result.drift('total') < 1e-12)
+    True
+    """
+    t_end, step, t_start = (_number(name, x) for name, x in (("t_end", t_end), ("step", step), ("t_start", t_start)))
+    if not step > 0.0:
+        raise SceneError(f"step: must be > 0 s, got {step:g}")
+    if not t_end > t_start:
+        raise SceneError(f"t_end: must lie after t_start = {t_start:g} s, got {t_end:g}")
+    if backend not in ("auto", "pardiso", "superlu"):
+        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    weights = composition(order)
+    n_steps = int(np.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
+    every = max(1, n_steps // 500) if every is None else _count("every", every)
+    control = None
+    if tolerance is not None:
+        tolerance = _number("tolerance", tolerance)
+        if not tolerance > 0.0:
+            raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
+        span = t_end - t_start
+        control = StepControl(tolerance, order, 1e-6 * step if min_step is None else _number("min_step", min_step),
+                              0.1 * span if max_step is None else _number("max_step", max_step))
+    stepper = Stepper(model, weights, start, _count("max_iterations", max_iterations), backend)
+    run = _Run(model, stepper, Observer(model, observe, points), t_start, t_end, step, order, snapshots, file, overwrite, callback,
+               control, progress)
+    return run.go(every)
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        x = np.nan
+    if not np.isfinite(x):
+        raise SceneError(f"{name}: must be a finite number, got {value!r}")
+    return x
+
+
+def _count(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise SceneError(f"{name}: must be a whole number >= 1, got {value!r}")
+    return int(value)
+
+
+class _Run:
+    """One run: drives the stepper and feeds rows to memory and file."""
+
+    def __init__(self, model: Model, stepper: Stepper, observer: Observer, t_start: float, t_end: float, step: float, order: int,
+                 snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None, progress: bool | None) -> None:
+        self.model, self.stepper, self.observer = model, stepper, observer
+        self.t_start, self.t_end, self.step, self.order = t_start, t_end, step, order
+        self.callback, self.control = callback, control
+        self.info: dict[str, Any] = {
+            "scene": model.scene_name, "method": "energy-momentum conserving", "order": order, "step": step, "t_end": t_end,
+            "conserved": _conserved(model), "unknowns": model.n_unknowns, "versions": _versions()}
+        header = observer.header(self.info)
+        self.memory = ResultBuffer(header)
+        self.writer: Any = None
+        if file is not None:
+            from .store import ResultWriter
+            self.writer = ResultWriter(file, header, overwrite=overwrite)
+        self.progress = Progress(t_end - t_start, model.scene_name, progress)
+        self.shape_gap = (t_end - t_start) / max(snapshots - 1, 1) if snapshots > 0 else np.inf
+        self.next_shape = t_start if snapshots > 0 else np.inf
+        self.pending: tuple[float, dict[str, Any]] | None = None
+        self.iterations = self.steps = 0
+
+    # --- rows ---------------------------------------------------------------------------------------------------------
+    def open_row(self, t: float, iterations: int, size: float) -> None:
+        """A row waits until the next step is known: the contact force of a row is the mean of the steps around it (4.5)."""
+        self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
+        if t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end:
+            self.shape(t)
+            while self.next_shape <= t + 1e-9 * self.shape_gap:
+                self.next_shape += self.shape_gap
+
+    def close_row(self, before: Array | None, after: Array | None) -> None:
+        """Finish the waiting row with the contact forces of the steps before and after it."""
+        if self.pending is None:
+            return
+        t, row = self.pending
+        if self.observer.slider:
+            known = [f for f in (before, after) if f is not None]
+            row["contact_force"] = (np.mean(known, axis=0) if known else np.zeros(3 * self.model.n_sliders)).reshape(-1, 3)
+        for sink in self.sinks():
+            sink.append(row, t)
+        self.pending = None
+
+    def shape(self, t: float) -> None:
+        q = self.stepper.state.q.reshape(-1, 4, 3)
+        for sink in self.sinks():
+            sink.snapshot(t, q[:, 0], q[:, 1:])
+
+    def sinks(self) -> list[Any]:
+        return [self.memory] if self.writer is None else [self.memory, self.writer]
+
+    def event(self, event: dict[str, Any]) -> None:
+        for sink in self.sinks():
+            sink.event(event)
+
+    # --- the run ------------------------------------------------------------------------------------------------------
+    def go(self, every: int) -> Result:
+        begin = time.perf_counter()
+        before: Array | None = None
+        error: ConvergenceError | None = None
+        self.open_row(self.t_start, 0, 0.0)
+        try:
+            for t, outcome, size, row_due in self.chunks(every):
+                self.iterations += outcome.iterations
+                self.steps += outcome.steps
+                if outcome.steps:
+                    self.close_row(before, outcome.force[0])
+                    before = outcome.force[1]
+                if row_due:
+                    self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
+                    if self.callback is not None and self.callback(t, self.stepper.state):
+                        self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                        break
+        except ConvergenceError as failed:
+            error = failed
+            self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
+        finally:
+            self.close_row(before, None)
+            self.progress.close()
+            self.info |= {"solver": self.stepper.solver_name, "steps": self.steps, "iterations": self.iterations,
+                          "fallbacks": self.stepper.fallbacks + (self.stepper.linear.fallbacks if self.stepper.linear else 0),
+                          "scale": {k: v for k, v in self.observer.scale.items() if v > 0.0} | {"gap": self.model.length},
+                          "wall_time": time.perf_counter() - begin}
+            if self.control is not None:
+                self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted, "rejected": self.control.rejected}
+            if self.writer is not None:
+                self.writer.close(self.info)
+        result = self.memory.close(self.info)
+        result.state = self.stepper.copy_state()
+        if error is not None:
+            error.result = result
+            raise error
+        return result
+
+    def chunks(self, every: int) -> Any:
+        """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
+        t, done, h = self.t_start, 0, self.step
+        quiet = not self.observer.series().keys() - {"iterations", "step_size"} and self.writer is None and self.callback is None
+        while t < self.t_end * (1.0 - 1e-14) - 1e-300:
+            clock = time.perf_counter()
+            if self.control is not None:
+                h = min(h, self.t_end - t)
+                size, h_next, outcome = self.control.advance(self.stepper, t, h, self.steps)
+                n = 1
+            else:
+                whole = int((self.t_end - t) / self.step * (1.0 + 1e-12) + 1e-9)
+                n = min(every, whole) if whole else 1
+                size = self.step if whole else self.t_end - t
+                outcome = self.stepper.advance(t, size, n)
+            reached = t + size * outcome.steps
+            if self.control is None and size == self.step:
+                done += outcome.steps
+                reached = self.t_start + self.step * done
+            elif self.control is not None and outcome.status == OK:
+                reached = t + size
+            if outcome.status == SLIDER_END:
+                yield from self.end_of_beam(reached, outcome, size)
+                return
+            if outcome.status != OK:
+                raise failure(self.stepper, outcome, reached, self.steps + outcome.steps)
+            if abs(reached - self.t_end) <= 1e-9 * size:
+                reached = self.t_end
+            self.progress.update(reached - t)
+            t = reached
+            if self.control is not None:
+                h = h_next
+            yield t, outcome, size, True
+            if quiet and self.control is None and time.perf_counter() - clock < 0.1:
+                every *= 2
+
+    def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
+        """Finish at the end of the beam that a slider reached."""
+        outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
+        if outcome.steps:
+            yield t, outcome, h, True
+        slider = outcome.slider
+        last, final = run_to_end_of_beam(self.stepper, t, h, slider)
+        if last > 0.0:
+            t += last
+            yield t, final, last, True
+        s = float(self.stepper.state.s[slider])
+        length = float(self.model.slider_lengths[slider])
+        end = "start" if s < 0.5 * length else "end"
+        name = self.model.names["sliders"][slider]
+        self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
+                    "text": f"slider {name!r} reached the {end} of its beam at t = {t:.6g} s; the run ends here"})
+
+
+def _conserved(model: Model) -> list[str]:
+    """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
+    out = ["gap"]
+    timed = any(t is not None for t in model.load_times)
+    moments = bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6])) if len(model.loads) else False
+    if not timed and not moments:
+        out.append("total")
+    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
+    if not len(model.loads) and not held:
+        out += ["lin_mom", "ang_mom"]
+    return out
+
+
+def _tied_rows(model: Model) -> Array:
+    return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+    out = {"python": sys.version.split()[0]}
+    for name in ("fastbeam", "numpy", "numba"):
+        try:
+            out[name] = version(name)
+        except PackageNotFoundError:
+            out[name] = "not installed"
+    return out
