@@ -71,6 +71,11 @@ class Model:
     text: str = ""
 
     @property
+    def numbers_with_rotation(self) -> set[int]:
+        """Nodes that have a rotation of their own: all but point masses."""
+        return set(np.flatnonzero(self.numbers.rank != 9).tolist())
+
+    @property
     def n_sliders(self) -> int:
         """Number of sliders."""
         return self.s0.size

@@ -97,6 +97,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     weights = composition(order)
     n_steps = int(np.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else _count("every", every)
+    if isinstance(snapshots, bool) or not isinstance(snapshots, (int, np.integer)) or snapshots < 0:
+        raise SceneError(f"snapshots: must be a whole number >= 0, got {snapshots!r}")
     control = None
     if tolerance is not None:
         tolerance = _number("tolerance", tolerance)
@@ -145,8 +147,9 @@ class _Run:
             from .store import ResultWriter
             self.writer = ResultWriter(file, header, overwrite=overwrite)
         self.progress = Progress(t_end - t_start, model.scene_name, progress)
-        self.shape_gap = (t_end - t_start) / max(snapshots - 1, 1) if snapshots > 0 else np.inf
-        self.next_shape = t_start if snapshots > 0 else np.inf
+        self.snapshots = snapshots
+        self.shape_gap = (t_end - t_start) / max(snapshots - 1, 1)
+        self.next_shape = t_start
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
 
@@ -154,7 +157,7 @@ class _Run:
     def open_row(self, t: float, iterations: int, size: float) -> None:
         """A row waits until the next step is known: the contact force of a row is the mean of the steps around it (4.5)."""
         self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
-        if t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end:
+        if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
             self.shape(t)
             while self.next_shape <= t + 1e-9 * self.shape_gap:
                 self.next_shape += self.shape_gap

@@ -133,11 +133,12 @@ def update_step(ties, contact, row_of, state, work, width, length):
 @kernel
 def has_converged(size, before, floor):
     """Round-off level reached, or certain to be reached: Newton squares the increment, so the next would be about
-    size (size/before)^2. `floor` is where increments of round-off size end the iteration."""
+    size (size/before)^2. That has to lie below 1e-20 and not 1e-16, because residual forces are increments times stiffness and the
+    energy keeps their work. `floor` is where increments of round-off size end the iteration."""
     if size <= 1e-15:
         return True
     if size < before and before < np.inf:
-        if size * (size / before)**2 <= 1e-16:
+        if size * (size / before)**2 <= 1e-20:
             return True
     return size <= floor and size > 0.1 * before
 
@@ -237,3 +238,49 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of,
         if n == 0:
             for k in range(mean_force_out.shape[1]):
                 mean_force_out[0, k] = mean_force_out[1, k]
+
+
+@kernel
+def assemble_static(simo, green, ties, held, row_of, state, work):
+    """Residual f_int - f_ext and half the static tangent at the present configuration (method.md 8): both ends of a step equal."""
+    copy(state.q, work.q_mid)
+    copy(state.q, work.q_end)
+    assemble(simo, green, None, ties, held, None, None, None, row_of, state, work, None, 0.0)
+
+
+@kernel
+def update_static(ties, row_of, state, work, width, length):
+    """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns the size of the increment."""
+    for i in range(work.theta.shape[0]):
+        work.theta[i] = 0.0
+    for i in range(work.dq.shape[0]):
+        work.dq[i] = 0.0
+    for i in range(6 * row_of.shape[0]):
+        work.panel[i * width] *= -0.5
+    move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq)
+    if ties is not None:
+        tie_coordinates(ties, work.dq)
+    for k in range(work.dq.shape[0]):
+        state.q[k] += work.dq[k]
+    return move / length + spin
+
+
+@kernel
+def solve_static_step(simo, green, ties, held, plan, row_of, state, work, width, length, max_iterations, largest, sizes_out):
+    """Newton iteration to equilibrium with block elimination. Returns (status, iterations); an increment beyond `largest` ends it."""
+    before = np.inf
+    for it in range(max_iterations):
+        assemble_static(simo, green, ties, held, row_of, state, work)
+        worst = factor(plan, work.blocks, work.pivots)
+        if not worst > 1e-14:
+            return SINGULAR, it + 1
+        fill_panel(None, work.r, held, row_of.shape[0], width, work.panel)
+        solve(plan, work.blocks, work.pivots, work.panel, width)
+        size = update_static(ties, row_of, state, work, width, length)
+        sizes_out[it] = size
+        if not size < largest:
+            return NOT_FINITE, it + 1
+        if has_converged(size, before, 1e-9):
+            return OK, it + 1
+        before = size
+    return NOT_CONVERGED, max_iterations

@@ -1,0 +1,229 @@
+"""Equilibrium: Newton on the 6 unknowns of every node with load steps that adapt (method.md 8)."""
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .dynamics import failure
+from .errors import ConvergenceError, SceneError
+from .kernels import step as kernels
+from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, State
+from .linsolve import SparseSolver
+from .model import Model
+from .newton import Outcome, Stepper
+from .observe import Observer
+from .result import Result, ResultBuffer
+
+Array = np.ndarray
+# an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
+LARGEST_INCREMENT = 4.0
+
+
+def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
+                 start: State | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
+                 max_iterations: int = 20, backend: str = "auto") -> Result:
+    """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
+
+    Parameters
+    ----------
+    model : Model
+        Without sliders: a sliding point has no static equilibrium of its own here, let it come to rest by `simulate`.
+    load_step, smallest_step : float
+        First and smallest increment of the load factor, which runs from 0 to 1.
+    at_time : float
+        Where time functions of loads are evaluated, s; needed when the scene has some.
+    start : State
+        Begin from this shape instead of the reference.
+    observe, points
+        As in `simulate`; rows are load steps, `result.t` the load factor.
+    max_iterations : int
+        Newton iterations a load step.
+    backend : {'auto', 'pardiso', 'superlu'}
+
+    Returns
+    -------
+    Result
+        With the equilibrium in `.state`, ready as `start` of `simulate`.
+
+    Raises
+    ------
+    SceneError
+        Something is held by nothing, or sliders are present.
+    ConvergenceError
+        The smallest load step fails; carries the last equilibrium and the result until then.
+    """
+    if model.n_sliders:
+        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders; find their rest position with simulate, or take them "
+                         "out of the scene")
+    if not 0.0 < smallest_step <= load_step <= 1.0:
+        raise SceneError(f"load_step: needs 0 < smallest_step <= load_step <= 1, got {smallest_step!r} and {load_step!r}")
+    timed = [t for t in model.load_times if t is not None]
+    if timed and at_time is None:
+        raise SceneError("solve_static: loads have time functions; say with at_time=... where to evaluate them")
+    check_supports(model)
+    factors = np.array([1.0 if t is None else float(t(at_time)) for t in model.load_times])
+    solver = _StaticSolver(model, start, max_iterations, backend)
+    observer = Observer(model, [k for k in observe if k == "energy"], points)
+    info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": []}
+    buffer = ResultBuffer(observer.header(info))
+    begin = time.perf_counter()
+
+    def record(factor: float, iterations: int, size: float) -> None:
+        buffer.append({**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}, factor)
+        q = solver.state.q.reshape(-1, 4, 3)
+        buffer.snapshot(factor, q[:, 0], q[:, 1:])
+
+    def finish() -> Result:
+        result = buffer.close(info | {"solver": solver.name, "steps": len(solver.history), "iterations": sum(solver.history),
+                                      "wall_time": time.perf_counter() - begin})
+        result.state = State(*(x.copy() for x in solver.state))
+        return result
+
+    record(0.0, 0, 0.0)
+    reached, step = 0.0, load_step
+    while reached < 1.0:
+        step = min(step, 1.0 - reached)
+        target = 1.0 if reached + step > 1.0 - 1e-12 else reached + step
+        status, sizes = solver.equilibrium(target * factors)
+        if status == OK:
+            solver.history.append(len(sizes))
+            record(target, len(sizes), step)
+            reached = target
+            step *= 2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0
+            continue
+        if step <= smallest_step * (1.0 + 1e-12):
+            error = failure(solver.stepper, Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0))), reached, len(solver.history))
+            text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
+            raise ConvergenceError(f"{text}; a limit or buckling point may lie there. The last equilibrium is in .state, everything "
+                                   "computed in .result", step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
+                                   state=State(*(x.copy() for x in solver.state)), result=finish())
+        step = max(smallest_step, 0.25 * step)
+    return finish()
+
+
+class _StaticSolver:
+    """Newton iterations of one model; keeps the last equilibrium."""
+
+    def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str) -> None:
+        self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend)
+        self.model, self.work, self.max_iterations, self.backend = model, self.stepper.work, max_iterations, backend
+        self.state = self.stepper.state
+        self.state.v[:] = 0.0
+        self.history: list[int] = []
+        self.fallbacks = 0
+        self.linear: SparseSolver | None = None
+
+    @property
+    def name(self) -> str:
+        """Which solver ran."""
+        if self.model.pattern.plan is not None:
+            return f"block elimination, {self.fallbacks} load steps fell back to SuperLU"
+        return self.linear.name if self.linear is not None else "none"
+
+    def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        """Solve for load factors [K]; on a failure the state is the last equilibrium."""
+        model, work = self.model, self.work
+        work.f_ext[:] = 0.0
+        if model.loads.shape[0]:
+            kernels.external_forces(model.loads, factors, work.f_ext)
+        before = self.state.q.copy()
+        if model.pattern.plan is None:
+            status, sizes = self._sparse(self.backend)
+        else:
+            buffer = np.zeros(self.max_iterations)
+            status, n = kernels.solve_static_step(model.simo, model.green, model.ties, model.held, model.pattern.plan, model.pattern.row_of,
+                                                  self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
+            sizes = [float(x) for x in buffer[:n]]
+            if status == SINGULAR:
+                self.state.q[:] = before
+                status, sizes = self._sparse("superlu")
+                self.fallbacks += status == OK
+        if status != OK:
+            self.state.q[:] = before
+        return status, sizes
+
+    def _sparse(self, backend: str) -> tuple[int, list[float]]:
+        model, work = self.model, self.work
+        pattern = model.pattern
+        if self.linear is None:
+            self.linear = SparseSolver(pattern.rows, pattern.columns, pattern.n, backend)
+        blocks = work.blocks[:48 * pattern.keys.size].reshape(-1, 6, 8)
+        panel = work.panel.reshape(6 * pattern.n, model.width)
+        sizes: list[float] = []
+        for _ in range(self.max_iterations):
+            kernels.assemble_static(model.simo, model.green, model.ties, model.held, pattern.row_of, self.state, work)
+            kernels.prepare_panel(model.held, None, pattern.row_of, work, model.width)
+            x = self.linear.solve(blocks, np.ascontiguousarray(panel[:, :1].T))
+            if x is None:
+                return SINGULAR, sizes
+            panel[:, :1] = x.T
+            size = kernels.update_static(model.ties, pattern.row_of, self.state, work, model.width, model.length)
+            sizes.append(size)
+            if not size < LARGEST_INCREMENT:
+                return NOT_FINITE, sizes
+            if kernels.has_converged(size, sizes[-2] if len(sizes) > 1 else np.inf, 1e-9):
+                return OK, sizes
+        return NOT_CONVERGED, sizes
+
+
+def check_supports(model: Model) -> None:
+    """Every connected part must be held against all six rigid motions.
+
+    Raises
+    ------
+    SceneError
+        Names the part and the motion that nothing prevents.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    pattern = model.pattern
+    n = model.n_nodes
+    graph = coo_matrix((np.ones(pattern.keys.size), (pattern.rows, pattern.columns)), shape=(n, n))
+    rows, columns = [pattern.row_of], [pattern.row_of]
+    if model.ties is not None:
+        # a tied node hangs on its targets
+        count = np.diff(model.ties.start)
+        rows.append(np.repeat(pattern.row_of, count))
+        columns.append(model.ties.target_row)
+    graph = graph + coo_matrix((np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+    _, part = connected_components(graph, directed=False)
+    part = part[pattern.row_of]
+    phi = model.q0.reshape(-1, 12)[:, :3]
+    mask = np.zeros(n, np.int64)
+    if model.held is not None:
+        of_row = np.zeros(n, np.int64)
+        of_row[model.held.row] = model.held.mask
+        mask = of_row[pattern.row_of]
+    if model.ties is not None:
+        mask[model.ties.slave] = 0
+    point = np.array([i not in model.numbers_with_rotation for i in range(n)])
+    for p in np.unique(part):
+        nodes = np.flatnonzero(part == p)
+        if np.all(point[nodes]) and np.all(mask[nodes] & 7):
+            continue
+        center = phi[nodes].mean(axis=0)
+        size = float(np.max(np.linalg.norm(phi[nodes] - center, axis=1))) or 1.0
+        held = [np.zeros((0, 6))]
+        for k in nodes[mask[nodes] != 0]:
+            x = (phi[k] - center) / size
+            if mask[k] & 7:
+                held.append(np.hstack((np.eye(3), -np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]]))))
+            if mask[k] & 56 and not point[k]:
+                held.append(np.hstack((np.zeros((3, 3)), np.eye(3))))
+        matrix = np.concatenate(held)
+        _, values, motions = np.linalg.svd(np.concatenate((matrix, np.zeros((6, 6)))))
+        if values[5] > 1e-9:
+            continue
+        what = model.labels[nodes[0]].split(" node ")[0]
+        shift, turn = motions[5][:3], motions[5][3:]
+        how = "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
+        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({int(np.sum(values[:6] <= 1e-9))} of 6 rigid motions are "
+                         "free); add a Clamp, or Pins that do not lie on one line")
+
+
+def _axis(v: Array) -> str:
+    v = v / (np.max(np.abs(v)) or 1.0)
+    return "(" + ", ".join(f"{x:.3g}" for x in np.where(np.abs(v) < 1e-9, 0.0, v)) + ")"

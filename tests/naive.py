@@ -1,0 +1,342 @@
+"""A slow twin of the conserving step in plain NumPy, to be read next to method.md: one short function per equation.
+
+It shares data with the compiled code, no formulas: the interpolation tables of a beam, the nouns of the scene, the numbers of
+the nodes and which of the coordinates that joints connect is the dependent one. Coordinates are [N, 4, 3]: phi, d1, d2, d3
+of every node.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fastbeam.scene import Beam, PointMass, RigidBody, Scene, Slider
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Step:
+    """A trial step from t_n to t_n + h: q_n, v_n [N, 4, 3], increments dphi, theta [N, 3] (m, Cayley vector), s_n, s_end [S] (m),
+    contact forces [S, 3] (N)."""
+
+    q_n: Array
+    v_n: Array
+    dphi: Array
+    theta: Array
+    s_n: Array
+    s_end: Array
+    force: Array
+    h: float
+
+
+# ------------------------------------------------------------------------------------------------------------- rotations
+def skew(x: Array) -> Array:
+    """Matrix of x cross."""
+    return np.cross(np.eye(3), x)
+
+
+def cay(theta: Array) -> Array:
+    """Rotation of a Cayley vector, (I - theta^/2) R = I + theta^/2; method.md (4.2)."""
+    return np.linalg.solve(np.eye(3) - 0.5 * skew(theta), np.eye(3) + 0.5 * skew(theta))
+
+
+def cayley_vector(rotation: Array) -> Array:
+    """The inverse of `cay`: theta^/2 = (R - I)(R + I)^-1."""
+    s = 2.0 * (rotation - np.eye(3)) @ np.linalg.inv(rotation + np.eye(3))
+    return np.array([s[2, 1], s[0, 2], s[1, 0]])
+
+
+def reciprocal(d: Array) -> Array:
+    """Rows d^i with d^i . d_j = delta_ij."""
+    return np.linalg.inv(d).T
+
+
+def increments(q: Array, dphi: Array, theta: Array) -> Array:
+    """D q of every node: D phi given, D d_i = (cay(theta) - I) d_i; method.md (4.2)."""
+    turn = np.array([cay(t) for t in theta]) - np.eye(3)
+    return np.concatenate((dphi[:, None], np.einsum("nij,nkj->nki", turn, q[:, 1:])), axis=1)
+
+
+def project(q_mid: Array, f: Array) -> Array:
+    """P(qbar)^T f: force and moment sum dbar_i x f_i of every node, [N, 6]; method.md (4.2)."""
+    return np.concatenate((f[:, 0], np.cross(q_mid[:, 1:], f[:, 1:]).sum(axis=1)), axis=1)
+
+
+# ----------------------------------------------------------------------------------------------------------------- beams
+def strains(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
+    """Six strains [..., 6] from phi' [..., 3], directors and their derivatives [..., 3, 3]; method.md (2.1), (2.2)."""
+    def dot(a: Array, b: Array) -> Array:
+        return np.sum(a * b, axis=-1)
+
+    d1, d2, d3 = np.moveaxis(d, -2, 0)
+    d1_s, d2_s, d3_s = np.moveaxis(d_s, -2, 0)
+    gamma2, gamma3 = dot(phi_s, d2), dot(phi_s, d3)
+    kappa1 = 0.5 * (dot(d2_s, d3) - dot(d3_s, d2))
+    if kind == "simo_reissner":
+        axial = dot(phi_s, d1) - 1.0
+        kappa2, kappa3 = 0.5 * (dot(d3_s, d1) - dot(d1_s, d3)), 0.5 * (dot(d1_s, d2) - dot(d2_s, d1))
+    else:
+        axial = 0.5 * (dot(phi_s, phi_s) - 1.0)
+        kappa2, kappa3 = dot(phi_s, d3_s), -dot(phi_s, d2_s)
+    return np.stack((axial, gamma2, gamma3, kappa1, kappa2, kappa3), axis=-1)
+
+
+def element_strains(beam: Beam, e: int, q: Array) -> Array:
+    """Strains [..., nq, 6] of element e at its quadrature points for coordinates [..., nn, 4, 3]; method.md (1.1)."""
+    b = beam.basis
+    phi_s = np.einsum("gn,...nc->...gc", b.phi_s[e], q[..., 0, :])
+    d = np.einsum("gn,...nic->...gic", b.dir[e], q[..., 1:, :])
+    return strains(beam.strain, phi_s, d, np.einsum("gn,...nic->...gic", b.dir_s[e], q[..., 1:, :]))
+
+
+def strain_matrix(beam: Beam, e: int, q_mid: Array) -> Array:
+    """B(qbar) of element e, [12 nn, nq, 6]: exactly B(qbar) x = (E(qbar + x) - E(qbar - x)) / 2, as E is quadratic."""
+    x = np.eye(q_mid.size).reshape(-1, *q_mid.shape)
+    return 0.5 * (element_strains(beam, e, q_mid + x) - element_strains(beam, e, q_mid - x))
+
+
+def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
+    """int B(qbar)^T Sbar ds with Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; method.md (4.1)."""
+    f = np.zeros_like(q_n)
+    for e, nodes in enumerate(beam.basis.element_nodes):
+        mean = 0.5 * (element_strains(beam, e, q_n[nodes]) + element_strains(beam, e, q_n1[nodes]))
+        stress = (mean - element_strains(beam, e, q_ref[nodes])) @ beam.section.C
+        b = strain_matrix(beam, e, 0.5 * (q_n[nodes] + q_n1[nodes]))
+        f[nodes] += np.einsum("xgi,gi,g->x", b, stress, beam.basis.weight[e]).reshape(-1, 4, 3)
+    return f
+
+
+# --------------------------------------------------------------------------------------------------------------- sliders
+def curve_shape(slider: Slider, s: float) -> Array:
+    """N~_A(s) of all nodes of the slider's beam; method.md (3.1)."""
+    n = slider.beam.n_nodes
+    first, values, _ = slider.beam.basis.curve(slider.curve).evaluate(s)
+    out = np.zeros(n + values.shape[1])
+    out[first[0]:first[0] + values.shape[1]] = values[0]
+    return out[:n]
+
+
+def divided_difference(slider: Slider, s0: float, s1: float) -> Array:
+    """N[s0, s1] of all nodes, for s1 well away from s0; method.md (5.3)."""
+    return (curve_shape(slider, s1) - curve_shape(slider, s0)) / (s1 - s0)
+
+
+def multipliers(d_mid: Array, force: Array) -> Array:
+    """lam_i of F = sum lam_i dbar_i; method.md (5.2)."""
+    return reciprocal(d_mid) @ force
+
+
+def mean_gap(n_mean: Array, point_mid: Array, phi_mid: Array) -> Array:
+    """gbar = phibar_S - sum Nbar_A phibar_A; method.md (5.2)."""
+    return point_mid - n_mean @ phi_mid
+
+
+def sliding_equation(lam: Array, d: tuple[Array, Array], n_divided: Array, phi: tuple[Array, Array]) -> float:
+    """sum_k 1/2 [sum lam_i d_i(k)] . [sum N[s_n, s_n+1]_A phi_A(k)] over both ends of the step; method.md (5.3)."""
+    return float(sum(0.5 * (lam @ d_k) @ (n_divided @ phi_k) for d_k, phi_k in zip(d, phi)))
+
+
+def gap_components(d: Array, n: Array, point: Array, phi: Array) -> Array:
+    """g_i = sum N_A pi_iA with pi_iA = d_i . (phi_S - phi_A); method.md (5.1)."""
+    return n @ ((point - phi) @ d.T)
+
+
+# -------------------------------------------------------------------------------------------------------- the whole scene
+class Twin:
+    """All equations of one scene; `model` only numbers the nodes and says which connected coordinates are dependent."""
+
+    def __init__(self, scene: Scene, model: Any) -> None:
+        self.scene, self.n = scene, model.n_nodes
+        self.node_of_label = {label: k for k, label in enumerate(model.labels)}
+        self.spin_root = model.spin_root
+        self.reference = {beam.name: self._reference(beam) for beam in scene.beams}
+        self.q0 = model.q0.reshape(-1, 4, 3)
+        self.arms = sorted({(self.number(body), point) for body in scene.bodies for point in self._points_of(body)})
+        tied = [] if model.ties is None else [int(k) for k in model.ties.slave]
+        self.tie = self._tie_map(tied)
+        self.free = self._free_unknowns(tied)
+        self.mass = self._mass_matrix()
+
+    # --- numbers of nodes
+    def number(self, node: Any) -> int:
+        """Global number of a beam node, body, mass or point of a body."""
+        return self.node_of_label[node.label]
+
+    def of_beam(self, beam: Beam) -> slice:
+        """All nodes of a beam."""
+        return slice(self.number(beam.start), self.number(beam.end) + 1)
+
+    def _points_of(self, body: RigidBody) -> list[int]:
+        """Numbers of all points of a body off its centre that something uses."""
+        scene = self.scene
+        used = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
+        used += [x for joint in [*scene.balls, *scene.rigid] for x in (joint.a, joint.b)]
+        return [self.number(p) for p in used if p.owner is body and not p.is_center]
+
+    @staticmethod
+    def _reference(beam: Beam) -> Array:
+        phi, d = beam.reference(beam.node_s)
+        return np.concatenate((beam.basis.fit_positions(phi)[:, None], d), axis=1)
+
+    # --- joints: q = L q with dependent coordinates on the left
+    def _joint_equations(self) -> Array:
+        """Rows a of sum_x a_x q_x = 0 over the vectors x = 4 node + (phi, d1, d2, d3), from the geometry at t = 0."""
+        rows = []
+
+        def offset_in(k: int, point: Array) -> Array:
+            """Position of node k plus a fixed vector in its triad, the vector from k to `point`."""
+            row = np.zeros(4 * self.n)
+            row[4 * k] = 1.0
+            row[4 * k + 1:4 * k + 4] = self.q0[k, 1:] @ (point - self.q0[k, 0])
+            return row
+
+        def position(k: int) -> Array:
+            return offset_in(k, self.q0[k, 0])
+
+        pairs = [(self.number(j.a), self.number(j.b), isinstance(j.b.owner, PointMass)) for j in self.scene.rigid]
+        pairs += [(body, point, False) for body, point in self.arms]
+        for a, b, without_triad in pairs:
+            rows.append(offset_in(a, self.q0[b, 0]) - position(b))
+            if not without_triad:
+                turn = self.q0[b, 1:] @ self.q0[a, 1:].T
+                for i in range(3):
+                    row = np.zeros(4 * self.n)
+                    row[4 * a + 1:4 * a + 4] = turn[i]
+                    row[4 * b + 1 + i] -= 1.0
+                    rows.append(row)
+        rows += [position(self.number(j.a)) - position(self.number(j.b)) for j in self.scene.balls]
+        return np.array(rows).reshape(-1, 4 * self.n)
+
+    def _tie_map(self, tied: list[int]) -> Array:
+        """L [4 N, 4 N]: identity on the free vectors, dependent ones solved from the equations of the joints."""
+        equations = self._joint_equations()
+        dependent = [4 * k for k in tied] + [4 * k + i for k in tied if self.spin_root[k] != k for i in (1, 2, 3)]
+        independent = np.setdiff1d(np.arange(4 * self.n), dependent)
+        tie = np.eye(4 * self.n)
+        if dependent:
+            assert np.linalg.matrix_rank(equations) == len(dependent) == np.linalg.matrix_rank(equations[:, dependent])
+            tie[dependent] = 0.0
+            tie[np.ix_(dependent, independent)] = -np.linalg.pinv(equations[:, dependent]) @ equations[:, independent]
+            assert np.max(np.abs(equations @ tie)) < 1e-12
+        return tie
+
+    def _free_unknowns(self, tied: list[int]) -> Array:
+        """[N, 6] bool: False for clamps, pins, triads of point masses and dependent coordinates."""
+        free = np.ones((self.n, 6), dtype=bool)
+        for mass in self.scene.masses:
+            free[self.number(mass), 3:] = False
+        for clamp in self.scene.clamps:
+            node = clamp.at.owner if isinstance(clamp.at.owner, RigidBody) else clamp.at
+            free[self.spin_root[self.number(node)]] = False
+        for pin in self.scene.pins:
+            free[self.number(pin.at), :3] = False
+        free[tied, :3] = False
+        free[[k for k in tied if self.spin_root[k] != k], 3:] = False
+        return free
+
+    # --- inertia and loads
+    def _mass_matrix(self) -> Array:
+        """M [4 N, 4 N] over the vectors of all nodes; method.md (1.2), bodies with Euler tensor 1/2 tr(J) I - J."""
+        m = np.zeros((self.n, 4, self.n, 4))
+        for beam in self.scene.beams:
+            first = self.number(beam.start)
+            for e, nodes in enumerate(beam.basis.element_nodes):
+                at = np.ix_(first + nodes, first + nodes)
+                m[:, 0, :, 0][at] += beam.section.rhoA * beam.basis.mass_phi[e]
+                m[:, 2, :, 2][at] += beam.section.rhoI2 * beam.basis.mass_dir[e]
+                m[:, 3, :, 3][at] += beam.section.rhoI3 * beam.basis.mass_dir[e]
+        for part in [*self.scene.masses, *self.scene.bodies]:
+            k = self.number(part)
+            m[k, 0, k, 0] += part.mass
+            if isinstance(part, RigidBody):
+                m[k, 1:, k, 1:] += 0.5 * np.trace(part.inertia) * np.eye(3) - part.inertia
+        return m.reshape(4 * self.n, 4 * self.n)
+
+    def dead_loads(self, factor: Any = lambda time: 1.0) -> tuple[Array, Array]:
+        """Forces and torques on the nodes, [N, 3] each; `factor` gives the mean of a time function over the step."""
+        scene = self.scene
+        force, torque = np.zeros((self.n, 3)), np.zeros((self.n, 3))
+        for beam in scene.beams:
+            b, first = beam.basis, self.number(beam.start)
+            loads = [(load.force_at, load.moment_at, factor(load.time)) for load in scene.distributed if load.beam is beam]
+            weight = beam.section.rhoA * scene.gravity
+            for e, nodes in enumerate(b.element_nodes):
+                lumps = b.mass_weight[e][:, None] * b.mass_phi_values[e]     # int N_A ds, point by point
+                force[first + nodes] += factor(scene.gravity_time) * lumps.sum(axis=0)[:, None] * weight
+                for force_at, moment_at, f in loads:
+                    force[first + nodes] += f * lumps.T @ force_at(b.mass_point_s[e])
+                    torque[first + nodes] += f * lumps.T @ moment_at(b.mass_point_s[e])
+        for part in [*scene.bodies, *scene.masses]:
+            force[self.number(part)] += factor(scene.gravity_time) * part.mass * scene.gravity
+        for load in scene.loads:
+            force[self.number(load.at)] += factor(load.time) * load.force
+            torque[self.number(load.at)] += factor(load.time) * load.moment
+        return force, torque
+
+    @staticmethod
+    def load_forces(q_mid: Array, force: Array, torque: Array) -> Array:
+        """Loads on the coordinates: f_i = 1/2 tau x dbar^i gives sum dbar_i x f_i = tau exactly; method.md (4.4)."""
+        f = np.zeros_like(q_mid)
+        f[:, 0] = force
+        f[:, 1:] = 0.5 * np.cross(torque[:, None], [reciprocal(d) for d in q_mid[:, 1:]])
+        return f
+
+    # --- sliders
+    def frame_node(self, slider: Slider, s_n: float) -> int:
+        """Node whose triad carries the gap: the slider's own, or for a point mass that of the beam node nearest to s_n."""
+        if not isinstance(slider.point.owner, PointMass):
+            return self.number(slider.point)
+        return self.number(slider.beam.start) + int(np.argmin(np.abs(slider.beam.node_s - s_n)))
+
+    def slider_terms(self, slider: Slider, s_n: float, s_end: float, force: Array, q_n: Array,
+                     q_n1: Array) -> tuple[Array, Array]:
+        """(constraint forces [N, 4, 3], the three gaps in space at n+1 and the sliding equation [4]); method.md (5.1)-(5.4)."""
+        at, point, frame = self.of_beam(slider.beam), self.number(slider.point), self.frame_node(slider, s_n)
+        q_mid = 0.5 * (q_n + q_n1)
+        n_mean = 0.5 * (curve_shape(slider, s_n) + curve_shape(slider, s_end))
+        lam = multipliers(q_mid[frame, 1:], force)
+        f = np.zeros_like(q_n)
+        f[point, 0] += lam @ q_mid[frame, 1:]
+        f[at, 0] -= np.outer(n_mean, lam @ q_mid[frame, 1:])
+        f[frame, 1:] += np.outer(lam, mean_gap(n_mean, q_mid[point, 0], q_mid[at, 0]))
+        sliding = sliding_equation(lam, (q_n[frame, 1:], q_n1[frame, 1:]), divided_difference(slider, s_n, s_end),
+                                   (q_n[at, 0], q_n1[at, 0]))
+        gaps = gap_components(q_n1[frame, 1:], curve_shape(slider, s_end), q_n1[point, 0], q_n1[at, 0])
+        return f, np.append(gaps @ q_n1[frame, 1:], sliding)
+
+    # --- the equations
+    def connected(self, x: Array) -> Array:
+        """Coordinates, increments or rates with the dependent ones set from the others."""
+        return (self.tie @ x.reshape(4 * self.n, 3)).reshape(self.n, 4, 3)
+
+    def beam_forces(self, q_n: Array, q_n1: Array) -> Array:
+        """Internal forces of all beams, [N, 4, 3]."""
+        f = np.zeros_like(q_n)
+        for beam in self.scene.beams:
+            at = self.of_beam(beam)
+            f[at] += internal_forces(beam, self.reference[beam.name], q_n[at], q_n1[at])
+        return f
+
+    def reduced(self, q_mid: Array, f: Array) -> Array:
+        """Forces of dependent coordinates moved to the others, projected, held unknowns removed: [N, 6]."""
+        moved = (self.tie.T @ f.reshape(4 * self.n, 3)).reshape(self.n, 4, 3)
+        return np.where(self.free, project(q_mid, moved), 0.0)
+
+    def residual(self, step: Step, factor: Any = lambda time: 1.0) -> tuple[Array, Array]:
+        """Residual of the conserving step: nodes [N, 6] and sliders [S, 4] (gap, sliding); method.md (4.1), (5.1)-(5.4)."""
+        dq = self.connected(increments(step.q_n, step.dphi, step.theta))
+        q_n1, q_mid = step.q_n + dq, step.q_n + 0.5 * dq
+        inertia = self.mass @ (2.0 / step.h**2 * (dq - step.h * step.v_n)).reshape(4 * self.n, 3)
+        f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1)
+        f -= self.load_forces(q_mid, *self.dead_loads(factor))
+        contact = np.zeros((len(self.scene.sliders), 4))
+        for k, slider in enumerate(self.scene.sliders):
+            pull, contact[k] = self.slider_terms(slider, step.s_n[k], step.s_end[k], step.force[k], step.q_n, q_n1)
+            f -= pull
+        return self.reduced(q_mid, f), contact
+
+    def static_residual(self, q: Array) -> Array:
+        """Out-of-balance forces [N, 6] of a configuration at rest; method.md 8."""
+        return self.reduced(q, self.beam_forces(q, q) - self.load_forces(q, *self.dead_loads()))
