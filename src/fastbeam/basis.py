@@ -1,4 +1,4 @@
-"""Interpolation tables of one beam: shape functions as data (method.md 3.2).
+"""Interpolation tables of one beam: shape functions as data (theory.md 3.2).
 
 Two families, one table layout. `lagrange`: C0 polynomials through Gauss-Lobatto-Legendre nodes, degree 1 to 8. `bspline`:
 C^(p-1) splines on an open knot vector, degree 2 to 5; their directors sit at the control points or, quasi-interpolated, at the
@@ -27,7 +27,7 @@ END_TOLERANCE = 1e-12  # of the length: how far a given end may miss 0 and lengt
 
 @dataclass(frozen=True)
 class CurveBasis:
-    """Curve a slider runs on, c(s) = sum_a N_a(s) phi_a, polynomial in xi in [-1, 1] on each element, method.md (3.1).
+    """Curve a slider runs on, c(s) = sum_a N_a(s) phi_a, polynomial in xi in [-1, 1] on each element, theory.md (3.1).
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class CurveBasis:
 
 @dataclass(frozen=True)
 class Basis:
-    """Tables of one beam (method.md 3.2). nn nodes per element, nq = degree and nm = degree + 1 Gauss points.
+    """Tables of one beam (theory.md 3.2). nn nodes per element, nq = degree and nm = degree + 1 Gauss points.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class Basis:
         return solve_banded((lower, upper), band, values)
 
     def curve(self, kind: str) -> CurveBasis:
-        """Basis of the curve a slider runs on: 'own' is the position basis, 'c1' has a continuous tangent, method.md (3.1).
+        """Basis of the curve a slider runs on: 'own' is the position basis, 'c1' has a continuous tangent, theory.md (3.1).
 
         For lagrange 'c1' bends every element polynomial towards the mean of the two slopes at its inner ends. The weight of a
         slope is the p-th power of the other element's length: equal on uniform meshes, and for odd p the leading errors of the
@@ -182,7 +182,7 @@ class Basis:
 
 def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | ArrayLike, length: float,
                 directors: str = "greville") -> Basis:
-    """Interpolation tables of a beam of the given length (m), method.md 3.2.
+    """Interpolation tables of a beam of the given length (m), theory.md 3.2.
 
     Parameters
     ----------

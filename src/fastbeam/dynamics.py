@@ -17,14 +17,14 @@ END_TOLERANCE = 1e-10
 
 
 def composition(order: int) -> Array:
-    """Substeps of a step of order 2 or 4 (Suzuki's composition, method.md 6).
+    """Substeps of a step of order 2 or 4 (Suzuki's composition, theory.md 6).
 
     Raises
     ------
     SceneError
         The order is neither 2 nor 4.
     """
-    if order not in WEIGHTS:
+    if order not in (2, 4):
         raise SceneError(f"order: must be 2 or 4, got {order!r}")
     return WEIGHTS[order]
 

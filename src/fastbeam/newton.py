@@ -5,12 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .errors import SceneError
 from .kernels import step as kernels
-from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, State
-from .linsolve import SparseSolver
+from .kernels.slider import BORDER
+from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, State, Work
+from .linsolve import LinearSystem
 from .model import Model
 
 Array = np.ndarray
+BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            BORDER_SINGULAR: "the equations of a slider are singular", NOT_FINITE: "the Newton iteration diverged"}
 
@@ -27,6 +30,13 @@ class Outcome:
     sizes: Array
     force: Array
 
+    def after(self, other: Outcome) -> Outcome:
+        """This outcome as the continuation of another."""
+        first = other.force[0] if other.steps else self.force[0]
+        last = self.force[1] if self.steps else other.force[1]
+        return Outcome(self.status, other.steps + self.steps, other.iterations + self.iterations, self.slider, self.sizes,
+                       np.stack((first, last)))
+
 
 class Stepper:
     """Runs steps of one model; owns the state and the work arrays.
@@ -35,37 +45,37 @@ class Stepper:
     ----------
     model : Model
     weights : float64 [m]
-        Substeps of a step as fractions of it (method.md 6).
+        Substeps of a step as fractions of it (theory.md 6).
     state : State, optional
         Start from here instead of the model's initial state.
     max_iterations : int
         Newton iterations a substep.
     backend : {'auto', 'pardiso', 'superlu'}
-        Of the sparse solver.
+        Of the sparse solver, where the model needs one.
+
+    Raises
+    ------
+    SceneError
+        The state is not one of this model, or max_iterations or backend is not usable.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto") -> None:
+        if backend not in BACKENDS:
+            raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+        if isinstance(max_iterations, bool) or not isinstance(max_iterations, (int, np.integer)) or max_iterations < 1:
+            raise SceneError(f"max_iterations: must be a whole number >= 1, got {max_iterations!r}")
         self.model = model
         self.weights = np.ascontiguousarray(weights, dtype=float)
-        self.state = model.state() if state is None else State(*(np.array(x, dtype=float) for x in state))
+        self.state = model.state() if state is None else _own_state(model, state)
         self.work = model.work()
         self.contact = model.contact()
         self.max_iterations = max_iterations
-        self.fallbacks = 0
-        self.linear: SparseSolver | None = None
-        self._backend = backend
+        self.linear = LinearSystem(model.pattern, 1 + BORDER * model.n_sliders, backend)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._timed = any(t is not None for t in model.load_times)
         if not self._timed and model.loads.shape[0]:
             kernels.external_forces(model.loads, self._factors[0], self.work.f_ext)
-
-    @property
-    def solver_name(self) -> str:
-        """Which solver ran and how often it fell back."""
-        if self.model.pattern.plan is not None:
-            return f"block elimination, {self.fallbacks} steps fell back to SuperLU"
-        return self.linear.name if self.linear is not None else "none"
 
     def copy_state(self) -> State:
         """A copy of the present state."""
@@ -79,7 +89,7 @@ class Stepper:
     def advance(self, t: float, h: float, n: int) -> Outcome:
         """n steps of size h from time t. On a failure or event the state is the one before that step."""
         model = self.model
-        counts = np.zeros(5, np.int64)
+        counts = np.zeros(4, np.int64)
         sizes = np.zeros(self.max_iterations)
         force = np.zeros((2, 3 * model.n_sliders))
         loads, factors = None, self._factors
@@ -87,87 +97,76 @@ class Stepper:
             ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
             starts = t + h * (np.arange(n)[:, None] + ends)
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), np.tile(self.weights * h, n))
-        if model.pattern.plan is None:
-            return self._sparse_run(factors if self._timed else None, h, n, self._backend)
+        if not self.linear.is_compiled:
+            return self._python_run(factors if self._timed else None, h, n)
         kernels.run(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders, self.contact,
-                    model.pattern.plan, model.pattern.row_of, model.spinless, loads, factors, self.state, self.work, self.weights, h, n,
-                    model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
+                    model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state, self.work,
+                    self.weights, h, n, model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
         done = int(counts[1])
-        if counts[0] in (SINGULAR, NOT_CONVERGED, NOT_FINITE):
-            # once more with pivoting across blocks
-            again = self._sparse_run(factors[done * self.weights.size:] if self._timed else None, h, 1, "superlu")
-            if again.status == OK:
-                self.fallbacks += 1
-                first = again.force[0] if done == 0 else force[0]
-                head = Outcome(OK, done + 1, int(counts[2]) + again.iterations, -1, again.sizes, np.stack((first, again.force[1])))
-                if done + 1 == n:
-                    return head
-                tail = self.advance(t + (done + 1) * h, h, n - done - 1)
-                last = tail.force[1] if tail.steps else head.force[1]
-                return Outcome(tail.status, done + 1 + tail.steps, head.iterations + tail.iterations, tail.slider, tail.sizes,
-                               np.stack((first, last)))
-        return Outcome(int(counts[0]), done, int(counts[2]), int(counts[3]), sizes, force)
+        result = Outcome(int(counts[0]), done, int(counts[2]), int(counts[3]), sizes, force)
+        if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
+            return result
+        # the failed step once more with pivoting across blocks, then on in compiled code
+        again = self._python_run(factors[done * self.weights.size:] if self._timed else None, h, 1)
+        if again.status != OK:
+            return result if again.status != SLIDER_END else again.after(result)
+        self.linear.fallbacks += 1
+        head = again.after(result)
+        if done + 1 == n:
+            return head
+        return self.advance(t + (done + 1) * h, h, n - done - 1).after(head)
 
-    def _sparse_run(self, factors: Array | None, h: float, n: int, backend: str) -> Outcome:
-        """The same loop in Python around a sparse solver."""
+    def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
+        """The same loop in Python around SuperLU."""
         model, state, work = self.model, self.state, self.work
         force = np.zeros((2, 3 * model.n_sliders))
         iterations = 0
         sizes = np.zeros(0)
         for k in range(n):
-            before = self.copy_state()
+            kernels.keep_state(state, work)
             last = np.zeros(3 * model.n_sliders)
-            status = OK
+            status, slider = OK, -1
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                status, sizes = self._sparse_step(weight * h, backend)
+                status, sizes = self._python_step(weight * h)
                 iterations += len(sizes)
                 if status != OK:
                     break
                 kernels.finish_step(state, work, weight * h)
                 last += weight * state.force
-            slider = -1
             if status == OK:
-                outside = np.flatnonzero(~((state.s >= 0.0) & (state.s <= model.slider_lengths)))
-                if outside.size:
-                    status, slider = SLIDER_END, int(outside[0])
+                slider = int(kernels.slider_outside(state, model.slider_lengths))
+                status = SLIDER_END if slider >= 0 else OK
             if status != OK:
-                self.set_state(before)
+                kernels.restore_state(state, work)
                 return Outcome(status, k, iterations, slider, sizes, force)
             force[1] = last
             if k == 0:
                 force[0] = last
         return Outcome(OK, n, iterations, -1, sizes, force)
 
-    def _sparse_step(self, h: float, backend: str) -> tuple[int, Array]:
+    def _python_step(self, h: float) -> tuple[int, Array]:
         model, state, work, contact = self.model, self.state, self.work, self.contact
-        pattern = model.pattern
-        if self.linear is None:
-            self.linear = SparseSolver(pattern.rows, pattern.columns, pattern.n, backend)
+        row_of, width = model.pattern.row_of, model.width
         kernels.start_step(model.ties, model.curves, model.sliders, contact, model.spinless, state, work, h)
-        n, width, columns = pattern.n, model.width, 1 + 7 * model.n_sliders
-        blocks = work.blocks[:48 * pattern.keys.size].reshape(-1, 6, 8)
-        panel = work.panel.reshape(6 * n, width)
         sizes: list[float] = []
-        previous = np.inf
+        before = np.inf
         for _ in range(self.max_iterations):
             kernels.assemble_step(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders, contact,
-                                  pattern.row_of, state, work, h)
-            kernels.prepare_panel(model.held, contact, pattern.row_of, work, width)
-            x = self.linear.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
-            if x is None:
+                                  row_of, state, work, h)
+            kernels.fill_panel(contact, work.r, model.held, row_of.shape[0], width, work.panel)
+            if not solve_panel(self.linear, model, work):
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
-            panel[:, :columns] = x.T
-            size = kernels.update_step(model.ties, contact, pattern.row_of, state, work, width, model.length)
+            size = kernels.update_step(model.ties, contact, row_of, state, work, width, model.length)
             if size < 0.0:
                 return BORDER_SINGULAR, np.array(sizes)
             sizes.append(size)
             if not size < 1e6:
                 return NOT_FINITE, np.array(sizes)
-            if kernels.has_converged(size, previous, 1e-9):
+            if kernels.has_converged(size, before, 1e-9):
                 return OK, np.array(sizes)
-            previous = size
+            before = size
         return NOT_CONVERGED, np.array(sizes)
 
     def worst_node(self) -> tuple[int, float]:
@@ -175,3 +174,28 @@ class Stepper:
         r = np.abs(self.work.r[:8 * self.model.n_nodes].reshape(-1, 8)[:, :6]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(self.model.pattern.row_of == row)[0]), float(r[row])
+
+
+def solve_panel(linear: LinearSystem, model: Model, work: Work) -> bool:
+    """Solve the panel of right-hand sides with SuperLU; False where no acceptable solution was found."""
+    columns = 1 + BORDER * model.n_sliders
+    panel = work.panel.reshape(-1, model.width)
+    blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)
+    x = linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
+    if x is None:
+        return False
+    panel[:, :columns] = x.T
+    return True
+
+
+def _own_state(model: Model, state: State) -> State:
+    """A copy of a state that fits the model; compiled code reads it without bounds."""
+    if not isinstance(state, State):
+        raise SceneError(f"start: must be a State (result.state, model.state()), got {state!r:.60}")
+    for name, x, mine in zip(State._fields, state, model.state()):
+        if np.shape(x) != mine.shape:
+            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from a state "
+                             "of the same model")
+        if not np.isfinite(x).all():
+            raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
+    return State(*(np.array(x, dtype=float) for x in state))

@@ -34,6 +34,10 @@ class Observer:
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
+        if isinstance(kinds, str):
+            raise SceneError(f"observe: must be a sequence of kinds, got {kinds!r}; write observe=({kinds!r},)")
+        if points is not None and not isinstance(points, Mapping):
+            raise SceneError(f"points: must map names to nodes, as in points={{'tip': beam.end}}, got {points!r}")
         unknown = [k for k in kinds if k not in KINDS]
         if unknown:
             raise SceneError(f"observe: {unknown[0]!r} does not exist: choose from 'energy', 'momentum', 'slider'")
@@ -118,7 +122,10 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
 def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
-        owner, (first, values, _) = what[0], what[0].basis.curve("own").evaluate(float(what[1]))
+        owner, s = what[0], what[1]
+        if isinstance(s, str) or np.ndim(s) != 0 or not 0.0 <= s <= owner.length:
+            raise SceneError(f"point {name!r}: s={s!r} lies outside {owner.label} (0 to {owner.length:.6g} m)")
+        first, values, _ = owner.basis.curve("own").evaluate(float(s))
         local, weights = int(first[0]) + np.arange(values.shape[1]), np.zeros((values.shape[1], 4))
         weights[:, 0] = values[0]
     else:

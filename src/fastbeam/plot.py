@@ -50,6 +50,9 @@ def _styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "viridis") -> Figure:
     """Deformed shapes at n snapshots coloured by time; bodies, point masses and slider points as dots, slider paths as lines.
 
+    Lagrange beams are drawn as the curves they are. B-spline beams are drawn through their control points, which lie close to the
+    curve but not on it. Of a static result the colour is the load factor.
+
     Parameters
     ----------
     result : Result
@@ -178,21 +181,45 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
     # the bright end of the map is hard to see on white
     colours = mpl.colors.LinearSegmentedColormap.from_list("time", mpl.colormaps[cmap](np.linspace(0.0, 0.92, 256)))
     lumps = [entry["node"] for kind in ("bodies", "masses") for entry in result.names.get(kind, [])]
-    spans = [(entry["first"], entry["first"] + entry["count"]) for entry in result.names.get("beams", [])]
+    beams = [(entry["first"], entry["first"] + entry["count"], _sampling(entry)) for entry in result.names.get("beams", [])]
     for _, path in sliders.values():
         if len(path):
             axes.plot(*path[:, space].T, color="0.65", lw=0.9, ls="--", zorder=1)
     for k in picks:
         colour, shape = colours(scale(result.t_snap[k])), result.phi[k]
-        for first, last in spans or [(0, len(shape))]:
-            axes.plot(*shape[first:last, space].T, color=colour, lw=1.8, solid_capstyle="round")
+        for first, last, sampling in beams or [(0, len(shape), None)]:
+            points = shape[first:last] if sampling is None else sampling @ shape[first:last]
+            axes.plot(*points[:, space].T, color=colour, lw=1.8, solid_capstyle="round")
         dots = [shape[node] for node in lumps]
         dots += [_position_at(times, path, result.t_snap[k]) for times, path in sliders.values() if len(path)]
         for dot in dots:
             axes.plot(*dot[space, None], "o", color=colour, ms=7, mec="white", mew=0.8, zorder=4)
     mappable = mpl.cm.ScalarMappable(norm=scale, cmap=colours)
-    _time_bar(figure, axes, mappable)
-    axes.set_title("Deformed shapes")
+    _time_bar(figure, axes, mappable, "load factor [-]" if result.info.get("method") == "static" else "time [s]")
+    # axes in space leave room above their box
+    axes.set_title("Deformed shapes", y=0.93 if len(space) == 3 else None)
+
+
+def _sampling(beam: dict[str, Any]) -> np.ndarray | None:
+    """Matrix [m, nodes] from the nodes of a Lagrange beam to points on its curve; None where the nodes have to do."""
+    ends, s = beam.get("element_ends", []), np.asarray(beam.get("s", []), dtype=float)
+    if len(s) != beam["count"] or len(ends) < 2:
+        return None
+    ends = np.asarray(ends) - beam["first"]
+    degree = int(np.diff(ends).max())
+    if degree == 1 or len(ends) > 200:
+        return None
+    rows = [np.eye(len(s))[:1]]
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        x = s[a:b + 1]
+        at = np.linspace(x[0], x[-1], 4 * (b - a) + 1)[1:]
+        # Lagrange polynomials of the element's nodes
+        block = np.zeros((len(at), len(s)))
+        for i in range(len(x)):
+            others = np.delete(x, i)
+            block[:, a + i] = np.prod((at[:, None] - others) / (x[i] - others), axis=1)
+        rows.append(block)
+    return np.concatenate(rows)
 
 
 def _draw_energies(axes: Any, result: Result) -> None:
@@ -212,7 +239,8 @@ def _draw_drifts(axes: Any, result: Result) -> None:
         x = result.series.get(name)
         if x is None or x.size == 0 or not (result.is_conserved(name) or name == "gap"):
             continue
-        deviation = np.maximum(result.deviation(name), FLOOR)
+        # the largest so far: the zigzag of round-off says nothing
+        deviation = np.maximum.accumulate(np.maximum(result.deviation(name), FLOOR))
         if name == "gap" and not (result.info.get("scale") or {}).get("gap"):
             label += " [m]"
         axes.plot(result.t, deviation, color=colour, label=label, lw=1.1)
@@ -220,7 +248,7 @@ def _draw_drifts(axes: Any, result: Result) -> None:
     axes.axhline(np.finfo(float).eps, color="0.5", lw=0.9, ls=":", zorder=1, label="machine epsilon")
     axes.set_yscale("log")
     axes.set_ylim(FLOOR, 10.0 ** np.ceil(np.log10(top) + 1.0))
-    _finish(axes, "Deviation from the start", "relative deviation [-]", columns=2)
+    _finish(axes, "Largest deviation so far", "relative deviation [-]", columns=2)
 
 
 def _draw_coordinates(axes: Any, result: Result, names: list[str]) -> None:
@@ -279,7 +307,7 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     from matplotlib.ticker import MaxNLocator
     axes.set_zlabel("z [m]")
     axes.set_zlim(middle[2] - half[2], middle[2] + half[2])
-    axes.set_box_aspect(half, zoom=0.84)
+    axes.set_box_aspect(half, zoom=0.87)
     for axis, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), half / half.max(), strict=True):
         axis.set_major_locator(MaxNLocator(nbins=max(2, round(5 * size))))
         axis.labelpad = 10.0 * size
@@ -287,11 +315,11 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     return axes
 
 
-def _time_bar(figure: Figure, axes: Any, mappable: Any) -> None:
+def _time_bar(figure: Figure, axes: Any, mappable: Any, label: str = "time [s]") -> None:
     """Colour bar of time: as high as flat axes, below axes in space."""
     flat = len(axes.axes_of_space) == 2
     place = axes.inset_axes((1.02, 0.0, 0.02, 1.0) if flat else (0.15, -0.02, 0.7, 0.025))
-    figure.colorbar(mappable, cax=place, label="time [s]", orientation="vertical" if flat else "horizontal")
+    figure.colorbar(mappable, cax=place, label=label, orientation="vertical" if flat else "horizontal")
 
 
 def _bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -80,7 +80,7 @@ def spread_table(knots: Array, greville: Array, p: int) -> tuple[IntArray, int, 
 
 
 def _director_weights(knots: Array, greville: Array, p: int) -> tuple[IntArray, IntArray, Array]:
-    """Local quasi-interpolant that reproduces degree p, method.md 3.1 (b).
+    """Local quasi-interpolant that reproduces degree p, theory.md 3.1 (b).
 
     Coefficient A is sum_k weights[A, k] triad[start[A] + k].
 

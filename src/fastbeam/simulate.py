@@ -27,7 +27,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
              progress: bool | None = None) -> Result:
-    """Integrate a model with the conserving step (method.md 4 to 6).
+    """Integrate a model with the conserving step (theory.md 4 to 6).
 
     Energy, linear and angular momentum of an isolated system and the gap of its sliders stay at round-off for every step size
     that converges.
@@ -92,8 +92,10 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
         raise SceneError(f"step: must be > 0 s, got {step:g}")
     if not t_end > t_start:
         raise SceneError(f"t_end: must lie after t_start = {t_start:g} s, got {t_end:g}")
-    if backend not in ("auto", "pardiso", "superlu"):
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    if callback is not None and not callable(callback):
+        raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
+    if tolerance is None and not (min_step is None and max_step is None):
+        raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     n_steps = int(np.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else _count("every", every)
@@ -105,9 +107,12 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
         if not tolerance > 0.0:
             raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - t_start
-        control = StepControl(tolerance, order, 1e-6 * step if min_step is None else _number("min_step", min_step),
-                              0.1 * span if max_step is None else _number("max_step", max_step))
-    stepper = Stepper(model, weights, start, _count("max_iterations", max_iterations), backend)
+        largest = 0.1 * span if max_step is None else _number("max_step", max_step)
+        smallest = min(1e-6 * step, largest) if min_step is None else _number("min_step", min_step)
+        if not 0.0 < smallest <= largest:
+            raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
+        control = StepControl(tolerance, order, smallest, largest)
+    stepper = Stepper(model, weights, start, max_iterations, backend)
     run = _Run(model, stepper, Observer(model, observe, points), t_start, t_end, step, order, snapshots, file, overwrite, callback,
                control, progress)
     return run.go(every)
@@ -210,8 +215,8 @@ class _Run:
         finally:
             self.close_row(before, None)
             self.progress.close()
-            self.info |= {"solver": self.stepper.solver_name, "steps": self.steps, "iterations": self.iterations,
-                          "fallbacks": self.stepper.fallbacks + (self.stepper.linear.fallbacks if self.stepper.linear else 0),
+            self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
+                          "fallbacks": self.stepper.linear.fallbacks,
                           "scale": {k: v for k, v in self.observer.scale.items() if v > 0.0} | {"gap": self.model.length},
                           "wall_time": time.perf_counter() - begin}
             if self.control is not None:
@@ -228,8 +233,10 @@ class _Run:
     def chunks(self, every: int) -> Any:
         """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
         t, done, h = self.t_start, 0, self.step
+        if self.control is not None:
+            h = min(max(h, self.control.smallest), self.control.largest)
         quiet = not self.observer.series().keys() - {"iterations", "step_size"} and self.writer is None and self.callback is None
-        while t < self.t_end * (1.0 - 1e-14) - 1e-300:
+        while self.t_end - t > 1e-14 * max(abs(self.t_start), abs(self.t_end)):
             clock = time.perf_counter()
             if self.control is not None:
                 h = min(h, self.t_end - t)

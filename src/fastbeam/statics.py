@@ -1,4 +1,4 @@
-"""Equilibrium: Newton on the 6 unknowns of every node with load steps that adapt (method.md 8)."""
+"""Equilibrium: Newton on the 6 unknowns of every node with load steps that adapt (theory.md 8)."""
 from __future__ import annotations
 
 import time
@@ -11,9 +11,8 @@ from .dynamics import failure
 from .errors import ConvergenceError, SceneError
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, State
-from .linsolve import SparseSolver
 from .model import Model
-from .newton import Outcome, Stepper
+from .newton import Outcome, Stepper, solve_panel
 from .observe import Observer
 from .result import Result, ResultBuffer
 
@@ -66,7 +65,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     check_supports(model)
     factors = np.array([1.0 if t is None else float(t(at_time)) for t in model.load_times])
     solver = _StaticSolver(model, start, max_iterations, backend)
-    observer = Observer(model, [k for k in observe if k == "energy"], points)
+    Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
+    observer = Observer(model, ("energy",) if "energy" in observe else (), points)
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": []}
     buffer = ResultBuffer(observer.header(info))
     begin = time.perf_counter()
@@ -77,7 +77,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
 
     def finish() -> Result:
-        result = buffer.close(info | {"solver": solver.name, "steps": len(solver.history), "iterations": sum(solver.history),
+        result = buffer.close(info | {"solver": solver.linear.name, "steps": len(solver.history), "iterations": sum(solver.history),
                                       "wall_time": time.perf_counter() - begin})
         result.state = State(*(x.copy() for x in solver.state))
         return result
@@ -109,19 +109,11 @@ class _StaticSolver:
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str) -> None:
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend)
-        self.model, self.work, self.max_iterations, self.backend = model, self.stepper.work, max_iterations, backend
+        self.model, self.work, self.max_iterations = model, self.stepper.work, max_iterations
         self.state = self.stepper.state
         self.state.v[:] = 0.0
         self.history: list[int] = []
-        self.fallbacks = 0
-        self.linear: SparseSolver | None = None
-
-    @property
-    def name(self) -> str:
-        """Which solver ran."""
-        if self.model.pattern.plan is not None:
-            return f"block elimination, {self.fallbacks} load steps fell back to SuperLU"
-        return self.linear.name if self.linear is not None else "none"
+        self.linear = self.stepper.linear
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure the state is the last equilibrium."""
@@ -130,37 +122,31 @@ class _StaticSolver:
         if model.loads.shape[0]:
             kernels.external_forces(model.loads, factors, work.f_ext)
         before = self.state.q.copy()
-        if model.pattern.plan is None:
-            status, sizes = self._sparse(self.backend)
-        else:
+        status, sizes = SINGULAR, []
+        if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
-            status, n = kernels.solve_static_step(model.simo, model.green, model.ties, model.held, model.pattern.plan, model.pattern.row_of,
-                                                  self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
+            status, n = kernels.solve_static_step(model.simo, model.green, model.ties, model.held, model.pattern.plan, self.linear.tables,
+                                                  model.pattern.row_of, self.state, work, model.width, model.length, self.max_iterations,
+                                                  LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
-            if status == SINGULAR:
-                self.state.q[:] = before
-                status, sizes = self._sparse("superlu")
-                self.fallbacks += status == OK
+        if status == SINGULAR:
+            self.state.q[:] = before
+            status, sizes = self._by_superlu()
+            self.linear.fallbacks += status == OK and self.linear.is_compiled
         if status != OK:
             self.state.q[:] = before
         return status, sizes
 
-    def _sparse(self, backend: str) -> tuple[int, list[float]]:
+    def _by_superlu(self) -> tuple[int, list[float]]:
         model, work = self.model, self.work
-        pattern = model.pattern
-        if self.linear is None:
-            self.linear = SparseSolver(pattern.rows, pattern.columns, pattern.n, backend)
-        blocks = work.blocks[:48 * pattern.keys.size].reshape(-1, 6, 8)
-        panel = work.panel.reshape(6 * pattern.n, model.width)
+        row_of = model.pattern.row_of
         sizes: list[float] = []
         for _ in range(self.max_iterations):
-            kernels.assemble_static(model.simo, model.green, model.ties, model.held, pattern.row_of, self.state, work)
-            kernels.prepare_panel(model.held, None, pattern.row_of, work, model.width)
-            x = self.linear.solve(blocks, np.ascontiguousarray(panel[:, :1].T))
-            if x is None:
+            kernels.assemble_static(model.simo, model.green, model.ties, model.held, row_of, self.state, work)
+            kernels.fill_panel(None, work.r, model.held, row_of.shape[0], model.width, work.panel)
+            if not solve_panel(self.linear, model, work):
                 return SINGULAR, sizes
-            panel[:, :1] = x.T
-            size = kernels.update_static(model.ties, pattern.row_of, self.state, work, model.width, model.length)
+            size = kernels.update_static(model.ties, row_of, self.state, work, model.width, model.length)
             sizes.append(size)
             if not size < LARGEST_INCREMENT:
                 return NOT_FINITE, sizes

@@ -15,7 +15,7 @@ Array = np.ndarray
 
 def reference_strains(beam: Beam, phi: Array, d: Array) -> Array:
     """Quadratic part of the six strains in the reference configuration, [n_elements, nq, 6]; what the kernels subtract, so that
-    any initial shape is free of stress (method.md 2)."""
+    any initial shape is free of stress (theory.md 2)."""
     basis = beam.basis
     nodes = basis.element_nodes
     f = np.einsum("egn,enc->egc", basis.phi_s, phi[nodes])

@@ -1,7 +1,7 @@
 """Element loops of geometrically exact beams: residual and tangent of the conserving step, eight elements at a time.
 
 Unknowns per node are the position increment and the spin increment at the end of the step: a director at t_n+1 varies
-by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, method.md (4.2).
+by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, theory.md (4.2).
 With both ends equal the same kernel is statics; its tangent is then half the static one.
 
 Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 36; per point: weight, (phi_s, dir, dir_s) of every
@@ -65,7 +65,7 @@ def interpolate(tab, to, nn, scratch, qo, zo):
 
 @kernel
 def quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, add):
-    """The homogeneous quadratic part of the six strains, method.md (2.1), (2.2); added to what stands there if `add`."""
+    """The homogeneous quadratic part of the six strains, theory.md (2.1), (2.2); added to what stands there if `add`."""
     e4 = 0.5 * (dot(k2, d3) - dot(k3, d2))
     if simo is not None:
         e1 = dot(f, d1)
@@ -304,7 +304,7 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, scratch, qa, qb, si
 
 @kernel
 def add_pair_inertia(tab, mo, nn, a, b, rate, scratch, qa, qb, ko):
-    """2/h^2 times the mass of nodes a, b, projected: method.md (4.1), (4.2)."""
+    """2/h^2 times the mass of nodes a, b, projected: theory.md (4.1), (4.2)."""
     m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
     md = rate * vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
     j2 = md * vld(tab, mo + 8, 0); j3 = md * vld(tab, mo + 16, 0)

@@ -1,7 +1,7 @@
 """Node loops: predictor, update of position and triad, point inertia, ties between nodes, held unknowns.
 
 A step is described by its increments `dq` of the 12 coordinates of every node and the Cayley vectors `theta`
-(d_n+1 = cay(theta) d_n, method.md (4.2)); velocities and inertia forces are formed from dq, never from differences of large
+(d_n+1 = cay(theta) d_n, theory.md (4.2)); velocities and inertia forces are formed from dq, never from differences of large
 coordinates, so round-off stays relative to the motion.
 """
 from __future__ import annotations
@@ -260,7 +260,7 @@ def apply_held(held, r, blocks):
 
 @kernel
 def advance(q, v, dq, h):
-    """Accept a step: q <- q + dq, v <- 2 dq/h - v, method.md (4.1)."""
+    """Accept a step: q <- q + dq, v <- 2 dq/h - v, theory.md (4.1)."""
     for k in range(q.shape[0]):
         q[k] += dq[k]
         v[k] = (2.0 / h) * dq[k] - v[k]

@@ -1,4 +1,4 @@
-"""Sliding contact of a point on the curve of a beam: the discrete gradient of method.md 5.1.
+"""Sliding contact of a point on the curve of a beam: the discrete gradient of theory.md 5.1.
 
 With the force F = sum lam_i d_i,mid as unknown instead of the multipliers, the directors of the frame drop out of the equations:
 only the Cayley vector theta of the frame node in this step is left.
@@ -160,7 +160,7 @@ def point_on_curve(curves, c, s, q, element, contact, slot_derivative):
 
 @kernel
 def predict_sliders(curves, sliders, contact, q, v, s, h, s_out):
-    """First guess of s: rate by least squares of v_S - sum N_A v_A = c' ds/dt (method.md 5.4). Picks the frame node."""
+    """First guess of s: rate by least squares of v_S - sum N_A v_A = c' ds/dt (theory.md 5.4). Picks the frame node."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element(curves, c, s[k], contact.element[k])

@@ -1,4 +1,4 @@
-"""One conserving step and the compiled time loop, method.md 4 to 6.
+"""One conserving step and the compiled time loop, theory.md 4 to 6.
 
 Every part that a scene lacks arrives as None; the branches on it are pruned before typing, so no code is compiled for it.
 """
@@ -13,6 +13,7 @@ from .beam import element_groups
 from .chain import factor, solve
 from .nodes import add_bodies, advance, apply_held, apply_ties, predict, spread, tie_coordinates, update_nodes
 from .slider import add_sliders, fill_panel, predict_sliders, solve_border
+from .sparse import solve_sparse
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 
@@ -56,26 +57,12 @@ def copy(x, y_out):
 
 
 @kernel
-def assemble(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, u, rate):
-    """Residual and tangent at the present dq, theta, s_end, force. u: None in statics."""
+def clear(work):
+    """Start a residual with the loads and a tangent with zeros."""
     for i in range(work.r.shape[0]):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):
         work.blocks[i] = 0.0
-    if simo is not None:
-        element_groups(simo, work.q_mid, work.q_end, u, rate, 1, work.r, work.blocks, work.scratch)
-    if green is not None:
-        element_groups(green, work.q_mid, work.q_end, u, rate, None, work.r, work.blocks, work.scratch)
-    if bodies is not None:
-        if u is not None:
-            add_bodies(bodies, work.q_mid, work.q_end, u, rate, work.r, work.blocks)
-    if sliders is not None:
-        add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s, work.s_end,
-                    state.force, work.r)
-    if ties is not None:
-        apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
-    if held is not None:
-        apply_held(held, work.r, work.blocks)
 
 
 @kernel
@@ -90,15 +77,23 @@ def start_step(ties, curves, sliders, contact, spinless, state, work, h):
 
 @kernel
 def assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, h):
-    """Everything of one Newton iteration up to the linear system."""
+    """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force."""
     spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
-    assemble(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, work.u, 2.0 / (h * h))
-
-
-@kernel
-def prepare_panel(held, contact, row_of, work, width):
-    """Right-hand sides of the linear system."""
-    fill_panel(contact, work.r, held, row_of.shape[0], width, work.panel)
+    rate = 2.0 / (h * h)
+    clear(work)
+    if simo is not None:
+        element_groups(simo, work.q_mid, work.q_end, work.u, rate, 1, work.r, work.blocks, work.scratch)
+    if green is not None:
+        element_groups(green, work.q_mid, work.q_end, work.u, rate, None, work.r, work.blocks, work.scratch)
+    if bodies is not None:
+        add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+    if sliders is not None:
+        add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s, work.s_end,
+                    state.force, work.r)
+    if ties is not None:
+        apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks)
 
 
 @kernel
@@ -144,27 +139,42 @@ def has_converged(size, before, floor):
 
 
 @kernel
-def newton(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of, state, work, h, width, length, max_iterations,
-           sizes_out):
-    """Newton iteration of one step with block elimination. Returns (status, iterations)."""
-    before = np.inf
-    for it in range(max_iterations):
-        assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, h)
-        worst = factor(plan, work.blocks, work.pivots)
-        if not worst > 1e-14:
-            return SINGULAR, it + 1
-        prepare_panel(held, contact, row_of, work, width)
+def solve_nodes(plan, pardiso, work, width):
+    """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
+    if plan is not None:
+        # NaN fails the comparison too
+        if not factor(plan, work.blocks, work.pivots) > 1e-14:
+            return False
         solve(plan, work.blocks, work.pivots, work.panel, width)
-        size = update_step(ties, contact, row_of, state, work, width, length)
-        if size < 0.0:
-            return BORDER_SINGULAR, it + 1
-        sizes_out[it] = size
-        if not size < 1e6:
-            return NOT_FINITE, it + 1
-        if has_converged(size, before, 1e-9):
-            return OK, it + 1
-        before = size
-    return NOT_CONVERGED, max_iterations
+        return True
+    if pardiso is not None:
+        return solve_sparse(pardiso, work.blocks, work.panel, width)
+    return False
+
+
+@kernel
+def keep_state(state, work):
+    copy(state.q, work.keep_q)
+    copy(state.v, work.keep_v)
+    copy(state.s, work.keep_s)
+    copy(state.force, work.keep_force)
+
+
+@kernel
+def restore_state(state, work):
+    copy(work.keep_q, state.q)
+    copy(work.keep_v, state.v)
+    copy(work.keep_s, state.s)
+    copy(work.keep_force, state.force)
+
+
+@kernel
+def slider_outside(state, lengths):
+    """The first slider beyond the end of its beam, or -1."""
+    for k in range(state.s.shape[0]):
+        if not (state.s[k] >= 0.0 and state.s[k] <= lengths[k]):
+            return k
+    return -1
 
 
 @kernel
@@ -185,37 +195,51 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of, spinless, loads, factors, state, work, weights, h,
-        n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
-    """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, method.md 6).
+def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso, row_of, spinless, loads, factors, state, work, weights,
+        h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
+    """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
+    iteration on the conserving equations.
 
     loads: None or [K, n] vectors with `factors` [n_steps * n_weights, K]. lengths: arc length where each slider's beam
     ends. mean_force_out [2, 3 S]: mean contact force of the first and of the last step.
-    counts_out: status, steps done, Newton iterations, slider of an event, iterations of the last solve.
-    On a failure the state is the last good one.
+    counts_out: status, steps done, Newton iterations, slider of an event.
+    On a failure the state is the last good one. One function and not several: every level of calls is compiled again with all below it.
     """
-    n_sub = weights.shape[0]
     counts_out[0] = OK
     counts_out[1] = 0
     counts_out[2] = 0
     counts_out[3] = -1
     for n in range(n_steps):
-        copy(state.q, work.keep_q)
-        copy(state.v, work.keep_v)
-        copy(state.s, work.keep_s)
-        copy(state.force, work.keep_force)
+        keep_state(state, work)
         for k in range(mean_force_out.shape[1]):
             mean_force_out[1, k] = 0.0
         status = OK
-        for m in range(n_sub):
+        for m in range(weights.shape[0]):
             hm = weights[m] * h
             if loads is not None:
-                external_forces(loads, factors[n * n_sub + m], work.f_ext)
+                external_forces(loads, factors[n * weights.shape[0] + m], work.f_ext)
             start_step(ties, curves, sliders, contact, spinless, state, work, hm)
-            status, iterations = newton(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of, state, work,
-                                        hm, width, length, max_iterations, sizes_out)
-            counts_out[2] += iterations
-            counts_out[4] = iterations
+            status = NOT_CONVERGED
+            before = np.inf
+            for it in range(max_iterations):
+                counts_out[2] += 1
+                assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, hm)
+                fill_panel(contact, work.r, held, row_of.shape[0], width, work.panel)
+                if not solve_nodes(plan, pardiso, work, width):
+                    status = SINGULAR
+                    break
+                size = update_step(ties, contact, row_of, state, work, width, length)
+                sizes_out[it] = size
+                if size < 0.0:
+                    status = BORDER_SINGULAR
+                    break
+                if not size < 1e6:
+                    status = NOT_FINITE
+                    break
+                if has_converged(size, before, 1e-9):
+                    status = OK
+                    break
+                before = size
             if status != OK:
                 break
             finish_step(state, work, hm)
@@ -223,16 +247,12 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of,
                 mean_force_out[1, k] += weights[m] * state.force[k]
         if sliders is not None:
             if status == OK:
-                for k in range(state.s.shape[0]):
-                    if not (state.s[k] >= 0.0 and state.s[k] <= lengths[k]):
-                        status = SLIDER_END
-                        counts_out[3] = k
+                counts_out[3] = slider_outside(state, lengths)
+                if counts_out[3] >= 0:
+                    status = SLIDER_END
         if status != OK:
             counts_out[0] = status
-            copy(work.keep_q, state.q)
-            copy(work.keep_v, state.v)
-            copy(work.keep_s, state.s)
-            copy(work.keep_force, state.force)
+            restore_state(state, work)
             return
         counts_out[1] = n + 1
         if n == 0:
@@ -242,10 +262,18 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, row_of,
 
 @kernel
 def assemble_static(simo, green, ties, held, row_of, state, work):
-    """Residual f_int - f_ext and half the static tangent at the present configuration (method.md 8): both ends of a step equal."""
+    """Residual f_int - f_ext and half the static tangent at the present configuration (theory.md 8): both ends of a step equal."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
-    assemble(simo, green, None, ties, held, None, None, None, row_of, state, work, None, 0.0)
+    clear(work)
+    if simo is not None:
+        element_groups(simo, work.q_mid, work.q_end, None, 0.0, 1, work.r, work.blocks, work.scratch)
+    if green is not None:
+        element_groups(green, work.q_mid, work.q_end, None, 0.0, None, work.r, work.blocks, work.scratch)
+    if ties is not None:
+        apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks)
 
 
 @kernel
@@ -266,16 +294,14 @@ def update_static(ties, row_of, state, work, width, length):
 
 
 @kernel
-def solve_static_step(simo, green, ties, held, plan, row_of, state, work, width, length, max_iterations, largest, sizes_out):
-    """Newton iteration to equilibrium with block elimination. Returns (status, iterations); an increment beyond `largest` ends it."""
+def solve_static_step(simo, green, ties, held, plan, pardiso, row_of, state, work, width, length, max_iterations, largest, sizes_out):
+    """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
     before = np.inf
     for it in range(max_iterations):
         assemble_static(simo, green, ties, held, row_of, state, work)
-        worst = factor(plan, work.blocks, work.pivots)
-        if not worst > 1e-14:
-            return SINGULAR, it + 1
         fill_panel(None, work.r, held, row_of.shape[0], width, work.panel)
-        solve(plan, work.blocks, work.pivots, work.panel, width)
+        if not solve_nodes(plan, pardiso, work, width):
+            return SINGULAR, it + 1
         size = update_static(ties, row_of, state, work, width, length)
         sizes_out[it] = size
         if not size < largest:

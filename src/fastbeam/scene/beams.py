@@ -85,9 +85,9 @@ class Beam:
         Polynomial degree: 1 to 8 ('lagrange'), 2 to 5 ('bspline').
     interpolation : {'lagrange', 'bspline'}
     directors : {'greville', 'control'}
-        Where the triads of a 'bspline' are orthonormal (method.md 3.1); without meaning for 'lagrange'.
+        Where the triads of a 'bspline' are orthonormal (theory.md 3.1); without meaning for 'lagrange'.
     strain : {'simo_reissner', 'green_lagrange'}
-        Strain measure, method.md (2.2) or (2.1).
+        Strain measure, theory.md (2.2) or (2.1).
 
     Raises
     ------

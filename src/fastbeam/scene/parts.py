@@ -379,7 +379,7 @@ class RigidMotion:
 
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """Lets a point slide without friction along a beam (method.md 5).
+    """Lets a point slide without friction along a beam (theory.md 5).
 
     Parameters
     ----------
@@ -393,7 +393,7 @@ class Slider:
     rate : float or None
         Initial ds/dt, m/s; also moves a point mass that has no velocity of its own.
     curve : {'own', 'c1'}
-        The beam's own interpolation, or its version with a continuous tangent (method.md 3.2).
+        The beam's own interpolation, or its version with a continuous tangent (theory.md 3.2).
 
     Raises
     ------

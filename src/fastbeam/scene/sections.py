@@ -29,7 +29,7 @@ class Section:
     rhoA : float
         Mass per length, kg/m, > 0.
     rhoI2, rhoI3 : float
-        rho int X2^2 dA and rho int X3^2 dA (method.md (1.2)), kg m, >= 0. They weigh the velocities of d2 and d3.
+        rho int X2^2 dA and rho int X3^2 dA (theory.md (1.2)), kg m, >= 0. They weigh the velocities of d2 and d3.
     name : str
         Shown in messages.
 
@@ -62,7 +62,7 @@ class Section:
 
     @property
     def C(self) -> Array:
-        """Stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3 (method.md (2.3)); a fresh copy."""
+        """Stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3 (theory.md (2.3)); a fresh copy."""
         if self._matrix is not None:
             return self._matrix.copy()
         return np.diag([self.EA, self.GA2, self.GA3, self.GJ, self.EI2, self.EI3])

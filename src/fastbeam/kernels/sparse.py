@@ -1,0 +1,111 @@
+"""MKL's PARDISO called from compiled code, so that a net of beams runs its time loop there too; every residual is checked.
+
+The symbol `pardiso` is resolved when a kernel that uses it is loaded: `linsolve.load_mkl` has to run before.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba.core import types
+
+from .._jit import kernel
+
+_PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
+ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
+# relative residual above which a solution is refined once, and above which it is not accepted
+REFINE_AT, REFUSE_AT = 1e-12, 1e-8
+
+
+class PardisoTables(NamedTuple):
+    """One analysed structure of 6 x 6 blocks by rows, 0-based; m right-hand sides at most."""
+
+    handle: np.ndarray    # int64 [64]
+    iparm: np.ndarray     # int32 [64]
+    numbers: np.ndarray   # int32 [8]: maxfct, mnum, mtype, phase, rows, right-hand sides, msglvl, error
+    perm: np.ndarray      # int32 [rows]
+    indptr: np.ndarray    # int32 [rows + 1]
+    indices: np.ndarray   # int32 [blocks]
+    data: np.ndarray      # float64 [36 blocks]
+    b: np.ndarray         # float64 [m, 6 rows]
+    x: np.ndarray         # float64 [m, 6 rows]
+    r: np.ndarray         # float64 [m, 6 rows]: residuals, then corrections
+    counts: np.ndarray    # int64 [2]: solves, refinements
+    worst: np.ndarray     # float64 [1]: largest accepted relative residual
+
+
+@kernel
+def call_pardiso(t, phase, b, x):
+    """One call; returns its error code, 0 is good."""
+    t.numbers[3] = phase
+    t.numbers[5] = b.shape[0]
+    n = t.numbers.ctypes.data
+    _PARDISO(t.handle.ctypes.data, n, n + 4, n + 8, n + 12, n + 16, t.data.ctypes.data, t.indptr.ctypes.data, t.indices.ctypes.data,
+             t.perm.ctypes.data, n + 20, t.iparm.ctypes.data, n + 24, b.ctypes.data, x.ctypes.data, n + 28)
+    return t.numbers[7]
+
+
+@kernel
+def block_residual(t, x, b, r_out):
+    """r = b - K x for all right-hand sides; returns the largest relative norm, infinity where it is not finite."""
+    worst = 0.0
+    for m in range(b.shape[0]):
+        size = 0.0
+        error = 0.0
+        for i in range(t.indptr.shape[0] - 1):
+            for c in range(6):
+                s = b[m, 6 * i + c]
+                size += s * s
+                for k in range(t.indptr[i], t.indptr[i + 1]):
+                    o = 36 * k + 6 * c
+                    j = 6 * t.indices[k]
+                    for d in range(6):
+                        s -= t.data[o + d] * x[m, j + d]
+                r_out[m, 6 * i + c] = s
+                error += s * s
+        if not error < np.inf:
+            return np.inf
+        if size > 0.0:
+            worst = max(worst, np.sqrt(error / size))
+        elif error > 0.0:
+            return np.inf
+    return worst
+
+
+@kernel
+def solve_sparse(t, blocks, panel, width):
+    """Solve K X = panel [6 rows, width] in its first m columns, in place. False: no acceptable solution."""
+    for k in range(t.indices.shape[0]):
+        for i in range(6):
+            for j in range(6):
+                t.data[36 * k + 6 * i + j] = blocks[48 * k + 8 * i + j]
+    n = 6 * (t.indptr.shape[0] - 1)
+    for m in range(t.b.shape[0]):
+        for i in range(n):
+            t.b[m, i] = panel[i * width + m]
+    t.counts[0] += 1
+    if call_pardiso(t, FACTOR, t.b, t.x) != 0:
+        return False
+    if call_pardiso(t, SOLVE, t.b, t.x) != 0:
+        return False
+    worst = block_residual(t, t.x, t.b, t.r)
+    if worst > REFINE_AT and worst < 1.0:
+        # one correction with the same factors; t.b is done with and takes it
+        t.counts[1] += 1
+        for m in range(t.b.shape[0]):
+            for i in range(n):
+                t.b[m, i] = 0.0
+        if call_pardiso(t, SOLVE, t.r, t.b) != 0:
+            return False
+        for m in range(t.b.shape[0]):
+            for i in range(n):
+                t.x[m, i] += t.b[m, i]
+                t.b[m, i] = panel[i * width + m]
+        worst = block_residual(t, t.x, t.b, t.r)
+    if not worst <= REFUSE_AT:
+        return False
+    t.worst[0] = max(t.worst[0], worst)
+    for m in range(t.b.shape[0]):
+        for i in range(n):
+            panel[i * width + m] = t.x[m, i]
+    return True
