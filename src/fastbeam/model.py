@@ -121,8 +121,9 @@ class Model:
             return None
         s = self.n_sliders
         most = int(np.max(np.diff(self.sliders.node_s_start)))
-        # every node of the beam, the point and the frame, each possibly on two arms
-        entries = 3 * (most + 2)
+        # every node of the beam and the point, each as often as a tied node passes it on, and the frame
+        widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
+        entries = (most + 1) * widest + 1
         return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
                        np.zeros((s, entries), np.int64), np.zeros((s, 48 * entries)), np.zeros((s, 48 * entries)),
                        np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s, np.int64))

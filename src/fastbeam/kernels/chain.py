@@ -71,7 +71,7 @@ def subtract_product(blocks, a, b, bo, b_stride, c, co, c_stride):
 @kernel
 def factor_diagonal(blocks, d, pivots, p):
     """LU of a 6 x 6 block with row exchanges, reciprocal pivots on the diagonal. Returns the smallest ratio of a pivot to
-    the largest entry of the block: zero or NaN where the block is singular."""
+    the largest entry of the block: zero where the block is singular or NaN."""
     largest = 0.0
     for i in range(6):
         for j in range(6):
@@ -90,6 +90,9 @@ def factor_diagonal(blocks, d, pivots, p):
             t8 = vld(blocks, d + 8 * k, 0)
             vst(blocks, d + 8 * k, 0, vld(blocks, d + 8 * m, 0))
             vst(blocks, d + 8 * m, 0, t8)
+        # also where the pivot is NaN, which min() would drop
+        if not v > 0.0:
+            return 0.0
         smallest = min(smallest, v)
         inverse = 1.0 / blocks[d + 9 * k]
         for i in range(k + 1, 6):
@@ -104,13 +107,15 @@ def factor_diagonal(blocks, d, pivots, p):
 
 @kernel
 def factor(plan, blocks, pivots):
-    """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A. Returns the worst pivot ratio."""
+    """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A. Returns the worst pivot ratio; stops at a singular block,
+    which returns 0."""
     worst = np.inf
     for i in range(plan.diagonal.shape[0]):
         d = 48 * plan.diagonal[i]
         ratio = factor_diagonal(blocks, d, pivots, 6 * i)
-        if not ratio >= worst:
-            worst = ratio
+        if not ratio > 0.0:
+            return 0.0
+        worst = min(worst, ratio)
         k0 = plan.start[i]
         k1 = plan.start[i + 1]
         for k in range(k0, k1):

@@ -123,14 +123,14 @@ def update_nodes(row_of, x, width, q, theta, dq):
         for c in range(3):
             z = x[o + c * width]
             dq[12 * i + c] += z
-            if not abs(z) <= largest:
+            if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)
         p = ld3(x, o + 3 * width, width)
         # from spin to Cayley vector: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi
         t = ld3(theta, 3 * i, 1)
         add3(theta, 3 * i, 1, p - 0.5 * cross(t, p) + (0.25 * dot(t, p)) * t)
         n = dot(p, p)
-        if not n <= spin:
+        if n > spin or n != n:
             spin = n
         set_directors(q, theta, dq, i)
     return largest, np.sqrt(spin)

@@ -108,7 +108,7 @@ def update_step(ties, contact, row_of, state, work, width, length):
             for c in range(3):
                 state.force[3 * k + c] += work.y[7 * k + c]
             work.s_end[k] += work.y[7 * k + 3]
-            if not abs(work.y[7 * k + 3]) <= slide:
+            if abs(work.y[7 * k + 3]) > slide or work.y[7 * k + 3] != work.y[7 * k + 3]:
                 slide = abs(work.y[7 * k + 3])
     else:
         for i in range(6 * row_of.shape[0]):

@@ -1,0 +1,111 @@
+"""The sparse solvers take the same steps as the block elimination, and nets run through whichever suits them."""
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam.linsolve import SuperLU, load_mkl
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from small_scenes import bead, cantilever, drifts, free_beam, grid  # noqa: E402
+
+SAME = 1e-12  # of coordinates of size 1, after 20 steps that each end at round-off
+ROUND_OFF = 1e-12
+
+
+def dense_net() -> fb.Scene:
+    """A cube of 8 x 8 x 8 crossings: the elimination would fill it."""
+    return grid(8, 8, elements=1, degree=1)
+
+
+def needs_mkl() -> None:
+    if load_mkl() is None:
+        pytest.skip("MKL is not installed")
+
+
+def final_state(scene: fb.Scene, solver: str, backend: str = "auto") -> tuple[fb.Result, np.ndarray]:
+    result = fb.simulate(fb.compile_scene(scene, solver=solver), t_end=0.4, step=0.02, backend=backend)
+    return result, np.concatenate((result.state.q, result.state.s))
+
+
+@pytest.mark.parametrize("make", [free_beam, bead])
+@pytest.mark.parametrize("backend", ["pardiso", "superlu", "no mkl"])
+def test_sparse_solvers_take_the_steps_of_the_elimination(make: object, backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if backend == "pardiso":
+        needs_mkl()
+    chain, expected = final_state(make(), "chain")
+    if backend == "no mkl":
+        monkeypatch.setenv("FASTBEAM_NO_MKL", "1")
+    sparse, found = final_state(make(), "sparse", "auto" if backend == "no mkl" else backend)
+    names = {"pardiso": "PARDISO, ", "superlu": "SuperLU", "no mkl": "SuperLU (MKL not found)"}
+    assert sparse.info["solver"].startswith(names[backend])
+    assert chain.info["solver"].startswith("block elimination, 0 steps")
+    assert chain.info["fallbacks"] == sparse.info["fallbacks"] == 0
+    assert np.max(np.abs(found - expected)) <= SAME
+    assert max(drifts(sparse).values()) <= ROUND_OFF
+
+
+def test_statics_by_the_sparse_solvers_is_the_same() -> None:
+    chain = fb.solve_static(fb.compile_scene(cantilever(), solver="chain"))
+    tip = chain.state.q[-12:-9]
+    assert tip[2] > 0.3  # it bends visibly, the loads are no small perturbation
+    for backend in ("auto", "superlu"):
+        sparse = fb.solve_static(fb.compile_scene(cantilever(), solver="sparse"), backend=backend)
+        assert np.max(np.abs(sparse.state.q - chain.state.q)) <= SAME
+
+
+def test_pardiso_without_mkl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FASTBEAM_NO_MKL", "1")
+    with pytest.raises(fb.BackendError, match="no MKL runtime was found; pip install pypardiso, or use backend='auto'"):
+        fb.simulate(fb.compile_scene(free_beam(), solver="sparse"), t_end=0.1, step=0.02, backend="pardiso")
+
+
+def test_unknown_solver_is_refused() -> None:
+    with pytest.raises(fb.SceneError, match="solver 'dense' does not exist: choose 'auto', 'chain' or 'sparse'"):
+        fb.compile_scene(free_beam(), solver="dense")
+
+
+def test_chain_solver_is_refused_for_a_net() -> None:
+    with pytest.raises(fb.SceneError, match="solver='chain' would fill the matrix: this scene is a net; use solver='auto'"):
+        fb.compile_scene(dense_net(), solver="chain")
+
+
+def test_small_net_of_rigidly_joined_beams_conserves_everything_in_both_solvers() -> None:
+    scene = grid(3)
+    assert len(scene.beams) == 12
+    auto = fb.compile_scene(scene)
+    assert auto.solver == "chain"  # its fill is small
+    expected = fb.simulate(auto, t_end=0.2, step=0.02)
+    found = fb.simulate(fb.compile_scene(scene, solver="sparse"), t_end=0.2, step=0.02)
+    for result in (expected, found):
+        assert max(drifts(result).values()) <= ROUND_OFF
+    assert np.max(np.abs(found.state.q - expected.state.q)) <= SAME
+
+
+def test_net_with_much_fill_goes_to_the_sparse_solver_by_itself() -> None:
+    model = fb.compile_scene(dense_net())
+    assert model.solver == "sparse" and "sparse solver" in str(model)
+    result = fb.simulate(model, t_end=0.04, step=0.02)
+    assert result.info["solver"].startswith("PARDISO" if load_mkl() is not None else "SuperLU")
+    assert result.info["fallbacks"] == 0
+    assert max(drifts(result).values()) <= ROUND_OFF
+
+
+def test_superlu_gives_no_solution_of_a_singular_matrix() -> None:
+    # two block rows, the second a copy of the first
+    blocks = np.zeros((4, 6, 8))
+    blocks[:, :, :6] = np.random.default_rng(1).standard_normal((6, 6))
+    solver = SuperLU(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), 2)
+    right = np.random.default_rng(2).standard_normal((1, 12))
+    assert solver.solve(blocks, right) is None
+    blocks[0] += np.eye(6, 8)
+    blocks[3] += np.eye(6, 8)
+    x = solver.solve(blocks, right)
+    matrix = blocks[:, :, :6].reshape(2, 2, 6, 6).transpose(0, 2, 1, 3).reshape(12, 12)
+    np.testing.assert_allclose(matrix @ x[0], right[0], rtol=0.0, atol=1e-12)
+    blocks[0, 0, 0] = np.nan
+    assert solver.solve(blocks, right) is None
