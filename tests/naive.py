@@ -1,4 +1,4 @@
-"""A slow twin of the conserving step in plain NumPy, to be read next to method.md: one short function per equation.
+"""A slow twin of the conserving step in plain NumPy, to be read next to theory.md: one short function per equation.
 
 It shares data with the compiled code, no formulas: the interpolation tables of a beam, the nouns of the scene, the numbers of
 the nodes and which of the coordinates that joints connect is the dependent one. Coordinates are [N, 4, 3]: phi, d1, d2, d3
@@ -38,7 +38,7 @@ def skew(x: Array) -> Array:
 
 
 def cay(theta: Array) -> Array:
-    """Rotation of a Cayley vector, (I - theta^/2) R = I + theta^/2; method.md (4.2)."""
+    """Rotation of a Cayley vector, (I - theta^/2) R = I + theta^/2; theory.md (4.2)."""
     return np.linalg.solve(np.eye(3) - 0.5 * skew(theta), np.eye(3) + 0.5 * skew(theta))
 
 
@@ -54,19 +54,19 @@ def reciprocal(d: Array) -> Array:
 
 
 def increments(q: Array, dphi: Array, theta: Array) -> Array:
-    """D q of every node: D phi given, D d_i = (cay(theta) - I) d_i; method.md (4.2)."""
+    """D q of every node: D phi given, D d_i = (cay(theta) - I) d_i; theory.md (4.2)."""
     turn = np.array([cay(t) for t in theta]) - np.eye(3)
     return np.concatenate((dphi[:, None], np.einsum("nij,nkj->nki", turn, q[:, 1:])), axis=1)
 
 
 def project(q_mid: Array, f: Array) -> Array:
-    """P(qbar)^T f: force and moment sum dbar_i x f_i of every node, [N, 6]; method.md (4.2)."""
+    """P(qbar)^T f: force and moment sum dbar_i x f_i of every node, [N, 6]; theory.md (4.2)."""
     return np.concatenate((f[:, 0], np.cross(q_mid[:, 1:], f[:, 1:]).sum(axis=1)), axis=1)
 
 
 # ----------------------------------------------------------------------------------------------------------------- beams
 def strains(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
-    """Six strains [..., 6] from phi' [..., 3], directors and their derivatives [..., 3, 3]; method.md (2.1), (2.2)."""
+    """Six strains [..., 6] from phi' [..., 3], directors and their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
     def dot(a: Array, b: Array) -> Array:
         return np.sum(a * b, axis=-1)
 
@@ -84,7 +84,7 @@ def strains(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
 
 
 def element_strains(beam: Beam, e: int, q: Array) -> Array:
-    """Strains [..., nq, 6] of element e at its quadrature points for coordinates [..., nn, 4, 3]; method.md (1.1)."""
+    """Strains [..., nq, 6] of element e at its quadrature points for coordinates [..., nn, 4, 3]; theory.md (1.1)."""
     b = beam.basis
     phi_s = np.einsum("gn,...nc->...gc", b.phi_s[e], q[..., 0, :])
     d = np.einsum("gn,...nic->...gic", b.dir[e], q[..., 1:, :])
@@ -98,7 +98,7 @@ def strain_matrix(beam: Beam, e: int, q_mid: Array) -> Array:
 
 
 def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
-    """int B(qbar)^T Sbar ds with Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; method.md (4.1)."""
+    """int B(qbar)^T Sbar ds with Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; theory.md (4.1)."""
     f = np.zeros_like(q_n)
     for e, nodes in enumerate(beam.basis.element_nodes):
         mean = 0.5 * (element_strains(beam, e, q_n[nodes]) + element_strains(beam, e, q_n1[nodes]))
@@ -110,7 +110,7 @@ def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
 
 # --------------------------------------------------------------------------------------------------------------- sliders
 def curve_shape(slider: Slider, s: float) -> Array:
-    """N~_A(s) of all nodes of the slider's beam; method.md (3.1)."""
+    """N~_A(s) of all nodes of the slider's beam; theory.md (3.1)."""
     n = slider.beam.n_nodes
     first, values, _ = slider.beam.basis.curve(slider.curve).evaluate(s)
     out = np.zeros(n + values.shape[1])
@@ -119,27 +119,27 @@ def curve_shape(slider: Slider, s: float) -> Array:
 
 
 def divided_difference(slider: Slider, s0: float, s1: float) -> Array:
-    """N[s0, s1] of all nodes, for s1 well away from s0; method.md (5.3)."""
+    """N[s0, s1] of all nodes, for s1 well away from s0; theory.md (5.3)."""
     return (curve_shape(slider, s1) - curve_shape(slider, s0)) / (s1 - s0)
 
 
 def multipliers(d_mid: Array, force: Array) -> Array:
-    """lam_i of F = sum lam_i dbar_i; method.md (5.2)."""
+    """lam_i of F = sum lam_i dbar_i; theory.md (5.2)."""
     return reciprocal(d_mid) @ force
 
 
 def mean_gap(n_mean: Array, point_mid: Array, phi_mid: Array) -> Array:
-    """gbar = phibar_S - sum Nbar_A phibar_A; method.md (5.2)."""
+    """gbar = phibar_S - sum Nbar_A phibar_A; theory.md (5.2)."""
     return point_mid - n_mean @ phi_mid
 
 
 def sliding_equation(lam: Array, d: tuple[Array, Array], n_divided: Array, phi: tuple[Array, Array]) -> float:
-    """sum_k 1/2 [sum lam_i d_i(k)] . [sum N[s_n, s_n+1]_A phi_A(k)] over both ends of the step; method.md (5.3)."""
+    """sum_k 1/2 [sum lam_i d_i(k)] . [sum N[s_n, s_n+1]_A phi_A(k)] over both ends of the step; theory.md (5.3)."""
     return float(sum(0.5 * (lam @ d_k) @ (n_divided @ phi_k) for d_k, phi_k in zip(d, phi)))
 
 
 def gap_components(d: Array, n: Array, point: Array, phi: Array) -> Array:
-    """g_i = sum N_A pi_iA with pi_iA = d_i . (phi_S - phi_A); method.md (5.1)."""
+    """g_i = sum N_A pi_iA with pi_iA = d_i . (phi_S - phi_A); theory.md (5.1)."""
     return n @ ((point - phi) @ d.T)
 
 
@@ -238,7 +238,7 @@ class Twin:
 
     # --- inertia and loads
     def _mass_matrix(self) -> Array:
-        """M [4 N, 4 N] over the vectors of all nodes; method.md (1.2), bodies with Euler tensor 1/2 tr(J) I - J."""
+        """M [4 N, 4 N] over the vectors of all nodes; theory.md (1.2), bodies with Euler tensor 1/2 tr(J) I - J."""
         m = np.zeros((self.n, 4, self.n, 4))
         for beam in self.scene.beams:
             first = self.number(beam.start)
@@ -277,7 +277,7 @@ class Twin:
 
     @staticmethod
     def load_forces(q_mid: Array, force: Array, torque: Array) -> Array:
-        """Loads on the coordinates: f_i = 1/2 tau x dbar^i gives sum dbar_i x f_i = tau exactly; method.md (4.4)."""
+        """Loads on the coordinates: f_i = 1/2 tau x dbar^i gives sum dbar_i x f_i = tau exactly; theory.md (4.4)."""
         f = np.zeros_like(q_mid)
         f[:, 0] = force
         f[:, 1:] = 0.5 * np.cross(torque[:, None], [reciprocal(d) for d in q_mid[:, 1:]])
@@ -292,7 +292,7 @@ class Twin:
 
     def slider_terms(self, slider: Slider, s_n: float, s_end: float, force: Array, q_n: Array,
                      q_n1: Array) -> tuple[Array, Array]:
-        """(constraint forces [N, 4, 3], the three gaps in space at n+1 and the sliding equation [4]); method.md (5.1)-(5.4)."""
+        """(constraint forces [N, 4, 3], the three gaps in space at n+1 and the sliding equation [4]); theory.md (5.1)-(5.4)."""
         at, point, frame = self.of_beam(slider.beam), self.number(slider.point), self.frame_node(slider, s_n)
         q_mid = 0.5 * (q_n + q_n1)
         n_mean = 0.5 * (curve_shape(slider, s_n) + curve_shape(slider, s_end))
@@ -325,7 +325,7 @@ class Twin:
         return np.where(self.free, project(q_mid, moved), 0.0)
 
     def residual(self, step: Step, factor: Any = lambda time: 1.0) -> tuple[Array, Array]:
-        """Residual of the conserving step: nodes [N, 6] and sliders [S, 4] (gap, sliding); method.md (4.1), (5.1)-(5.4)."""
+        """Residual of the conserving step: nodes [N, 6] and sliders [S, 4] (gap, sliding); theory.md (4.1), (5.1)-(5.4)."""
         dq = self.connected(increments(step.q_n, step.dphi, step.theta))
         q_n1, q_mid = step.q_n + dq, step.q_n + 0.5 * dq
         inertia = self.mass @ (2.0 / step.h**2 * (dq - step.h * step.v_n)).reshape(4 * self.n, 3)
@@ -338,5 +338,5 @@ class Twin:
         return self.reduced(q_mid, f), contact
 
     def static_residual(self, q: Array) -> Array:
-        """Out-of-balance forces [N, 6] of a configuration at rest; method.md 8."""
+        """Out-of-balance forces [N, 6] of a configuration at rest; theory.md 8."""
         return self.reduced(q, self.beam_forces(q, q) - self.load_forces(q, *self.dead_loads()))

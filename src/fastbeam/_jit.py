@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any, Callable, TypeVar
@@ -73,6 +74,12 @@ def kernel(function: F) -> F:
         _config.CACHE_DIR = before
     KERNELS.append(compiled)
     return compiled
+
+
+def announce_first_use() -> None:
+    """One line on stderr before the first compilation on a machine, which takes about half a minute; silent with FASTBEAM_PROGRESS=0."""
+    if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
+        print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
 
 
 def compile_counts() -> tuple[int, int]:

@@ -46,44 +46,42 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
 
 
-def run_to_end_of_beam(stepper: Stepper, t: float, h: float, slider: int) -> tuple[float, Outcome]:
-    """Shorten a step in which a slider leaves its beam so that it ends there. The step size is free, so the invariants stay exact.
-    Returns (size of the step, its outcome); size 0 where the slider stands at the end already."""
-    model = stepper.model
-    length = float(model.slider_lengths[slider])
+def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
+    """Shorten a step in which sliders leave their beams so that it ends where the first of them meets its end. The step size is free,
+    so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end already."""
     start = stepper.copy_state()
+    lengths = stepper.model.slider_lengths
+    leaving: dict[int, float] = {}
 
-    def inside(s: float) -> float:
-        """Distance to the nearer end, positive on the beam."""
-        return min(s, length - s)
+    def room() -> float:
+        """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
+        beyond the end."""
+        s = stepper.work.s_end
+        for k in np.flatnonzero(~((s >= 0.0) & (s <= lengths))):
+            leaving.setdefault(int(k), 0.0 if s[k] < 0.0 else 1.0)
+        return way(s)[0]
 
-    low, f_low = 0.0, inside(float(start.s[slider]))
-    if f_low <= END_TOLERANCE * length:
-        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, start.force.size)))
-    high, f_high = 1.0, inside(float(stepper.work.s_end[slider]))
-    best: tuple[float, State, Outcome] | None = None
+    def way(s: Array) -> tuple[float, int]:
+        return min((1.0 - s[k] / lengths[k] if end else s[k] / lengths[k], k) for k, end in leaving.items())
+
+    high, f_high = 1.0, room()
+    low, reached = 0.0, start
+    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, start.force.size)))
     for _ in range(60):
+        f_low = way(reached.s)[0]
+        if f_low <= END_TOLERANCE or high - low < 1e-13:
+            break
         # secant with bisection as a guard; aim a little inside
         x = low + (high - low) * f_low / (f_low - f_high) if f_high < 0.0 else 0.5 * (low + high)
         x = min(max(x, low + 0.001 * (high - low)), high - 0.001 * (high - low))
         stepper.set_state(start)
         outcome = stepper.advance(t, x * h, 1)
-        if outcome.status == OK and outcome.steps == 1:
-            f = inside(float(stepper.state.s[slider]))
-            best = (x, stepper.copy_state(), outcome)
-            low, f_low = x, f
-            if f <= END_TOLERANCE * length:
-                break
+        if outcome.status == OK:
+            low, reached, best = x, stepper.copy_state(), (x * h, outcome)
         else:
-            high = x
-            f_high = inside(float(stepper.work.s_end[slider])) if outcome.status == SLIDER_END else -f_low
-        if high - low < 1e-13:
-            break
-    if best is None:
-        stepper.set_state(start)
-        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, start.force.size)))
-    stepper.set_state(best[1])
-    return best[0] * h, best[2]
+            high, f_high = x, room() if outcome.status == SLIDER_END else -f_low
+    stepper.set_state(reached)
+    return *best, way(reached.s)[1]
 
 
 @dataclass

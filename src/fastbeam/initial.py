@@ -44,10 +44,12 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, curves: An
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have them "
                                  "projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
             v, omega = _project(scene, nodes, joints, v, omega, lines)
+    # what is held stands still exactly, also after a projection: no step would correct it
+    supported = ~np.isin(np.arange(n), list(joints.entries))
+    v[supported & (joints.held & 7 != 0)] = 0.0
+    omega[supported & (joints.held & 56 != 0)] = 0.0
     for k, entries in joints.entries.items():
         v[k], omega[k] = _tied_velocity(nodes, v, omega, entries, k)
-    free = (joints.held & 56) == 0
-    omega[~free & ~np.isin(np.arange(n), list(joints.entries))] = 0.0
     q = np.zeros((n, 4, 3))
     q[:, 0], q[:, 1:] = nodes.phi, nodes.directors
     rates = np.zeros((n, 4, 3))

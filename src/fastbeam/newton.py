@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._jit import announce_first_use
 from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.slider import BORDER
@@ -65,6 +66,7 @@ class Stepper:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         if isinstance(max_iterations, bool) or not isinstance(max_iterations, (int, np.integer)) or max_iterations < 1:
             raise SceneError(f"max_iterations: must be a whole number >= 1, got {max_iterations!r}")
+        announce_first_use()
         self.model = model
         self.weights = np.ascontiguousarray(weights, dtype=float)
         self.state = model.state() if state is None else _own_state(model, state)
@@ -88,6 +90,13 @@ class Stepper:
 
     def advance(self, t: float, h: float, n: int) -> Outcome:
         """n steps of size h from time t. On a failure or event the state is the one before that step."""
+        result = self._run(t, h, n)
+        while result.status == OK and result.steps < n:
+            result = self._run(t + result.steps * h, h, n - result.steps).after(result)
+        return result
+
+    def _run(self, t: float, h: float, n: int) -> Outcome:
+        """Like `advance`, but returns after a step that fell back to SuperLU."""
         model = self.model
         counts = np.zeros(4, np.int64)
         sizes = np.zeros(self.max_iterations)
@@ -106,15 +115,12 @@ class Stepper:
         result = Outcome(int(counts[0]), done, int(counts[2]), int(counts[3]), sizes, force)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
-        # the failed step once more with pivoting across blocks, then on in compiled code
+        # the failed step once more with pivoting across blocks
         again = self._python_run(factors[done * self.weights.size:] if self._timed else None, h, 1)
         if again.status != OK:
             return result if again.status != SLIDER_END else again.after(result)
         self.linear.fallbacks += 1
-        head = again.after(result)
-        if done + 1 == n:
-            return head
-        return self.advance(t + (done + 1) * h, h, n - done - 1).after(head)
+        return again.after(result)
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""

@@ -50,7 +50,7 @@ class Observer:
         self._work = np.zeros(6)
         self._gap = np.zeros(model.n_sliders)
         self._contact = model.contact() if self.slider else None
-        self.scale = {"lin_mom": 0.0, "ang_mom": 0.0}
+        self.scale = {"total": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -90,6 +90,8 @@ class Observer:
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             out["total"] = out["kinetic"] + out["potential"]
+            # a total that starts at zero has no scale of its own
+            self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
         if self.slider:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()

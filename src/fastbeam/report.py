@@ -34,7 +34,8 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  supports           {_plural(int(sum(int(m).bit_count() for m in model.held.mask)), 'unknown')} held, eliminated")
     if model.loads.shape[0]:
         timed = sum(t is not None for t in model.load_times)
-        lines.append(f"  loads              {_plural(model.loads.shape[0], 'constant vector')}"
+        what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * bool(scene.loads or scene.distributed))
+        lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
     if model.sliders is not None:
         c1 = sum(s.curve == "c1" for s in scene.sliders)
@@ -56,7 +57,7 @@ def _left_out(scene: Scene, model: Model) -> list[str]:
     if not np.any(scene.gravity):
         out.append("gravity (none)")
     if not (scene.loads or scene.distributed):
-        out.append("loads (none)")
+        out.append("dead loads (none)")
     if model.bodies is None:
         out.append("bodies and masses (none)")
     if model.ties is None:

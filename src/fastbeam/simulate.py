@@ -273,8 +273,7 @@ class _Run:
         outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
         if outcome.steps:
             yield t, outcome, h, True
-        slider = outcome.slider
-        last, final = run_to_end_of_beam(self.stepper, t, h, slider)
+        last, final, slider = run_to_end_of_beam(self.stepper, t, h)
         if last > 0.0:
             t += last
             yield t, final, last, True

@@ -14,6 +14,7 @@ from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, State
 from .model import Model
 from .newton import Outcome, Stepper, solve_panel
 from .observe import Observer
+from .progress import Progress
 from .result import Result, ResultBuffer
 
 Array = np.ndarray
@@ -82,6 +83,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         result.state = State(*(x.copy() for x in solver.state))
         return result
 
+    bar = Progress(1.0, f"{model.scene_name}: load")
     record(0.0, 0, 0.0)
     reached, step = 0.0, load_step
     while reached < 1.0:
@@ -91,16 +93,19 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         if status == OK:
             solver.history.append(len(sizes))
             record(target, len(sizes), step)
+            bar.update(target - reached)
             reached = target
             step *= 2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0
             continue
         if step <= smallest_step * (1.0 + 1e-12):
             error = failure(solver.stepper, Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0))), reached, len(solver.history))
             text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
+            bar.close()
             raise ConvergenceError(f"{text}; a limit or buckling point may lie there. The last equilibrium is in .state, everything "
                                    "computed in .result", step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
                                    state=State(*(x.copy() for x in solver.state)), result=finish())
         step = max(smallest_step, 0.25 * step)
+    bar.close()
     return finish()
 
 

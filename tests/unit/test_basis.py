@@ -1,4 +1,4 @@
-"""Interpolation tables: what method.md 3.2 promises of every family, checked on equal and unequal elements."""
+"""Interpolation tables: what theory.md 3.2 promises of every family, checked on equal and unequal elements."""
 from __future__ import annotations
 
 import subprocess

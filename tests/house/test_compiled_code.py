@@ -1,0 +1,172 @@
+"""What gets imported, compiled and allocated: light import, warm processes compile nothing, absent parts have no code, the time
+loop allocates nothing and gives the same numbers everywhere."""
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+SCENE = """
+import json
+import fastbeam as fb
+section = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=500, EI2=500, EI3=500, rhoA=1, rhoI2=10, rhoI3=10)
+beam = fb.Beam.straight("beam", (0, 0, 0), (10, 0, 0), section=section, elements=4, degree=2)
+mass = fb.PointMass("mass", mass=3.0)
+motion = fb.RigidMotion(spin=(0.1, 0.2, 0.3), velocity=(1, 2, 3))
+scenes = {"beam": fb.Scene(beam, motion), "slider": fb.Scene(beam, mass, fb.Slider("s", mass, beam, at=2.0, rate=1.5), motion),
+          "body": fb.Scene(fb.RigidBody("body", mass=2.0, inertia=(1, 2, 3), position=(0, 0, 0), spin=(1, 0, 2)))}
+"""
+
+
+def python(code: str, **environment: str) -> Any:
+    """Run code in a fresh process; what its last line of output says, from JSON."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=400,
+                          env={**os.environ, "PYTHONPATH": str(SOURCE), "FASTBEAM_PROGRESS": "0", **environment})
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_import_is_light() -> None:
+    code = """
+import json, sys, time
+begin = time.perf_counter()
+import fastbeam
+seconds = time.perf_counter() - begin
+heavy = [name for name in ("numpy", "numba", "scipy", "matplotlib", "h5py", "tqdm", "pypardiso") if name in sys.modules]
+print(json.dumps([heavy, seconds]))
+"""
+    heavy, seconds = python(code)
+    print(f"import fastbeam: {1e3 * seconds:.1f} ms")
+    assert heavy == []
+
+
+def test_describing_a_scene_needs_no_compiler() -> None:
+    code = SCENE + """
+import sys
+for scene in scenes.values():
+    scene.check()
+print(json.dumps([name for name in ("numba", "matplotlib", "h5py") if name in sys.modules]))
+"""
+    assert python(code) == []
+
+
+RUN = SCENE + """
+import time
+begin = time.perf_counter()
+for scene in scenes.values():
+    fb.simulate(fb.compile_scene(scene), t_end=0.1, step=0.01)
+from fastbeam import _jit
+print(json.dumps([*_jit.compile_counts(), time.perf_counter() - begin]))
+"""
+
+
+def test_warm_process_compiles_nothing() -> None:
+    python(RUN)
+    loaded, compiled, seconds = python(RUN)
+    print(f"three warm scenes: {seconds:.2f} s")
+    assert compiled == 0
+    assert loaded >= 3
+
+
+COMPILED = """
+from fastbeam import _jit
+print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS if every or kernel.signatures)
+                  for every in (False, True)]))
+"""
+BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
+SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_translation", "contact_basis"}
+TIE_KERNELS = {"apply_ties", "tie_coordinates", "tie_arm"}
+OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
+
+
+def compiled_kernels(name: str, folder: Path) -> set[str]:
+    """Kernels that an empty cache has to compile for a scene."""
+    code = SCENE + f"fb.simulate(fb.compile_scene(scenes['{name}']), t_end=0.02, step=0.01, observe=())" + COMPILED
+    compiled, known = python(code, FASTBEAM_CACHE_DIR=str(folder))
+    # a kernel that was renamed would be absent for the wrong reason
+    assert BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS <= set(known)
+    return set(compiled)
+
+
+def test_scene_of_a_body_compiles_no_beams_sliders_or_ties(tmp_path: Path) -> None:
+    compiled = compiled_kernels("body", tmp_path)
+    assert {"run", "assemble_step", "add_bodies"} <= compiled
+    assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS - {"add_bodies"})
+
+
+@pytest.mark.slow  # compiles the beam kernels once more
+def test_scene_of_a_beam_compiles_no_bodies_sliders_or_ties(tmp_path: Path) -> None:
+    compiled = compiled_kernels("beam", tmp_path)
+    assert {"run", "assemble_step"} | BEAM_KERNELS <= compiled
+    assert not compiled & (SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS)
+
+
+def test_loop_of_a_beam_is_typed_without_absent_parts() -> None:
+    code = SCENE + """
+from fastbeam.kernels import step
+fb.simulate(fb.compile_scene(scenes["beam"]), t_end=0.02, step=0.01, observe=())
+names = step.run.py_func.__code__.co_varnames
+(types,) = step.run.signatures
+print(json.dumps([name for name, kind in zip(names, types) if str(kind) == "none"]))
+"""
+    # green: the other strain set; None arguments are pruned before the compiler sees what hangs on them
+    assert python(code) == ["green", "bodies", "ties", "held", "curves", "sliders", "contact", "pardiso", "loads"]
+
+
+def test_time_loop_allocates_nothing() -> None:
+    code = SCENE + """
+import numba
+import numpy as np
+from numba.core.runtime import _nrt_python, rtsys
+from fastbeam.newton import Stepper
+_nrt_python.memsys_enable_stats()
+
+def allocations(work):
+    before = rtsys.get_allocation_stats()
+    work()
+    after = rtsys.get_allocation_stats()
+    return after.alloc - before.alloc
+
+@numba.njit
+def leaky(n):
+    return sum([np.zeros(3)[0] for _ in range(n)])
+
+leaky(1)
+counts = [[allocations(lambda: leaky(1)), allocations(lambda: leaky(101))]]
+for name in ("beam", "slider", "body"):
+    stepper = Stepper(fb.compile_scene(scenes[name]), np.ones(1))
+    stepper.advance(0.0, 0.01, 1)
+    counts.append([allocations(lambda: stepper.advance(0.0, 0.01, n)) for n in (1, 101)])
+print(json.dumps(counts))
+"""
+    (control_1, control_101), *loops = python(code)
+    assert control_101 - control_1 >= 100  # the counter counts
+    # entering compiled code wraps its arguments, a number that does not depend on the steps
+    assert all(few == many for few, many in loops), loops
+
+
+STATE = SCENE + """
+import hashlib
+out = []
+for name in ("beam", "slider", "body"):
+    model = fb.compile_scene(scenes[name])
+    for _ in range(2):
+        result = fb.simulate(model, t_end=0.5, step=0.01)
+        arrays = [*result.state, *result.series.values(), result.phi]
+        out.append(hashlib.sha256(b"".join(x.tobytes() for x in arrays)).hexdigest())
+print(json.dumps(out))
+"""
+
+
+def test_results_are_the_same_bits_in_every_run_process_and_number_of_threads() -> None:
+    one = python(STATE, OMP_NUM_THREADS="1", NUMBA_NUM_THREADS="1", MKL_NUM_THREADS="1")
+    two = python(STATE, OMP_NUM_THREADS="2", NUMBA_NUM_THREADS="2", MKL_NUM_THREADS="2")
+    assert one[0::2] == one[1::2]
+    assert one == two
+    assert len(set(one)) == 3

@@ -1,0 +1,171 @@
+"""Initial velocities: what connections, supports and sliders do not allow is refused with its size, or projected."""
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from naive import Twin  # noqa: E402
+from small_scenes import drifts, straight  # noqa: E402
+
+Array = np.ndarray
+
+
+def refused(scene: fb.Scene, message: str) -> None:
+    with pytest.raises(fb.SceneError, match=message):
+        fb.compile_scene(scene)
+
+
+# --------------------------------------------------------------------------------------------------------------- refusals
+def test_moving_clamp_and_pin_are_refused_with_the_size_of_the_mismatch() -> None:
+    beam = straight("beam", (0, 0, 0), (3, 0, 0))
+    refused(fb.Scene(beam, fb.Clamp(beam.start), fb.RigidMotion(velocity=(0, 3, 4))),
+            r"support of beam 'beam' node 0: the initial velocities violate it by 5 m/s; .*project_velocities=True")
+    refused(fb.Scene(beam, fb.Clamp(beam.start), fb.InitialVelocity(beam, spin=(0.5, 0, 0))),
+            r"support of beam 'beam' node 0 \(rotation\): the initial velocities violate it by 1.5 m/s")
+    refused(fb.Scene(beam, fb.Pin(beam.end), fb.RigidMotion(spin=(0, 0, 2))),
+            "support of beam 'beam' node 6: the initial velocities violate it by 6 m/s")
+
+
+def test_rigid_connection_that_is_torn_apart_is_refused() -> None:
+    a, b = straight("a", (0, 0, 0), (1, 0, 0)), straight("b", (1, 0.5, 0), (2, 0.5, 0))
+    refused(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), fb.RigidMotion(b, velocity=(0.25, 0, 0))),
+            "connection of beam 'b' node 0: the initial velocities violate it by 0.25 m/s")
+    # the right velocities of both parts, the spin missing
+    refused(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), fb.InitialVelocity(b, spin=(2, 0, 0))),
+            r"connection of beam 'b' node 0 \(rotation\): the initial velocities violate it by 4 m/s")
+
+
+def test_ball_joint_that_is_torn_apart_is_refused() -> None:
+    beam = straight("beam", (0, 0, 0), (1, 0, 0))
+    body = fb.RigidBody("bob", mass=1.0, inertia=(1, 1, 1), position=(1, 0, -1), velocity=(0.5, 0, 0))
+    refused(fb.Scene(beam, body, fb.BallJoint(beam.end, body.point((0, 0, 1)))), "the initial velocities violate it by 0.5 m/s")
+    turning = fb.RigidBody("bob", mass=1.0, inertia=(1, 1, 1), position=(1, 0, -1), velocity=(0.5, 0, 0), spin=(0, -0.5, 0))
+    model = fb.compile_scene(fb.Scene(beam, turning, fb.BallJoint(beam.end, turning.point((0, 0, 1)))))
+    assert np.max(np.abs(model.v0)) == 0.5
+
+
+def test_slider_that_leaves_its_beam_sideways_is_refused() -> None:
+    beam = straight("rail", (0, 0, 0), (3, 0, 0))
+    fast = fb.PointMass("cart", mass=1.0, velocity=(7, 0.3, 0.4))
+    refused(fb.Scene(beam, fast, fb.Slider("run", fast, beam, at=1.0)),
+            "slider 'run': the initial velocities violate it by 0.5 m/s")
+    along = fb.PointMass("cart", mass=1.0, velocity=(7, 0, 0))
+    model = fb.compile_scene(fb.Scene(beam, along, fb.Slider("run", along, beam, at=1.0)))
+    np.testing.assert_array_equal(model.v0[-12:-9], [7, 0, 0])
+    refused(fb.Scene(beam, along, fb.Slider("run", along, beam, at=1.0, rate=4.0)),
+            r"slider 'run' \(rate 4 m/s against 7 m/s\): the initial velocities violate it by 3 m/s")
+
+
+def test_mass_without_velocity_moves_with_its_slider() -> None:
+    beam, mass = straight("rail", (0, 0, 0), (3, 0, 0)), fb.PointMass("cart", mass=1.0)
+    slider = fb.Slider("run", mass, beam, at=1.0, rate=2.0)
+    model = fb.compile_scene(fb.Scene(beam, mass, slider, fb.RigidMotion(beam, velocity=(0, 1, 0))))
+    np.testing.assert_allclose(model.v0[-12:-9], [2, 1, 0], atol=1e-14)
+
+
+# ------------------------------------------------------------------------------------------------------------- projection
+def tangle(seed: int, project: bool = True) -> fb.Scene:
+    """Clamp, rigid connection with an offset, ball joint and two sliders; velocities at random, good for nothing."""
+    rng = np.random.default_rng(seed)
+
+    def random() -> Array:
+        return rng.standard_normal(3)
+
+    a, b = straight("a", (0, 0, 0), (3, 0, 0)), straight("b", (3, 0.5, 0.2), (4, 2, 0.5))
+    body = fb.RigidBody("body", mass=2.0, inertia=(0.3, 0.4, 0.5), position=(4, 2, 1), velocity=random(), spin=random())
+    bead = fb.PointMass("bead", mass=0.7, velocity=random())
+    hook = fb.RigidBody("hook", mass=0.4, inertia=(0.1, 0.2, 0.15), position=(2, 0.3, 0), velocity=random(), spin=random())
+    fields = [fb.InitialVelocity(beam, velocity=lambda s, c=random(), d=random(): c + np.outer(np.sin(s), d),
+                                 spin=lambda s, c=random(), d=random(): c + np.outer(np.cos(s), d)) for beam in (a, b)]
+    return fb.Scene(a, b, body, bead, hook, fb.Clamp(a.start), fb.RigidConnection(a.end, b.start),
+                    fb.BallJoint(b.end, body.point((0, 0, -0.5))), fb.Slider("run", bead, a, at=0.8),
+                    fb.Slider("hang", hook.point((0, -0.3, 0)), a, at=2.0), *fields, project_velocities=project)
+
+
+def given_rates(scene: fb.Scene, model: fb.Model) -> Array:
+    """Rates [N, 4, 3] of the coordinates that the scene asks for, before any projection."""
+    twin = Twin(scene, model)
+    v, spin = np.zeros((model.n_nodes, 3)), np.zeros((model.n_nodes, 3))
+    for field in scene.velocities:
+        at, s = twin.of_beam(field.beam), field.beam.node_s
+        v[at], spin[at] = field.velocity_at(s), field.spin_at(s)
+    for part in [*scene.bodies, *scene.masses]:
+        v[twin.number(part)] = part.velocity
+        spin[twin.number(part)] = getattr(part, "spin", np.zeros(3))
+    d = model.q0.reshape(-1, 4, 3)[:, 1:]
+    return np.concatenate((v[:, None], np.cross(spin[:, None], d)), axis=1)
+
+
+def test_inconsistent_velocities_are_refused_unless_projection_is_asked_for() -> None:
+    refused(tangle(1, project=False), "the initial velocities violate it by .* projected")
+
+
+def spin_of(rates: Array, d: Array) -> Array:
+    return 0.5 * np.cross(d, rates[1:]).sum(axis=0)
+
+
+def test_projected_velocities_satisfy_every_constraint() -> None:
+    scene = tangle(2)
+    model = fb.compile_scene(scene)
+    twin = Twin(scene, model)
+    rates, q = model.v0.reshape(-1, 4, 3), model.q0.reshape(-1, 4, 3)
+    a, b = scene.beams
+    round_off = 1e-12 * np.max(np.abs(rates))
+    # rotations stay rotations
+    for k in range(model.n_nodes):
+        if not any(k == twin.number(mass) for mass in scene.masses):
+            np.testing.assert_allclose(rates[k, 1:], np.cross(spin_of(rates[k], q[k, 1:]), q[k, 1:]), rtol=0.0, atol=round_off)
+    # clamp
+    assert np.max(np.abs(rates[twin.number(a.start)])) == 0.0
+    # rigid connection, ball joint, arm of the hook: linear in the coordinates
+    assert np.max(np.abs(twin.connected(rates) - rates)) <= round_off
+    # sliders: nothing across the tangent
+    for slider in scene.sliders:
+        first, values, slopes = a.basis.curve("own").evaluate(slider.at)
+        nodes = twin.number(a.start) + int(first[0]) + np.arange(values.shape[1])
+        relative = rates[twin.number(slider.point), 0] - values[0] @ rates[nodes, 0]
+        tangent = slopes[0] @ q[nodes, 0]
+        assert abs(np.linalg.norm(np.cross(relative, tangent))) <= round_off
+        assert abs(relative @ tangent) > 1e-2
+
+
+def test_projection_is_the_nearest_in_kinetic_energy() -> None:
+    # orthogonality: what was taken away does no work with any admissible velocity; seven other projections span enough of them
+    scene = tangle(3)
+    model = fb.compile_scene(scene)
+    mass = Twin(scene, model).mass
+    arm = Twin(scene, model).number(scene.sliders[1].point)
+
+    def energy(x: Array, y: Array) -> float:
+        return float(np.sum(x.reshape(-1, 3) * (mass @ y.reshape(-1, 3))))
+
+    projected = model.v0.reshape(-1, 4, 3)
+    taken = given_rates(scene, model) - projected
+    taken[arm] = 0.0  # a point without mass
+    assert energy(taken, taken) > 0.1
+    for seed in range(3, 11):
+        admissible = fb.compile_scene(tangle(seed)).v0.reshape(-1, 4, 3)
+        # 1e-9 of the mass is added to unknowns without inertia
+        assert abs(energy(taken, admissible)) <= 1e-8 * np.sqrt(energy(taken, taken) * energy(admissible, admissible))
+
+
+def test_projection_leaves_consistent_velocities_alone() -> None:
+    a, b = straight("a", (0, 0, 0), (3, 0, 0)), straight("b", (3, 0.5, 0.2), (4, 2, 0.5))
+    parts = (a, b, fb.RigidConnection(a.end, b.start), fb.RigidMotion(velocity=(1, 2, 3), spin=(0.3, -0.2, 0.5)))
+    plain, projected = (fb.compile_scene(fb.Scene(*parts, project_velocities=flag)) for flag in (False, True))
+    np.testing.assert_array_equal(projected.v0, plain.v0)
+
+
+def test_projected_scene_runs_and_keeps_its_gap() -> None:
+    model = fb.compile_scene(tangle(4))
+    result = fb.simulate(model, t_end=0.02, step=0.001)
+    assert drifts(result)["gap"] <= 1e-12
+    assert drifts(result)["total"] <= 1e-12
+    clamp = result.state.q[:12] - model.q0[:12]
+    assert np.max(np.abs(clamp)) == 0.0
