@@ -47,8 +47,8 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
-    """Shorten a step in which sliders leave their beams so that it ends where the first of them meets its end. The step size is free,
-    so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end already."""
+    """Shorten a step in which sliders leave their beams so that it ends where the first of them meets its end. The step size is
+    free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end already."""
     start = stepper.copy_state()
     lengths = stepper.model.slider_lengths
     leaving: dict[int, float] = {}
@@ -62,7 +62,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
         return way(s)[0]
 
     def way(s: Array) -> tuple[float, int]:
-        return min((1.0 - s[k] / lengths[k] if end else s[k] / lengths[k], k) for k, end in leaving.items())
+        return min((float(1.0 - s[k] / lengths[k] if end else s[k] / lengths[k]), k) for k, end in leaving.items())
 
     high, f_high = 1.0, room()
     low, reached = 0.0, start

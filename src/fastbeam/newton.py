@@ -200,8 +200,8 @@ def _own_state(model: Model, state: State) -> State:
         raise SceneError(f"start: must be a State (result.state, model.state()), got {state!r:.60}")
     for name, x, mine in zip(State._fields, state, model.state()):
         if np.shape(x) != mine.shape:
-            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from a state "
-                             "of the same model")
+            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from a "
+                             "state of the same model")
         if not np.isfinite(x).all():
             raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
     return State(*(np.array(x, dtype=float) for x in state))

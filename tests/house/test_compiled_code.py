@@ -170,3 +170,15 @@ def test_results_are_the_same_bits_in_every_run_process_and_number_of_threads() 
     assert one[0::2] == one[1::2]
     assert one == two
     assert len(set(one)) == 3
+
+
+def test_public_names_do_not_depend_on_which_module_was_imported_first() -> None:
+    code = """
+import importlib, json, pkgutil, types
+import fastbeam
+for module in pkgutil.iter_modules(fastbeam.__path__):
+    if module.name != "__main__":
+        importlib.import_module(f"fastbeam.{module.name}")
+print(json.dumps([name for name in fastbeam.__all__ if isinstance(getattr(fastbeam, name), types.ModuleType)]))
+"""
+    assert python(code) == []

@@ -170,6 +170,21 @@ def test_end_of_the_beam_under_step_control() -> None:
     assert max(drifts(result).values()) <= ROUND_OFF
 
 
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize(("s_a", "s_b", "first"), [(2.6, 2.7, "B"), (2.7, 2.6, "A"), (0.0, 2.7, "B")])
+def test_first_of_several_sliders_ends_the_run(s_a: float, s_b: float, first: str, order: int) -> None:
+    # one step would carry both beyond the end; a slider that leaves its start inwards is in nobody's way
+    rail, a, b = straight("rail", (0, 0, 0), (3, 0, 0)), fb.PointMass("a", mass=0.5), fb.PointMass("b", mass=0.5)
+    scene = fb.Scene(rail, a, b, fb.Slider("A", a, rail, at=s_a, rate=2.0), fb.Slider("B", b, rail, at=s_b, rate=2.0))
+    result = run(fb.compile_scene(scene), t_end=2.0, step=0.25, order=order)
+    (event,) = result.events
+    assert (event["slider"], event["end"]) == (first, "end")
+    # the rail is straight and at rest: s = s0 + 2 t
+    assert event["time"] == pytest.approx(0.15, abs=1e-9)
+    np.testing.assert_allclose(result.state.s, [s_a + 0.3, s_b + 0.3], rtol=0.0, atol=1e-8)
+    assert abs(event["s"] - 3.0) <= 1e-9 * 3.0
+
+
 def test_callback_sees_every_row_and_ends_the_run() -> None:
     seen: list[float] = []
 

@@ -1,0 +1,11 @@
+"""The whole validation table at full size: slow."""
+from __future__ import annotations
+
+import pytest
+from validate import CHECKS, check, misses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHECKS)
+def test_every_row_of_the_table_meets_its_bar(name: str) -> None:
+    assert misses(check(name)(quick=False)) == []
