@@ -284,27 +284,28 @@ class Twin:
         return f
 
     # --- sliders
-    def frame_node(self, slider: Slider, s_n: float) -> int:
-        """Node whose triad carries the gap: the slider's own, or for a point mass that of the beam node nearest to s_n."""
-        if not isinstance(slider.point.owner, PointMass):
-            return self.number(slider.point)
-        return self.number(slider.beam.start) + int(np.argmin(np.abs(slider.beam.node_s - s_n)))
-
     def slider_terms(self, slider: Slider, s_n: float, s_end: float, force: Array, q_n: Array,
                      q_n1: Array) -> tuple[Array, Array]:
-        """(constraint forces [N, 4, 3], the three gaps in space at n+1 and the sliding equation [4]); theory.md (5.1)-(5.4)."""
-        at, point, frame = self.of_beam(slider.beam), self.number(slider.point), self.frame_node(slider, s_n)
+        """(constraint forces [N, 4, 3], the three gaps in space at n+1 and the sliding equation [4]); theory.md (5.1)-(5.4).
+
+        The frame turns with the mean of the nodes of the curve: its directors are the axes at t_n, cay(theta) of them at t_n+1.
+        """
+        at, point = self.of_beam(slider.beam), self.number(slider.point)
         q_mid = 0.5 * (q_n + q_n1)
         n_mean = 0.5 * (curve_shape(slider, s_n) + curve_shape(slider, s_end))
-        lam = multipliers(q_mid[frame, 1:], force)
+        turns = np.array([cayley_vector(b.T @ a) for a, b in zip(q_n[at, 1:], q_n1[at, 1:])])
+        frame = (np.eye(3), cay(n_mean @ turns).T)
+        frame_mid = 0.5 * (frame[0] + frame[1])
+        lam = multipliers(frame_mid, force)
         f = np.zeros_like(q_n)
-        f[point, 0] += lam @ q_mid[frame, 1:]
-        f[at, 0] -= np.outer(n_mean, lam @ q_mid[frame, 1:])
-        f[frame, 1:] += np.outer(lam, mean_gap(n_mean, q_mid[point, 0], q_mid[at, 0]))
-        sliding = sliding_equation(lam, (q_n[frame, 1:], q_n1[frame, 1:]), divided_difference(slider, s_n, s_end),
-                                   (q_n[at, 0], q_n1[at, 0]))
-        gaps = gap_components(q_n1[frame, 1:], curve_shape(slider, s_end), q_n1[point, 0], q_n1[at, 0])
-        return f, np.append(gaps @ q_n1[frame, 1:], sliding)
+        f[point, 0] += lam @ frame_mid
+        f[at, 0] -= np.outer(n_mean, lam @ frame_mid)
+        # forces lam_i gbar on the frame's directors are a torque; each node of the curve takes its share
+        torque = np.cross(frame_mid, np.outer(lam, mean_gap(n_mean, q_mid[point, 0], q_mid[at, 0]))).sum(axis=0)
+        f[at] += self.load_forces(q_mid[at], np.zeros((len(n_mean), 3)), np.outer(n_mean, torque))
+        sliding = sliding_equation(lam, frame, divided_difference(slider, s_n, s_end), (q_n[at, 0], q_n1[at, 0]))
+        gaps = gap_components(frame[1], curve_shape(slider, s_end), q_n1[point, 0], q_n1[at, 0])
+        return f, np.append(gaps @ frame[1], sliding)
 
     # --- the equations
     def connected(self, x: Array) -> Array:

@@ -38,12 +38,11 @@ def static_increments(scene: fb.Scene) -> list[float]:
 
 
 def exponent(sizes: Sequence[float]) -> float:
-    """Exponent of the last convergent pair of increments above round-off: log(e3/e2) / log(e2/e1); NaN for fewer than three."""
+    """Mean of the last two exponents log(e3/e2) / log(e2/e1) of increments above round-off; NaN for fewer than three increments.
+    One exponent alone scatters with the constant of the convergence, which differs between positions, spins and s."""
     clean = [x for x in sizes if x > FLOOR]
-    if len(clean) < 3:
-        return math.nan
-    a, b, c = clean[-3:]
-    return math.log(c / b) / math.log(b / a)
+    found = [math.log(c / b) / math.log(b / a) for a, b, c in zip(clean, clean[1:], clean[2:])]
+    return sum(found[-2:]) / len(found[-2:]) if found else math.nan
 
 
 def fast_scene(kind: str, curve: str = "own", **family: Any) -> fb.Scene:

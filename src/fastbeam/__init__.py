@@ -10,11 +10,11 @@ from typing import Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "DistributedLoad", "InitialVelocity", "Load", "NodeRef", "Pin", "PointMass", "RigidBody",
-              "RigidConnection", "RigidMotion", "Scene", "Section", "Slider"],
+    "scene": ["BallJoint", "Beam", "Clamp", "DistributedLoad", "InitialVelocity", "Load", "NodeRef", "Pin", "PointMass",
+              "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider"],
     "errors": ["BackendError", "ConvergenceError", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
-    "simulate": ["simulate"],
+    "run": ["simulate"],
     "statics": ["solve_static"],
     "result": ["Result"],
     "store": ["load_result"],

@@ -76,8 +76,15 @@ def kernel(function: F) -> F:
     return compiled
 
 
+def link_library(path: str) -> None:
+    """Let compiled code find the symbols of a shared library by name."""
+    from llvmlite import binding
+    binding.load_library_permanently(path)
+
+
 def announce_first_use() -> None:
-    """One line on stderr before the first compilation on a machine, which takes about half a minute; silent with FASTBEAM_PROGRESS=0."""
+    """One line on stderr before the first compilation on a machine, which takes about half a minute; silent with
+    FASTBEAM_PROGRESS=0."""
     if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
         print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
 

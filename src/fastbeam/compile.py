@@ -14,66 +14,14 @@ from .initial import initial_state
 from .kernels.nodes import Bodies, Held, Ties
 from .kernels.slider import Sliders
 from .model import Model
+from .numbering import NodeList
 from .pattern import Pattern, build_pattern
 from .report import describe
-from .scene import Beam, NodeRef, RigidBody, Scene
+from .scene import RigidBody, Scene
 from .tables import ElementPacker, pack_curves
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
-
-
-class NodeList:
-    """Global numbers of all nodes: beams, then bodies, masses, and one node for every used point of a body off its centre."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.first: dict[int, int] = {}
-        self.labels: list[str] = []
-        phi: list[Array] = []
-        directors: list[Array] = []
-        rank: list[int] = []
-        for beam in scene.beams:
-            self.first[id(beam)] = len(self.labels)
-            p, d = beam.reference(beam.node_s)
-            phi.append(beam.basis.fit_positions(p))
-            directors.append(d)
-            self.labels += [f"{beam.label} node {k}" for k in range(beam.n_nodes)]
-            rank += [3] * beam.n_nodes
-        for part in [*scene.bodies, *scene.masses]:
-            self.first[id(part)] = len(self.labels)
-            phi.append(scene.position_of(part)[None])
-            directors.append(np.array(getattr(part, "directors", np.eye(3)))[None])
-            self.labels.append(part.label)
-            rank.append(2 if isinstance(part, RigidBody) else 9)
-        self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
-        self.arm_owner: list[tuple[int, int]] = []
-        points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
-        points += [node for joint in [*scene.balls, *scene.rigid] for node in (joint.a, joint.b)]
-        for node in points:
-            key = (id(node.owner), tuple(node.offset.tolist()))
-            if isinstance(node.owner, Beam) or node.is_center or key in self.arms:
-                continue
-            owner = self.first[id(node.owner)]
-            self.arms[key] = len(self.labels)
-            self.arm_owner.append((owner, len(self.labels)))
-            phi.append(scene.position_of(node)[None])
-            directors.append(np.array(node.owner.directors)[None])
-            self.labels.append(node.label)
-            rank.append(4)
-        self.phi = np.concatenate(phi)
-        self.directors = np.concatenate(directors)
-        self.rank = np.array(rank)
-
-    def __len__(self) -> int:
-        return len(self.labels)
-
-    def number(self, node: NodeRef) -> int:
-        """Global number of a node of the scene."""
-        if isinstance(node.owner, Beam):
-            return self.first[id(node.owner)] + node.index
-        if node.is_center:
-            return self.first[id(node.owner)]
-        return self.arms[id(node.owner), tuple(node.offset.tolist())]
 
 
 def compile_scene(scene: Scene, *, solver: str = "auto") -> Model:
@@ -83,13 +31,20 @@ def compile_scene(scene: Scene, *, solver: str = "auto") -> Model:
     ----------
     scene : Scene
     solver : {'auto', 'chain', 'sparse'}
-        Block elimination in compiled code, or PARDISO (SuperLU without MKL); 'auto' takes the elimination where its fill is small.
+        Block elimination in compiled code, or PARDISO (SuperLU without MKL); 'auto' takes the elimination where its fill is
+        small.
 
     Raises
     ------
     SceneError
-        Everything that `Scene.check` refuses, joints that cannot be eliminated, inconsistent initial velocities.
+        No scene, everything that `Scene.check` refuses, joints that cannot be eliminated, inconsistent initial velocities.
     """
+    if isinstance(scene, Model):
+        raise SceneError(f"compile_scene: scene {scene.scene_name!r} is compiled already; pass the model on to simulate "
+                         "or solve_static")
+    if not isinstance(scene, Scene):
+        raise SceneError(f"compile_scene: needs a Scene, got {scene!r:.60}; put the parts into one: "
+                         "model = fb.compile_scene(fb.Scene(beam, ...))")
     if solver not in SOLVERS:
         raise SceneError(f"compile_scene: solver {solver!r} does not exist: choose 'auto', 'chain' or 'sparse'")
     scene.check()
@@ -122,8 +77,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto") -> Model:
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"], bodies=bodies, ties=ties,
         held=held, curves=curves, sliders=sliders, pattern=blocks.pattern, spinless=((joints.held & 56) == 56).astype(np.int8),
-        spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time,
-        gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
+        spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
+        gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
     model.text = describe(scene, model)
@@ -186,8 +141,8 @@ def _bodies(scene: Scene, nodes: NodeList, blocks: _Blocks) -> Bodies | None:
         if isinstance(part, RigidBody):
             # Euler tensor: T = 1/2 sum E_ij v_i . v_j with E = 1/2 tr(J) I - J
             inertia[k, 1:, 1:] = 0.5 * np.trace(part.inertia) * np.eye(3) - part.inertia
-    return Bodies(number, blocks.pattern.row_of[number].astype(np.int64), np.array([blocks.diagonal(int(k)) for k in number], np.int64),
-                  inertia.reshape(-1))
+    diagonal = np.array([blocks.diagonal(int(k)) for k in number], np.int64)
+    return Bodies(number, blocks.pattern.row_of[number].astype(np.int64), diagonal, inertia.reshape(-1))
 
 
 def _ties(joints: Connections, blocks: _Blocks, n: int) -> Ties | None:
@@ -241,12 +196,9 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
         if key not in index:
             index[key] = len(items)
             items.append((nodes.first[id(slider.beam)], slider.beam, slider.beam.basis.curve(slider.curve)))
-    curves, node_s, starts = pack_curves(items)
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
-    # a point with a rotation carries the frame of its contact; a point mass borrows the nearest node of the beam
-    frame = np.array([-1 if nodes.rank[p] == 9 else joints.spin_root[p] for p in point], np.int64)
     curve = np.array([index[id(s.beam), s.curve] for s in scene.sliders], np.int64)
-    return curves, Sliders(curve, point, frame, joints.spin_root.astype(np.int64), node_s, starts)
+    return pack_curves(items), Sliders(curve, point, joints.spin_root.astype(np.int64))
 
 
 def _loads(scene: Scene, nodes: NodeList, row_of: Array) -> tuple[Array, list[Any], Array, Array]:

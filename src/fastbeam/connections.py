@@ -102,8 +102,8 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
                 out.held[root] = 63
             elif held[k] & 7 and held[root] != 63:
                 if np.any(offset[k]):
-                    raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root]} at a distance, together they "
-                                     "are more than one pin; clamp it, or pin only one of them")
+                    raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root]} at a distance, together "
+                                     "they are more than one pin; clamp it, or pin only one of them")
                 out.held[root] |= 7
 
     # position of a set's root: base node plus offsets in triads
@@ -115,8 +115,8 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     for a, b, name in balls:
         ra, rb = root_of[a], root_of[b]
         if ra == rb or not trees.join(ra, rb):
-            raise SceneError(f"{name}: it joins parts that rigid connections and ball joints already join (a hinge or a closed loop "
-                             "of rigid parts); put a beam into the loop, or remove the joint")
+            raise SceneError(f"{name}: it joins parts that rigid connections and ball joints already join (a hinge or a closed "
+                             "loop of rigid parts); put a beam into the loop, or remove the joint")
         links[ra].append((rb, a, b, name))
         links[rb].append((ra, b, a, name))
     done: set[int] = set()

@@ -41,14 +41,16 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
     sizes = [float(x) for x in outcome.sizes if x != 0.0]
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     return ConvergenceError(
-        f"step {step} at t = {t:.6g} s: {MEANING.get(outcome.status, 'failed')}; increments {shown or 'none'}; largest at {worst}; the last "
-        "good state is in .state, everything computed in .result. Try a smaller step, or step control with tolerance=...",
+        f"step {step} at t = {t:.6g} s: {MEANING.get(outcome.status, 'failed')}; increments {shown or 'none'}; "
+        f"largest at {worst}; the last good state is in .state, everything computed in .result. Try a smaller step, or step "
+        "control with tolerance=...",
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
     """Shorten a step in which sliders leave their beams so that it ends where the first of them meets its end. The step size is
-    free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end already."""
+    free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end
+    already."""
     start = stepper.copy_state()
     lengths = stepper.model.slider_lengths
     leaving: dict[int, float] = {}
@@ -144,8 +146,8 @@ class StepControl:
             if h <= self.smallest * (1.0 + 1e-12):
                 if np.isfinite(error):
                     raise ConvergenceError(f"step {step} at t = {t:.6g} s: the local error {error:.3g} exceeds the tolerance "
-                                           f"{self.tolerance:g} at the smallest step {h:.3g} s; lower min_step or raise tolerance",
-                                           step=step, time=t, state=start)
+                                           f"{self.tolerance:g} at the smallest step {h:.3g} s; lower min_step or raise "
+                                           "tolerance", step=step, time=t, state=start)
                 raise failure(stepper, halves if whole.status == OK else whole, t, step)
             h = max(self.smallest, shorter)
 

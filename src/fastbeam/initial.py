@@ -1,7 +1,7 @@
 """The initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -9,10 +9,8 @@ from .connections import ARM, POSITION, TRIAD, Connections
 from .errors import SceneError
 from .kernels.nodes import Ties
 from .kernels.step import State
+from .numbering import NodeList
 from .scene import PointMass, RigidBody, Scene
-
-if TYPE_CHECKING:
-    from .compile import NodeList
 
 Array = np.ndarray
 
@@ -41,8 +39,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, curves: An
         size, text = max(wrong)
         if size > 1e-10 * scale:
             if not scene.project_velocities:
-                raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have them "
-                                 "projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
+                raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
+                                 "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
             v, omega = _project(scene, nodes, joints, v, omega, lines)
     # what is held stands still exactly, also after a projection: no step would correct it
     supported = ~np.isin(np.arange(n), list(joints.entries))
@@ -83,8 +81,9 @@ def _place(scene: Scene, nodes: NodeList, slider: Any, line: tuple[Array, Array,
         nodes.phi[point] = curve
     elif gap > 1e-9 * slider.beam.length:
         raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
-                         f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the nodes "
-                         "only; start at a node, use more elements or a higher degree, or slide a PointMass without position")
+                         f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the "
+                         "nodes only; start at a node, use more elements or a higher degree, or slide a PointMass without "
+                         "position")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ._jit import link_library
 from .errors import BackendError
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
@@ -38,8 +39,7 @@ def load_mkl() -> Any | None:
         except OSError:
             continue
         # compiled code finds the symbol `pardiso` by name
-        from llvmlite import binding
-        binding.load_library_permanently(path)
+        link_library(path)
         return library
     return None
 
@@ -135,8 +135,8 @@ class SuperLU:
 
 
 class LinearSystem:
-    """Who solves for the nodes of a model: block elimination where the pattern has a plan, else PARDISO, both inside compiled code;
-    SuperLU where there is no MKL, and for a step in which the others failed.
+    """Who solves for the nodes of a model: block elimination where the pattern has a plan, else PARDISO, both inside compiled
+    code; SuperLU where there is no MKL, and for a step in which the others failed.
 
     Parameters
     ----------
@@ -194,5 +194,6 @@ class LinearSystem:
             return f"block elimination, {fell}"
         if self.pardiso is not None:
             t = self.pardiso.tables
-            return (f"PARDISO, {t.counts[0]} factorisations, {t.counts[1]} refined, largest relative residual {t.worst[0]:.1e}, {fell}")
+            return (f"PARDISO, {t.counts[0]} factorisations, {t.counts[1]} refined, "
+                    f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")

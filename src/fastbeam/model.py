@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.nodes import Bodies, Held, Ties
 from .kernels.slider import BORDER, Contact, Curves, Sliders
@@ -37,7 +38,7 @@ class Model:
     q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
     length : float
         Size of the scene, m.
-    numbers : compile.NodeList
+    numbers : numbering.NodeList
         Finds the global number of a node of the scene.
     """
 
@@ -109,24 +110,25 @@ class Model:
         n, s = self.n_nodes, self.n_sliders
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
         scratch = max([scratch_size(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
-        return Work(dq=np.zeros(12 * n), theta=np.zeros(3 * n), q_mid=np.zeros(12 * n), q_end=np.zeros(12 * n), u=np.zeros(12 * n),
-                    s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)), blocks=_aligned(48 * (self.n_blocks + 1)),
-                    pivots=np.zeros(6 * n, np.int64), panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)),
-                    y=np.zeros(BORDER * s), scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n),
-                    keep_s=np.zeros(s), keep_force=np.zeros(3 * s))
+        return Work(dq=np.zeros(12 * n), theta=np.zeros(3 * n), q_mid=np.zeros(12 * n), q_end=np.zeros(12 * n),
+                    u=np.zeros(12 * n), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
+                    blocks=_aligned(48 * (self.n_blocks + 1)), pivots=np.zeros(6 * n, np.int64),
+                    panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)), y=np.zeros(BORDER * s),
+                    scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n), keep_s=np.zeros(s),
+                    keep_force=np.zeros(3 * s))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""
         if self.sliders is None or self.curves is None:
             return None
         s = self.n_sliders
-        most = int(np.max(np.diff(self.sliders.node_s_start)))
-        # every node of the beam and the point, each as often as a tied node passes it on, and the frame
+        most = int(self.curves.shape[:, 2].max())
+        # every node of the beam and the point, each as often as a tied node passes it on, and the spin of every node
         widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
-        entries = (most + 1) * widest + 1
+        entries = (most + 1) * widest + most
         return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
                        np.zeros((s, entries), np.int64), np.zeros((s, 48 * entries)), np.zeros((s, 48 * entries)),
-                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s, np.int64))
+                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64))
 
     def load_factors(self, times: Array, steps: Array) -> Array:
         """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads
@@ -143,6 +145,18 @@ class Model:
 
     def __str__(self) -> str:
         return self.text
+
+
+def check_model(who: str, model: Any) -> None:
+    """Refuse what is not compiled.
+
+    Raises
+    ------
+    SceneError
+        Names the function that was called.
+    """
+    if not isinstance(model, Model):
+        raise SceneError(f"{who}: needs a model, got {model!r:.60}; compile it first: model = fb.compile_scene(scene)")
 
 
 def _aligned(n: int) -> Array:

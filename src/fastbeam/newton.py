@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ._jit import announce_first_use
+from .arguments import count
 from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.slider import BORDER
@@ -64,15 +65,13 @@ class Stepper:
                  backend: str = "auto") -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-        if isinstance(max_iterations, bool) or not isinstance(max_iterations, (int, np.integer)) or max_iterations < 1:
-            raise SceneError(f"max_iterations: must be a whole number >= 1, got {max_iterations!r}")
+        self.max_iterations = count("max_iterations", max_iterations)
         announce_first_use()
         self.model = model
         self.weights = np.ascontiguousarray(weights, dtype=float)
         self.state = model.state() if state is None else _own_state(model, state)
         self.work = model.work()
         self.contact = model.contact()
-        self.max_iterations = max_iterations
         self.linear = LinearSystem(model.pattern, 1 + BORDER * model.n_sliders, backend)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._timed = any(t is not None for t in model.load_times)
@@ -109,8 +108,9 @@ class Stepper:
         if not self.linear.is_compiled:
             return self._python_run(factors if self._timed else None, h, n)
         kernels.run(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders, self.contact,
-                    model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state, self.work,
-                    self.weights, h, n, model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
+                    model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state,
+                    self.work, self.weights, h, n, model.width, model.length, self.max_iterations, model.slider_lengths, counts,
+                    sizes, force)
         done = int(counts[1])
         result = Outcome(int(counts[0]), done, int(counts[2]), int(counts[3]), sizes, force)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
@@ -159,8 +159,8 @@ class Stepper:
         sizes: list[float] = []
         before = np.inf
         for _ in range(self.max_iterations):
-            kernels.assemble_step(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders, contact,
-                                  row_of, state, work, h)
+            kernels.assemble_step(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders,
+                                  contact, row_of, state, work, h)
             kernels.fill_panel(contact, work.r, model.held, row_of.shape[0], width, work.panel)
             if not solve_panel(self.linear, model, work):
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
@@ -200,8 +200,8 @@ def _own_state(model: Model, state: State) -> State:
         raise SceneError(f"start: must be a State (result.state, model.state()), got {state!r:.60}")
     for name, x, mine in zip(State._fields, state, model.state()):
         if np.shape(x) != mine.shape:
-            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from a "
-                             "state of the same model")
+            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "
+                             "a state of the same model")
         if not np.isfinite(x).all():
             raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
     return State(*(np.array(x, dtype=float) for x in state))

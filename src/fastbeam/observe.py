@@ -133,9 +133,11 @@ def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     else:
         node = what.center if isinstance(what, (RigidBody, PointMass)) else what
         if not isinstance(node, NodeRef):
-            raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), got {what!r}")
+            raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
+                             f"got {what!r}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
     first_node = model.numbers.first.get(id(owner))
     if first_node is None:
-        raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled scene")
+        raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled "
+                         "scene")
     return first_node + local, weights

@@ -21,17 +21,21 @@ def describe(scene: Scene, model: Model) -> str:
     """Text of a model."""
     lines = [f"model of {scene.label}: {_plural(model.n_nodes, 'node')}, {model.n_unknowns} unknowns"]
     kinds = Counter((b.basis.n_elements, b.basis.phi_s.shape[1], b.interpolation, b.degree,
-                     b.directors if b.interpolation == "bspline" else "", b.strain, not b.section.is_diagonal) for b in scene.beams)
+                     b.directors if b.interpolation == "bspline" else "", b.strain, not b.section.is_diagonal)
+                    for b in scene.beams)
     for (ne, nq, family, degree, directors, strain, coupled), count in kinds.items():
-        what = f"{family} {degree}" + (f" ({directors})" if directors else "") + f", {strain}" + (", coupled section" if coupled else "")
-        lines.append(f"  conserving step    {_plural(count, 'beam')} of {ne} elements x {nq} points, {what}, spatial, 8 lanes, serial")
+        what = (f"{family} {degree}" + (f" ({directors})" if directors else "") + f", {strain}"
+                + (", coupled section" if coupled else ""))
+        lines.append(f"  conserving step    {_plural(count, 'beam')} of {ne} elements x {nq} points, {what}, "
+                     "spatial, 8 lanes, serial")
     if model.bodies is not None:
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
                      f"{_plural(len(scene.masses), 'point mass').replace('masss', 'masses')}")
     if model.ties is not None:
         lines.append(f"  ties               {_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections")
     if model.held is not None:
-        lines.append(f"  supports           {_plural(int(sum(int(m).bit_count() for m in model.held.mask)), 'unknown')} held, eliminated")
+        n_held = sum(int(m).bit_count() for m in model.held.mask)
+        lines.append(f"  supports           {_plural(n_held, 'unknown')} held, eliminated")
     if model.loads.shape[0]:
         timed = sum(t is not None for t in model.load_times)
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * bool(scene.loads or scene.distributed))
@@ -45,7 +49,8 @@ def describe(scene: Scene, model: Model) -> str:
     if pattern.plan is not None:
         cost = pattern.plan.target.size / max(pattern.n, 1)
         border = f", border {BORDER * model.n_sliders} ({_plural(model.n_sliders, 'slider')})" if model.n_sliders else ""
-        lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{border}, in the compiled loop")
+        lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{border}, "
+                     "in the compiled loop")
     else:
         lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of 6 x 6, analysed once; SuperLU as fallback")
     lines.append("  left out           " + ", ".join(_left_out(scene, model)))

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import count, number
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, State
-from .model import Model
+from .model import Model, check_model
 from .newton import Outcome, Stepper, solve_panel
 from .observe import Observer
 from .progress import Progress
@@ -51,13 +52,17 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     Raises
     ------
     SceneError
-        Something is held by nothing, or sliders are present.
+        A scene that is not compiled, an argument out of range, something that is held by nothing, sliders.
     ConvergenceError
         The smallest load step fails; carries the last equilibrium and the result until then.
     """
+    check_model("solve_static", model)
     if model.n_sliders:
-        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders; find their rest position with simulate, or take them "
-                         "out of the scene")
+        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders; find their rest position with simulate, or take "
+                         "them out of the scene")
+    load_step, smallest_step = number("load_step", load_step), number("smallest_step", smallest_step)
+    at_time = None if at_time is None else number("at_time", at_time)
+    max_iterations = count("max_iterations", max_iterations)
     if not 0.0 < smallest_step <= load_step <= 1.0:
         raise SceneError(f"load_step: needs 0 < smallest_step <= load_step <= 1, got {smallest_step!r} and {load_step!r}")
     timed = [t for t in model.load_times if t is not None]
@@ -78,8 +83,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
 
     def finish() -> Result:
-        result = buffer.close(info | {"solver": solver.linear.name, "steps": len(solver.history), "iterations": sum(solver.history),
-                                      "wall_time": time.perf_counter() - begin})
+        result = buffer.close(info | {"solver": solver.linear.name, "steps": len(solver.history),
+                                      "iterations": sum(solver.history), "wall_time": time.perf_counter() - begin})
         result.state = State(*(x.copy() for x in solver.state))
         return result
 
@@ -98,12 +103,13 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
             step *= 2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0
             continue
         if step <= smallest_step * (1.0 + 1e-12):
-            error = failure(solver.stepper, Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0))), reached, len(solver.history))
+            failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
+            error = failure(solver.stepper, failed, reached, len(solver.history))
             text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
             bar.close()
-            raise ConvergenceError(f"{text}; a limit or buckling point may lie there. The last equilibrium is in .state, everything "
-                                   "computed in .result", step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
-                                   state=State(*(x.copy() for x in solver.state)), result=finish())
+            raise ConvergenceError(f"{text}; a limit or buckling point may lie there. The last equilibrium is in .state, "
+                                   "everything computed in .result", step=error.step, time=reached, residuals=error.residuals,
+                                   worst=error.worst, state=State(*(x.copy() for x in solver.state)), result=finish())
         step = max(smallest_step, 0.25 * step)
     bar.close()
     return finish()
@@ -130,9 +136,9 @@ class _StaticSolver:
         status, sizes = SINGULAR, []
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
-            status, n = kernels.solve_static_step(model.simo, model.green, model.ties, model.held, model.pattern.plan, self.linear.tables,
-                                                  model.pattern.row_of, self.state, work, model.width, model.length, self.max_iterations,
-                                                  LARGEST_INCREMENT, buffer)
+            status, n = kernels.solve_static_step(
+                model.simo, model.green, model.ties, model.held, model.pattern.plan, self.linear.tables, model.pattern.row_of,
+                self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         if status == SINGULAR:
             self.state.q[:] = before
@@ -211,8 +217,9 @@ def check_supports(model: Model) -> None:
         what = model.labels[nodes[0]].split(" node ")[0]
         shift, turn = motions[5][:3], motions[5][3:]
         how = "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
-        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({int(np.sum(values[:6] <= 1e-9))} of 6 rigid motions are "
-                         "free); add a Clamp, or Pins that do not lie on one line")
+        n_free = int(np.sum(values[:6] <= 1e-9))
+        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of 6 rigid motions are free); "
+                         "add a Clamp, or Pins that do not lie on one line")
 
 
 def _axis(v: Array) -> str:

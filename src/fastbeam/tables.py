@@ -56,8 +56,8 @@ class ElementPacker:
         section = beam.section
         e0 = reference_strains(beam, phi, d)
         rho_a, rho_i2, rho_i3 = section.inertia
-        per_point = np.concatenate((basis.weight[:, :, None], np.stack((basis.phi_s, basis.dir, basis.dir_s), axis=-1).reshape(ne, nq, -1),
-                                    e0), axis=2)
+        shapes = np.stack((basis.phi_s, basis.dir, basis.dir_s), axis=-1).reshape(ne, nq, -1)
+        per_point = np.concatenate((basis.weight[:, :, None], shapes, e0), axis=2)
         inertia = np.broadcast_to([rho_a, rho_i2, rho_i3], (ne, 3))
         stiffness = np.broadcast_to(section.C.reshape(-1), (ne, 36))
         flat = np.concatenate((stiffness, per_point.reshape(ne, -1), inertia, basis.mass_phi.reshape(ne, -1),
@@ -97,27 +97,25 @@ class ElementPacker:
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
 
-def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> tuple[Curves, Array, Array]:
-    """Tables of the curves (first node, beam, curve) and the arc lengths of their nodes with offsets."""
-    meta, shape, ends, first, count, coef, node_s, starts = [], [], [], [], [], [], [], [0]
+def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:
+    """Tables of the curves (first node, beam, curve)."""
+    meta, shape, ends, first, count, coef = [], [], [], [], [], []
     n_ends = n_first = n_coef = 0
     degree = 1
     for base, beam, curve in items:
         ne, width, n = curve.coef.shape
         meta.append((base, ne, n_ends, n_first, n_coef))
-        shape.append((width, n))
+        shape.append((width, n, beam.n_nodes))
         degree = max(degree, n - 1)
         ends.append(curve.element_ends)
         first.append(curve.first_node)
         count.append(curve.n_nodes_of)
         coef.append(curve.coef.reshape(-1))
-        node_s.append(beam.node_s)
-        starts.append(starts[-1] + beam.n_nodes)
         n_ends += ne + 1
         n_first += ne
         n_coef += curve.coef.size
     # the rule integrates derivatives of degree p - 1 and, with the factor x, of p - 1 again: exact to degree p
     x, w = np.polynomial.legendre.leggauss(degree // 2 + 1)
-    curves = Curves(np.array(meta, np.int64), np.array(shape, np.int64), np.concatenate(ends), np.concatenate(first).astype(np.int64),
-                    np.concatenate(count).astype(np.int64), np.concatenate(coef), 0.5 * (x + 1.0), 0.5 * w)
-    return curves, np.concatenate(node_s), np.array(starts, np.int64)
+    return Curves(np.array(meta, np.int64), np.array(shape, np.int64), np.concatenate(ends),
+                  np.concatenate(first).astype(np.int64), np.concatenate(count).astype(np.int64), np.concatenate(coef),
+                  0.5 * (x + 1.0), 0.5 * w)

@@ -127,7 +127,7 @@ def test_projected_velocities_satisfy_every_constraint() -> None:
     assert np.max(np.abs(twin.connected(rates) - rates)) <= round_off
     # sliders: nothing across the tangent
     for slider in scene.sliders:
-        first, values, slopes = a.basis.curve("own").evaluate(slider.at)
+        first, values, slopes = a.basis.curve(slider.curve).evaluate(slider.at)
         nodes = twin.number(a.start) + int(first[0]) + np.arange(values.shape[1])
         relative = rates[twin.number(slider.point), 0] - values[0] @ rates[nodes, 0]
         tangent = slopes[0] @ q[nodes, 0]

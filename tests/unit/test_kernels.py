@@ -394,11 +394,11 @@ class Rail:
         self.curve = self.beam.basis.curve(kind)
         # a second curve in front: offsets must count
         other = Beam.straight("other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2, degree=4)
-        self.curves: Curves = pack_curves([(50, other, other.basis.curve("own")), (7, self.beam, self.curve)])[0]
+        self.curves: Curves = pack_curves([(50, other, other.basis.curve("own")), (7, self.beam, self.curve)])
         n = max(self.beam.n_nodes, other.n_nodes)
         none, empty = np.zeros(1, np.int64), np.zeros((1, 48))
         self.contact = Contact(np.full((5, n), np.nan), np.zeros((3, int(self.curves.shape[:, 1].max()))), none,
-                               np.zeros((1, 1), np.int64), empty, empty, np.zeros((1, 64)), np.zeros((1, 8)), none, none)
+                               np.zeros((1, 1), np.int64), empty, empty, np.zeros((1, 64)), np.zeros((1, 8)), none)
 
     def rows(self, s0: float, s1: float) -> Array:
         """All five rows of shape functions [5, n_nodes] for a step from s0 to s1."""

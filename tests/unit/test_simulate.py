@@ -28,6 +28,9 @@ STATE = MODEL.state()
 
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"t_end": "soon"}, "t_end: must be a finite number, got 'soon'"),
+    ({"t_end": "0.1"}, "t_end: must be a finite number, got '0.1'"),
+    ({"t_end": True}, "t_end: must be a finite number, got True"),
+    ({"t_end": [0.1]}, r"t_end: must be a finite number, got \[0.1\]"),
     ({"t_end": np.inf}, "t_end: must be a finite number, got inf"),
     ({"t_end": 0.0}, "t_end: must lie after t_start = 0 s, got 0"),
     ({"t_start": 0.2}, "t_end: must lie after t_start = 0.2 s, got 0.1"),
@@ -48,6 +51,7 @@ STATE = MODEL.state()
     ({"snapshots": True}, "snapshots: must be a whole number >= 0, got True"),
     ({"backend": "mumps"}, "backend 'mumps' does not exist: choose 'auto', 'pardiso' or 'superlu'"),
     ({"max_iterations": 0}, "max_iterations: must be a whole number >= 1, got 0"),
+    ({"max_iterations": "many"}, "max_iterations: must be a whole number >= 1, got 'many'"),
     ({"callback": 3}, r"callback: must be a function of \(t, state\), got 3"),
     ({"tolerance": 0.0}, "tolerance: must be > 0, got 0"),
     ({"tolerance": "fine"}, "tolerance: must be a finite number, got 'fine'"),
@@ -61,6 +65,27 @@ STATE = MODEL.state()
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         run(**arguments)
+
+
+@pytest.mark.parametrize(("what", "shown"), [(free_beam(), "<scene 'free beam': 1 beam"), (None, "None"), ("mine", "'mine'")])
+def test_what_is_not_compiled_is_refused(what: Any, shown: str) -> None:
+    message = rf"simulate: needs a model, got {shown}.*; compile it first: model = fb.compile_scene\(scene\)"
+    with pytest.raises(fb.SceneError, match=message):
+        run(what)
+
+
+@pytest.mark.parametrize(("what", "message"), [
+    (straight("beam", (0, 0, 0), (1, 0, 0)), "compile_scene: needs a Scene, got .*; put the parts into one: model = fb."),
+    (None, "compile_scene: needs a Scene, got None"),
+    (MODEL, "compile_scene: scene 'free beam' is compiled already; pass the model on to simulate or solve_static")])
+def test_only_scenes_are_compiled(what: Any, message: str) -> None:
+    with pytest.raises(fb.SceneError, match=message):
+        fb.compile_scene(what)
+
+
+@pytest.mark.parametrize("number", [np.float64(0.1), np.float32(0.125), np.array(0.1), 1])
+def test_numbers_of_every_kind_are_taken(number: Any) -> None:
+    assert run(t_end=number, step=float(number) / 4).t[-1] == float(number)
 
 
 @pytest.mark.parametrize("s", [-0.1, 3.1, "end"])

@@ -26,17 +26,33 @@ def beam() -> fb.Beam:
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"load_step": 0.0}, "load_step: needs 0 < smallest_step <= load_step <= 1, got 1e-06 and 0.0"),
     ({"load_step": 2.0}, "needs 0 < smallest_step <= load_step <= 1, got 1e-06 and 2.0"),
-    ({"load_step": np.nan}, "needs 0 < smallest_step <= load_step <= 1, got 1e-06 and nan"),
+    ({"load_step": np.nan}, "load_step: must be a finite number, got nan"),
+    ({"load_step": "small"}, "load_step: must be a finite number, got 'small'"),
+    ({"load_step": None}, "load_step: must be a finite number, got None"),
+    ({"smallest_step": [0.1]}, r"smallest_step: must be a finite number, got \[0.1\]"),
+    ({"smallest_step": True}, "smallest_step: must be a finite number, got True"),
+    ({"at_time": "later"}, "at_time: must be a finite number, got 'later'"),
+    ({"at_time": np.inf}, "at_time: must be a finite number, got inf"),
     ({"smallest_step": 0.5}, "needs 0 < smallest_step <= load_step <= 1, got 0.5 and 0.25"),
     ({"observe": ("enrgy",)}, "observe: 'enrgy' does not exist"),
     ({"points": {"tip": 3}}, "point 'tip': must be a node of a beam"),
     ({"backend": "mumps"}, "backend 'mumps' does not exist: choose 'auto', 'pardiso' or 'superlu'"),
     ({"max_iterations": 0}, "max_iterations: must be a whole number >= 1, got 0"),
+    ({"max_iterations": 2.5}, "max_iterations: must be a whole number >= 1, got 2.5"),
+    ({"max_iterations": "20"}, "max_iterations: must be a whole number >= 1, got '20'"),
+    ({"max_iterations": True}, "max_iterations: must be a whole number >= 1, got True"),
     ({"start": fb.compile_scene(fb.Scene(straight("short", (0, 0, 0), (1, 0, 0), elements=1))).state()},
      r"start: q has shape \(36,\), scene 'cantilever' needs \(84,\)")])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(fb.SceneError, match=message):
         solve(cantilever(), **arguments)
+
+
+@pytest.mark.parametrize(("what", "shown"), [(cantilever(), "<scene 'cantilever': 1 beam"), (None, "None")])
+def test_what_is_not_compiled_is_refused(what: Any, shown: str) -> None:
+    message = rf"solve_static: needs a model, got {shown}.*; compile it first: model = fb.compile_scene\(scene\)"
+    with pytest.raises(fb.SceneError, match=message):
+        fb.solve_static(what)
 
 
 def test_sliders_are_refused() -> None:

@@ -406,13 +406,14 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     # velocities that the contact does not allow: it has to push
     state.v[:] = random_velocity(twin, np.random.default_rng(5)).reshape(-1)
     counts = np.zeros(4, np.int64)
-    kernels.run(*tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state, work, np.ones(1), H, 1,
-                model.width, model.length, 30, model.slider_lengths, counts, np.zeros(30), np.zeros((2, 3 * model.n_sliders)))
+    kernels.run(*tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state, work,
+                np.ones(1), H, 1, model.width, model.length, 30, model.slider_lengths, counts, np.zeros(30),
+                np.zeros((2, 3 * model.n_sliders)))
     status, _, iterations, _ = counts
     assert status == kernels.OK
     assert iterations < 12
-    found = Step(work.keep_q.reshape(-1, 4, 3), work.keep_v.reshape(-1, 4, 3), work.dq.reshape(-1, 4, 3)[:, 0], work.theta.reshape(-1, 3),
-                 work.keep_s, work.s_end, state.force.reshape(-1, 3), H)
+    found = Step(work.keep_q.reshape(-1, 4, 3), work.keep_v.reshape(-1, 4, 3), work.dq.reshape(-1, 4, 3)[:, 0],
+                 work.theta.reshape(-1, 3), work.keep_s, work.s_end, state.force.reshape(-1, 3), H)
     nodes, sliders = twin.residual(found)
     inertia = 2.0 / H**2 * np.linalg.norm(twin.mass @ (H * found.v_n).reshape(-1, 3))
     assert np.max(np.abs(found.force)) > 1.0

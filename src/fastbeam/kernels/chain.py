@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import vld, vst
+from .algebra import flush_rows, vld, vst
 
 
 class Elimination(NamedTuple):
@@ -137,6 +137,7 @@ def solve(plan, blocks, pivots, panel, width):
         for c in range(0, width, 8):
             o = 6 * width * i + c
             solve_block(blocks, 48 * plan.diagonal[i], pivots, 6 * i, panel, o, width)
+            flush_rows(panel, o, width)
             for k in range(plan.start[i], plan.start[i + 1]):
                 subtract_product(blocks, 48 * plan.lower[k], panel, o, width, panel, 6 * width * plan.column[k] + c, width)
     for i in range(n - 2, -1, -1):
@@ -144,6 +145,7 @@ def solve(plan, blocks, pivots, panel, width):
             o = 6 * width * i + c
             for k in range(plan.start[i], plan.start[i + 1]):
                 subtract_product(blocks, 48 * plan.upper[k], panel, 6 * width * plan.column[k] + c, width, panel, o, width)
+            flush_rows(panel, o, width)
 
 
 @kernel

@@ -41,8 +41,8 @@ def body_momenta(bodies, v, p_out):
 
 @kernel
 def motion(q, v, p, out):
-    """Kinetic energy, linear and angular momentum from p = M v into out[0], out[1:4], out[4:7]; theory.md (4.3). out[7], out[8]: sums of
-    the sizes of the contributions to both momenta, the scale of their round-off."""
+    """Kinetic energy, linear and angular momentum from p = M v into out[0], out[1:4], out[4:7]; theory.md (4.3).
+    out[7], out[8]: sums of the sizes of the contributions to both momenta, the scale of their round-off."""
     for i in range(9):
         out[i] = 0.0
     for i in range(q.shape[0] // 12):

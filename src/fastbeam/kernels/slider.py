@@ -1,14 +1,16 @@
 """Sliding contact of a point on the curve of a beam: the discrete gradient of theory.md 5.1.
 
 With the force F = sum lam_i d_i,mid as unknown instead of the multipliers, the directors of the frame drop out of the equations:
-only the Cayley vector theta of the frame node in this step is left.
+only the Cayley vector theta of the frame in this step is left. Any rotation that moves with the structure will do; here the
+frame turns with the curve under the contact, theta = sum_A N_A,mean theta_A: it favours no node and is symmetric in time.
 
-    force       +F on the point, -N_A,mean F on node A, moment F x g_mean on the frame node,  g_mean = phi_S,mid - sum N_A,mean phi_A,mid
+    force       +F on the point, -N_A,mean F on node A, moment N_A,mean F x g_mean on node A,
+                g_mean = phi_S,mid - sum_A N_A,mean phi_A,mid
     sliding     F . (T_n + T_n+1)/2 + 1/4 (theta x F) . (T_n+1 - T_n) = 0,   T_k = sum_A N[s_n, s_n+1]_A phi_A(k)        (5.3)
     gap         phi_S - sum_A N_A(s) phi_A = 0 at n+1                                                                     (5.4)
 
-Each slider is a border of 7 on the matrix of the nodes: F (3), s, and g_mean (3), which keeps the frame's moment from coupling nodes
-that no element joins.
+Each slider is a border of 7 on the matrix of the nodes: F (3), s, and g_mean (3), which keeps the frame's moment from coupling
+nodes that no element joins.
 """
 from __future__ import annotations
 
@@ -18,6 +20,7 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add3, component0, component1, component2, cross, dot, ld3, st3, zero3
+from .nodes import tie_arm
 
 BORDER = 7
 
@@ -26,7 +29,7 @@ class Curves(NamedTuple):
     """Piecewise polynomial curves of all beams that carry a slider."""
 
     meta: np.ndarray        # int64 [C, 5]: first node, number of elements, offset in ends, offset in first, offset in coef
-    shape: np.ndarray       # int64 [C, 2]: nodes per element (padded), coefficients
+    shape: np.ndarray       # int64 [C, 3]: nodes per element (padded), coefficients, nodes of the beam
     ends: np.ndarray        # float64: element ends in arc length
     first: np.ndarray       # int64: first node of every element, counted from the beam's first
     count: np.ndarray       # int64: nodes of every element
@@ -40,10 +43,7 @@ class Sliders(NamedTuple):
 
     curve: np.ndarray       # int64 [S]
     point: np.ndarray       # int64 [S]: node of the sliding point
-    frame: np.ndarray       # int64 [S]: node whose rotation moves the contact's frame; -1 picks the beam node nearest to s
     spin_root: np.ndarray   # int64 [N]: the node whose spin a node shares
-    node_s: np.ndarray      # float64: arc length of the nodes of the beams, all curves one behind the other
-    node_s_start: np.ndarray  # int64 [C + 1]
 
 
 class Contact(NamedTuple):
@@ -57,7 +57,6 @@ class Contact(NamedTuple):
     line: np.ndarray        # float64 [S, 48 E]: derivative of the border equations by the unknowns of the row, transposed
     corner: np.ndarray      # float64 [S, 64]
     residual: np.ndarray    # float64 [S, 8]
-    frame: np.ndarray       # int64 [S]: frame node of this step
     element: np.ndarray     # int64 [S]: element of s_n, a hint
 
 
@@ -160,7 +159,7 @@ def point_on_curve(curves, c, s, q, element, contact, slot_derivative):
 
 @kernel
 def predict_sliders(curves, sliders, contact, q, v, s, h, s_out):
-    """First guess of s: rate by least squares of v_S - sum N_A v_A = c' ds/dt (theory.md 5.4). Picks the frame node."""
+    """First guess of s: rate by least squares of v_S - sum N_A v_A = c' ds/dt (theory.md 5.4)."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element(curves, c, s[k], contact.element[k])
@@ -168,35 +167,28 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, s_out):
         tangent = point_on_curve(curves, c, s[k], q, e, contact, 1)
         relative = ld3(v, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], v, e, contact, 0)
         s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
-        contact.frame[k] = sliders.frame[k]
-        if sliders.frame[k] < 0:
-            o = sliders.node_s_start[c]
-            p = curves.meta[c, 3] + e
-            best = np.inf
-            for a in range(curves.first[p], curves.first[p] + curves.count[p]):
-                d = abs(sliders.node_s[o + a] - s[k])
-                if d < best:
-                    best = d
-                    contact.frame[k] = sliders.spin_root[curves.meta[c, 0] + a]
 
 
 @kernel
-def put_translation(contact, k, node, row, ties, q_mid, q_end, n_mean, n_end, n_div, rate, f, slide):
+def put_translation(contact, k, node, row, ties, q_mid, q_end, n_mean, n_end, rate, f, slide):
     """Border entry of one node: its force is n_mean F, the gap changes with -n_end, g_mean with -n_mean/2; `rate` is the
-    derivative of n_mean by s, `slide` the derivative of the sliding equation by the position. Tied nodes pass it on."""
+    derivative of n_mean by s, `slide` the derivative of the sliding equation by the position. Tied nodes pass it on.
+    Returns the offset of the node's own entry, -1 where it is tied."""
     if ties is not None:
         if ties.start[node + 1] > ties.start[node]:
             for t in range(ties.start[node], ties.start[node + 1]):
                 if ties.kind[t] == 0:
                     put_rows(contact, k, ties.target_row[t], n_mean, n_end, rate, f, slide)
                 elif ties.kind[t] == 1:
-                    put_arm(contact, k, ties.target_row[t], ties, t, q_mid, q_end, n_mean, n_end, rate, f, slide)
-            return
-    put_rows(contact, k, row, n_mean, n_end, rate, f, slide)
+                    put_arm(contact, k, ties.target_row[t], tie_arm(ties, t, q_mid), tie_arm(ties, t, q_end), n_mean, n_end,
+                            rate, f, slide)
+            return -1
+    return put_rows(contact, k, row, n_mean, n_end, rate, f, slide)
 
 
 @kernel
 def new_entry(contact, k, row):
+    """Offset of a fresh entry."""
     m = contact.entries[k]
     contact.entries[k] = m + 1
     contact.row[k, m] = row
@@ -208,6 +200,7 @@ def new_entry(contact, k, row):
 
 @kernel
 def put_rows(contact, k, row, n_mean, n_end, rate, f, slide):
+    """Entry of a position."""
     o = new_entry(contact, k, row)
     column = contact.column[k]
     line = contact.line[k]
@@ -217,25 +210,32 @@ def put_rows(contact, k, row, n_mean, n_end, rate, f, slide):
         line[o + 8 * i + 4 + i] = 0.5 * n_mean
     st3(column, o + 3, 8, rate * f)
     st3(line, o + 3, 8, slide)
+    return o
 
 
 @kernel
-def put_arm(contact, k, row, ties, t, q_mid, q_end, n_mean, n_end, rate, f, slide):
-    """The same on the spin of a node that carries the point on an arm."""
+def put_arm(contact, k, row, arm_mid, arm_end, n_mean, n_end, rate, f, slide):
+    """Entry of the spin of a node that carries the point on an arm."""
     o = new_entry(contact, k, row)
     column = contact.column[k]
     line = contact.line[k]
-    x = zero3()
-    y = zero3()
-    n = 12 * ties.target[t]
-    for b in range(3):
-        x += ties.offset[3 * t + b] * ld3(q_mid, n + 3 + 3 * b, 1)
-        y += ties.offset[3 * t + b] * ld3(q_end, n + 3 + 3 * b, 1)
-    put_skew(column, o + 24, n_mean, x)
-    put_skew(line, o + 24, -n_end, y)
-    put_skew(line, o + 28, 0.5 * n_mean, y)
-    st3(column, o + 27, 8, cross(x, rate * f))
-    st3(line, o + 27, 8, cross(y, slide))
+    put_skew(column, o + 24, n_mean, arm_mid)
+    put_skew(line, o + 24, -n_end, arm_end)
+    put_skew(line, o + 28, 0.5 * n_mean, arm_end)
+    st3(column, o + 27, 8, cross(arm_mid, rate * f))
+    st3(line, o + 27, 8, cross(arm_end, slide))
+
+
+@kernel
+def put_frame(contact, k, o, n_mean, rate, f, g_mean, jump, th):
+    """The share of one node in the frame: its moment n_mean g_mean x F, and its theta in the sliding equation."""
+    column = contact.column[k]
+    put_skew(column, o + 24, n_mean, g_mean)
+    put_skew(column, o + 28, -n_mean, f)
+    st3(column, o + 27, 8, rate * cross(g_mean, f))
+    # d theta = (I - 1/2 theta^ + 1/4 theta theta^T) spin
+    y = (0.25 * n_mean) * cross(f, jump)
+    st3(contact.line[k], o + 27, 8, y + 0.5 * cross(th, y) + (0.25 * dot(th, y)) * th)
 
 
 @kernel
@@ -262,50 +262,51 @@ def add_sliders(curves, sliders, contact, ties, row_of, q, q_mid, q_end, theta, 
         contact_basis(curves, c, s[k], s_end[k], e0, e1, lo, hi, contact)
         basis = contact.basis
         f = ld3(force, 3 * k, 1)
-        # curve at the end of the step, mean gap, mean tangents at both ends of the step
+        # curve at the end of the step, mean gap, mean tangents at both ends of the step, rotation of the frame
         end = zero3(); end_s = zero3(); mean = zero3(); mean_s = zero3()
-        t0 = zero3(); t1 = zero3(); dt0 = zero3(); dt1 = zero3()
+        t0 = zero3(); t1 = zero3(); dt0 = zero3(); dt1 = zero3(); th = zero3(); th_s = zero3()
         for a in range(lo, hi):
             n = 12 * (base + a)
+            n_mean = 0.5 * (basis[0, a] + basis[1, a])
             x0 = ld3(q, n, 1); x1 = ld3(q_end, n, 1); xm = ld3(q_mid, n, 1)
             end += basis[1, a] * x1
             end_s += basis[2, a] * x1
-            mean += (0.5 * (basis[0, a] + basis[1, a])) * xm
+            mean += n_mean * xm
             mean_s += basis[2, a] * xm
             t0 += basis[3, a] * x0; t1 += basis[3, a] * x1
             dt0 += basis[4, a] * x0; dt1 += basis[4, a] * x1
+            x = ld3(theta, 3 * sliders.spin_root[base + a], 1)
+            th += n_mean * x
+            th_s += (0.5 * basis[2, a]) * x
         point = sliders.point[k]
-        frame = contact.frame[k]
         gap = ld3(q_end, 12 * point, 1) - end
         g_mean = ld3(q_mid, 12 * point, 1) - mean
-        th = ld3(theta, 3 * frame, 1)
         jump = t1 - t0
         turned = cross(th, f)
-        # residual rows: -F on the point, +N F on the curve, -(F x g_mean) on the frame
+        # residual rows: -F on the point, +N F and -N F x g_mean on the curve
         add3(r_out, 8 * row_of[point], 1, -1.0 * f)
-        add3(r_out, 8 * row_of[frame] + 3, 1, cross(g_mean, f))
         contact.entries[k] = 0
         slide = 0.5 * f + 0.25 * turned
         for a in range(lo, hi):
             n_mean = 0.5 * (basis[0, a] + basis[1, a])
+            rate = 0.5 * basis[2, a]
             node = base + a
+            root = sliders.spin_root[node]
             add3(r_out, 8 * row_of[node], 1, n_mean * f)
-            put_translation(contact, k, node, row_of[node], ties, q_mid, q_end, n_mean, basis[1, a], basis[3, a],
-                            0.5 * basis[2, a], f, basis[3, a] * slide)
-        put_translation(contact, k, point, row_of[point], ties, q_mid, q_end, -1.0, -1.0, 0.0, 0.0, f, zero3())
-        # frame: moment g_mean x F, and theta in the sliding equation
-        o = new_entry(contact, k, row_of[frame])
-        put_skew(contact.column[k], o + 24, 1.0, g_mean)
-        put_skew(contact.column[k], o + 28, -1.0, f)
-        y = cross(f, jump)
-        st3(contact.line[k], o + 27, 8, 0.25 * (y + 0.5 * cross(th, y) + (0.25 * dot(th, y)) * th))
+            add3(r_out, 8 * row_of[root] + 3, 1, n_mean * cross(g_mean, f))
+            o = put_translation(contact, k, node, row_of[node], ties, q_mid, q_end, n_mean, basis[1, a], rate, f,
+                                basis[3, a] * slide)
+            if o < 0 or root != node:
+                o = new_entry(contact, k, row_of[root])
+            put_frame(contact, k, o, n_mean, rate, f, g_mean, jump, ld3(theta, 3 * root, 1))
+        put_translation(contact, k, point, row_of[point], ties, q_mid, q_end, -1.0, -1.0, 0.0, f, zero3())
         # corner: rows gap, sliding, g_mean against F, s, g_mean
         corner = contact.corner[k]
         for i in range(64):
             corner[i] = 0.0
         st3(corner, 3, 8, -1.0 * end_s)
         st3(corner, 24, 1, 0.5 * (t0 + t1) + 0.25 * cross(jump, th))
-        corner[27] = dot(slide, dt1) + dot(0.5 * f - 0.25 * turned, dt0)
+        corner[27] = dot(slide, dt1) + dot(0.5 * f - 0.25 * turned, dt0) + 0.25 * dot(cross(th_s, f), jump)
         st3(corner, 35, 8, 0.5 * mean_s)
         for i in range(3):
             corner[8 * (4 + i) + 4 + i] = 1.0

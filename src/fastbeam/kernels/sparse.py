@@ -40,8 +40,8 @@ def call_pardiso(t, phase, b, x):
     t.numbers[3] = phase
     t.numbers[5] = b.shape[0]
     n = t.numbers.ctypes.data
-    _PARDISO(t.handle.ctypes.data, n, n + 4, n + 8, n + 12, n + 16, t.data.ctypes.data, t.indptr.ctypes.data, t.indices.ctypes.data,
-             t.perm.ctypes.data, n + 20, t.iparm.ctypes.data, n + 24, b.ctypes.data, x.ctypes.data, n + 28)
+    _PARDISO(t.handle.ctypes.data, n, n + 4, n + 8, n + 12, n + 16, t.data.ctypes.data, t.indptr.ctypes.data,
+             t.indices.ctypes.data, t.perm.ctypes.data, n + 20, t.iparm.ctypes.data, n + 24, b.ctypes.data, x.ctypes.data, n + 28)
     return t.numbers[7]
 
 

@@ -128,8 +128,8 @@ def update_step(ties, contact, row_of, state, work, width, length):
 @kernel
 def has_converged(size, before, floor):
     """Round-off level reached, or certain to be reached: Newton squares the increment, so the next would be about
-    size (size/before)^2. That has to lie below 1e-20 and not 1e-16, because residual forces are increments times stiffness and the
-    energy keeps their work. `floor` is where increments of round-off size end the iteration."""
+    size (size/before)^2. That has to lie below 1e-20 and not 1e-16, because residual forces are increments times stiffness and
+    the energy keeps their work. `floor` is where increments of round-off size end the iteration."""
     if size <= 1e-15:
         return True
     if size < before and before < np.inf:
@@ -195,15 +195,16 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso, row_of, spinless, loads, factors, state, work, weights,
-        h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
+def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso, row_of, spinless, loads, factors, state, work,
+        weights, h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
     iteration on the conserving equations.
 
     loads: None or [K, n] vectors with `factors` [n_steps * n_weights, K]. lengths: arc length where each slider's beam
     ends. mean_force_out [2, 3 S]: mean contact force of the first and of the last step.
     counts_out: status, steps done, Newton iterations, slider of an event.
-    On a failure the state is the last good one. One function and not several: every level of calls is compiled again with all below it.
+    On a failure the state is the last good one. One function and not several: every level of calls is compiled again with all
+    below it.
     """
     counts_out[0] = OK
     counts_out[1] = 0
@@ -262,7 +263,7 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso
 
 @kernel
 def assemble_static(simo, green, ties, held, row_of, state, work):
-    """Residual f_int - f_ext and half the static tangent at the present configuration (theory.md 8): both ends of a step equal."""
+    """Residual f_int - f_ext and half the static tangent at the present configuration (theory.md 8): a step of equal ends."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
     clear(work)
@@ -278,7 +279,7 @@ def assemble_static(simo, green, ties, held, row_of, state, work):
 
 @kernel
 def update_static(ties, row_of, state, work, width, length):
-    """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns the size of the increment."""
+    """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns its size."""
     for i in range(work.theta.shape[0]):
         work.theta[i] = 0.0
     for i in range(work.dq.shape[0]):
@@ -294,7 +295,8 @@ def update_static(ties, row_of, state, work, width, length):
 
 
 @kernel
-def solve_static_step(simo, green, ties, held, plan, pardiso, row_of, state, work, width, length, max_iterations, largest, sizes_out):
+def solve_static_step(simo, green, ties, held, plan, pardiso, row_of, state, work, width, length, max_iterations, largest,
+                      sizes_out):
     """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
     before = np.inf
     for it in range(max_iterations):

@@ -392,8 +392,10 @@ class Slider:
         Arc length of the contact at t = 0, m, from 0 to the length of the beam.
     rate : float or None
         Initial ds/dt, m/s; also moves a point mass that has no velocity of its own.
-    curve : {'own', 'c1'}
-        The beam's own interpolation, or its version with a continuous tangent (theory.md 3.2).
+    curve : {'c1', 'own'}
+        The beam's interpolation with slope corrections that make its tangent continuous (theory.md 3.2), or its own, whose
+        tangent jumps at the ends of Lagrange elements: a step of order 4 loses its order there. B-splines are smooth, both are
+        the same.
 
     Raises
     ------
@@ -409,7 +411,7 @@ class Slider:
     _: KW_ONLY
     at: float
     rate: float | None = None
-    curve: str = "own"
+    curve: str = "c1"
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)

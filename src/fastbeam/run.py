@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import count, number
 from .dynamics import StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, SceneError
 from .kernels.step import OK, SLIDER_END, State
-from .model import Model
+from .model import Model, check_model
 from .newton import Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
@@ -53,7 +54,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     file : path
         Write the result to this HDF5 file as the run goes.
     callback : callable
-        Called with (t, state) at every row; returning True ends the run there. Runs without it stay in compiled code between rows.
+        Called with (t, state) at every row; returning True ends the run there.
     tolerance : float
         Step control: local error of a position per step, relative to the size of the scene.
     min_step, max_step : float
@@ -73,7 +74,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     Raises
     ------
     SceneError
-        An argument out of range.
+        A scene that is not compiled, an argument out of range.
     ConvergenceError
         A step failed; the error carries the last good state and the result until then.
 
@@ -87,7 +88,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     >>> bool(result.drift('total') < 1e-12)
     True
     """
-    t_end, step, t_start = (_number(name, x) for name, x in (("t_end", t_end), ("step", step), ("t_start", t_start)))
+    check_model("simulate", model)
+    t_end, step, t_start = (number(name, x) for name, x in (("t_end", t_end), ("step", step), ("t_start", t_start)))
     if not step > 0.0:
         raise SceneError(f"step: must be > 0 s, got {step:g}")
     if not t_end > t_start:
@@ -98,47 +100,31 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     n_steps = int(np.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
-    every = max(1, n_steps // 500) if every is None else _count("every", every)
-    if isinstance(snapshots, bool) or not isinstance(snapshots, (int, np.integer)) or snapshots < 0:
-        raise SceneError(f"snapshots: must be a whole number >= 0, got {snapshots!r}")
+    every = max(1, n_steps // 500) if every is None else count("every", every)
+    snapshots = count("snapshots", snapshots, least=0)
     control = None
     if tolerance is not None:
-        tolerance = _number("tolerance", tolerance)
+        tolerance = number("tolerance", tolerance)
         if not tolerance > 0.0:
             raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - t_start
-        largest = 0.1 * span if max_step is None else _number("max_step", max_step)
-        smallest = min(1e-6 * step, largest) if min_step is None else _number("min_step", min_step)
+        largest = 0.1 * span if max_step is None else number("max_step", max_step)
+        smallest = min(1e-6 * step, largest) if min_step is None else number("min_step", min_step)
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         control = StepControl(tolerance, order, smallest, largest)
     stepper = Stepper(model, weights, start, max_iterations, backend)
-    run = _Run(model, stepper, Observer(model, observe, points), t_start, t_end, step, order, snapshots, file, overwrite, callback,
-               control, progress)
+    run = _Run(model, stepper, Observer(model, observe, points), t_start, t_end, step, order, snapshots, file, overwrite,
+               callback, control, progress)
     return run.go(every)
-
-
-def _number(name: str, value: Any) -> float:
-    try:
-        x = float(value)
-    except (TypeError, ValueError):
-        x = np.nan
-    if not np.isfinite(x):
-        raise SceneError(f"{name}: must be a finite number, got {value!r}")
-    return x
-
-
-def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise SceneError(f"{name}: must be a whole number >= 1, got {value!r}")
-    return int(value)
 
 
 class _Run:
     """One run: drives the stepper and feeds rows to memory and file."""
 
     def __init__(self, model: Model, stepper: Stepper, observer: Observer, t_start: float, t_end: float, step: float, order: int,
-                 snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None, progress: bool | None) -> None:
+                 snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None,
+                 progress: bool | None) -> None:
         self.model, self.stepper, self.observer = model, stepper, observer
         self.t_start, self.t_end, self.step, self.order = t_start, t_end, step, order
         self.callback, self.control = callback, control
@@ -220,7 +206,8 @@ class _Run:
                           "scale": {k: v for k, v in self.observer.scale.items() if v > 0.0} | {"gap": self.model.length},
                           "wall_time": time.perf_counter() - begin}
             if self.control is not None:
-                self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted, "rejected": self.control.rejected}
+                self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
+                              "rejected": self.control.rejected}
             if self.writer is not None:
                 self.writer.close(self.info)
         result = self.memory.close(self.info)
