@@ -31,7 +31,7 @@ $(BIN)/python:
 		fi; \
 	done; \
 	echo "fastbeam needs Python 3.11 or newer; '$(PYTHON)' is missing or older." >&2; \
-	echo "Install one (https://www.python.org/downloads) or name it: make demo PYTHON=/path/to/python3.12" >&2; exit 1
+	echo "Install one, or name it: make demo PYTHON=python3.12" >&2; exit 1
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --disable-pip-version-check -q -e .

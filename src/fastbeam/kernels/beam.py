@@ -250,25 +250,32 @@ def point_stiffness(tab, co, to, nn, coupled, simo, scratch, z_mid, z_end, qo, s
 def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, scratch, qa, qb, simo, ko):
     """The 6 x 6 block of nodes a, b without inertia: material part from the shared matrices, geometric part from the
     stresses; qa, qb: mid coordinates of a and end coordinates of b."""
-    ktt = vzerom(); ktr = vzerom(); krt = vzerom(); krr = vzerom()
+    # three passes over the points: more than 9 accumulators of 8 lanes at a time do not stay in registers
+    krr = vzerom()
+    for g in range(nq):
+        ba = po0 + ps * g + 72 + 432 * a
+        bb = po0 + ps * g + 216 + 432 * b
+        for i in range(6):
+            krr += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 24 * i, 8))
+    ktt = vzerom(); ktr = vzerom(); krt = vzerom()
+    for g in range(nq):
+        t = to0 + pt * g + 8
+        po = po0 + ps * g
+        pa = vld(tab, t + 24 * a, 0)
+        pb = vld(tab, t + 24 * b, 0)
+        ktt += (pa * pb) * vldm(scratch, po, 8)
+        krt += pb * vldm(scratch, po + 360 + 432 * a, 8)
+        ktr += pa * vldm(scratch, po + 432 + 432 * b, 8)
+    # geometric part: sums of stress times basis products over the points
     h1 = vzero(); h2 = vzero(); h3 = vzero(); g1 = vzero(); g2 = vzero(); g3 = vzero()
     e4 = vzero(); e5 = vzero(); e6 = vzero()
     for g in range(nq):
         t = to0 + pt * g
         ta = t + 8 + 24 * a
         tb = t + 8 + 24 * b
-        po = po0 + ps * g
         so = so0 + ps * g
         pa = vld(tab, ta, 0); na = vld(tab, ta + 8, 0); da = vld(tab, ta + 16, 0)
         pb = vld(tab, tb, 0); nb = vld(tab, tb + 8, 0); db = vld(tab, tb + 16, 0)
-        ba = po + 72 + 432 * a
-        bb = po + 72 + 432 * b
-        ktt += (pa * pb) * vldm(scratch, po, 8)
-        krt += pb * vldm(scratch, ba + 288, 8)
-        ktr += pa * vldm(scratch, bb + 360, 8)
-        for i in range(6):
-            krr += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 144 + 24 * i, 8))
-        # geometric part: sums of stress times basis products over the points
         s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
         twist = da * nb - na * db
         e4 += vld(scratch, so + 24, 0) * twist
