@@ -14,6 +14,10 @@ from .._jit import kernel
 from .algebra import flush_rows, vld, vst
 
 
+# row k: 1 in the columns right of k
+RIGHT_OF = np.triu(np.ones((8, 8)), 1).reshape(-1)
+
+
 class Elimination(NamedTuple):
     """Order and update lists of the block LU, n rows."""
 
@@ -70,12 +74,9 @@ def subtract_product(blocks, a, b, bo, b_stride, c, co, c_stride):
 
 @kernel
 def factor_diagonal(blocks, d, pivots, p):
-    """LU of a 6 x 6 block with row exchanges, reciprocal pivots on the diagonal. Returns the smallest ratio of a pivot to
-    the largest entry of the block: zero where the block is singular or NaN."""
+    """LU of a 6 x 6 block with row exchanges, reciprocal pivots on the diagonal. Returns the ratio of the smallest to the
+    largest pivot: zero where the block is singular or NaN."""
     largest = 0.0
-    for i in range(6):
-        for j in range(6):
-            largest = max(largest, abs(blocks[d + 8 * i + j]))
     smallest = np.inf
     for k in range(6):
         m = k
@@ -85,21 +86,22 @@ def factor_diagonal(blocks, d, pivots, p):
             if t > v:
                 v = t
                 m = i
+        # also where the pivot is NaN, which min() would drop
+        if not v > 0.0:
+            return 0.0
         pivots[p + k] = m
         if m != k:
             t8 = vld(blocks, d + 8 * k, 0)
             vst(blocks, d + 8 * k, 0, vld(blocks, d + 8 * m, 0))
             vst(blocks, d + 8 * m, 0, t8)
-        # also where the pivot is NaN, which min() would drop
-        if not v > 0.0:
-            return 0.0
         smallest = min(smallest, v)
+        largest = max(largest, v)
         inverse = 1.0 / blocks[d + 9 * k]
+        # only the columns right of k take part: the factors of earlier columns stand to the left
+        row = vld(blocks, d + 8 * k, 0) * vld(RIGHT_OF, 8 * k, 0)
         for i in range(k + 1, 6):
             f = blocks[d + 8 * i + k] * inverse
-            # columns up to k are overwritten: keep the factors that stand there
-            for j in range(k + 1, 6):
-                blocks[d + 8 * i + j] -= f * blocks[d + 8 * k + j]
+            vst(blocks, d + 8 * i, 0, vld(blocks, d + 8 * i, 0) - f * row)
             blocks[d + 8 * i + k] = f
         blocks[d + 9 * k] = inverse
     return smallest / largest
