@@ -267,7 +267,8 @@ class Twin:
                 force[first + nodes] += factor(scene.gravity_time) * lumps.sum(axis=0)[:, None] * weight
                 for force_at, moment_at, f in loads:
                     force[first + nodes] += f * lumps.T @ force_at(b.mass_point_s[e])
-                    torque[first + nodes] += f * lumps.T @ moment_at(b.mass_point_s[e])
+                    # a moment works on the spin of the directors, which have a basis of their own
+                    torque[first + nodes] += f * (b.weight[e][:, None] * b.dir[e]).T @ moment_at(b.point_s[e])
         for part in [*scene.bodies, *scene.masses]:
             force[self.number(part)] += factor(scene.gravity_time) * part.mass * scene.gravity
         for load in scene.loads:

@@ -233,10 +233,12 @@ def _loads(scene: Scene, nodes: NodeList, row_of: Array) -> tuple[Array, list[An
         basis = load.beam.basis
         at = nodes.first[id(load.beam)] + basis.element_nodes
         vector = group(load.time)
-        s = basis.mass_point_s.reshape(-1)
-        for field, columns in ((load.force_at(s), slice(0, 3)), (load.moment_at(s), slice(3, 6))):
-            values = field.reshape(*basis.mass_point_s.shape, 3)
-            nodal = np.einsum("eg,egn,egc->enc", basis.mass_weight, basis.mass_phi_values, values)
+        # forces work on positions, moments on the spins of the directors: each with its own basis
+        for field, s, weight_s, shape, columns in (
+                (load.force_at, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values, slice(0, 3)),
+                (load.moment_at, basis.point_s, basis.weight, basis.dir, slice(3, 6))):
+            values = field(s.reshape(-1)).reshape(*s.shape, 3)
+            nodal = np.einsum("eg,egn,egc->enc", weight_s, shape, values)
             target = np.zeros((n, 3))
             np.add.at(target, at, nodal)
             vector[:, columns] += target

@@ -139,7 +139,7 @@ class Model:
         points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
         for k, time in enumerate(self.load_times):
             if time is not None:
-                values = np.array([float(time(float(t))) for t in points]).reshape(-1, 3)
+                values = np.array([_factor(time, float(t)) for t in points]).reshape(-1, 3)
                 out[:, k] = values @ w
         return out
 
@@ -157,6 +157,15 @@ def check_model(who: str, model: Any) -> None:
     """
     if not isinstance(model, Model):
         raise SceneError(f"{who}: needs a model, got {model!r:.60}; compile it first: model = fb.compile_scene(scene)")
+
+
+def _factor(time: Callable[[float], float], t: float) -> float:
+    """A time function at t as a number."""
+    value = time(t)
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise SceneError(f"time function of a load or of gravity: must return a number, got {value!r} at t = {t:.6g} s") from None
 
 
 def _aligned(n: int) -> Array:

@@ -113,13 +113,13 @@ def test_an_equal_beam_is_not_the_member():
     refused("load 'tip': beam 'rail' is not in scene", RAIL, Load("tip", make_rail().end))
 
 
-def test_interior_control_points_cannot_be_held():
+def test_interior_control_points_cannot_be_held_or_loaded():
     spline = make_rail(interpolation="bspline", degree=2)
     text = r"beam 'rail' node 2 \(s = 0\.45 m\) is a control point, which does not lie on the beam"
     inner = spline.node(2)
-    for part in (Clamp(inner), Pin(inner), BallJoint(WHEEL, inner), Slider("run", inner, POST, at=0)):
+    for part in (Clamp(inner), Pin(inner), BallJoint(WHEEL, inner), Slider("run", inner, POST, at=0), Load("mid", inner)):
         refused(text, spline, WHEEL, POST, part)
-    Scene(spline, Clamp(spline.start), Pin(spline.end), Load("mid", spline.node(2))).check()
+    Scene(spline, Clamp(spline.start), Pin(spline.end), Load("tip", spline.end)).check()
 
 
 # --- positions -------------------------------------------------------------------------------------------------------------

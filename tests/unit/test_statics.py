@@ -181,3 +181,20 @@ def test_beam_hanging_from_a_ball_joint_turns_into_the_load() -> None:
     np.testing.assert_allclose(q[6, :3], q[7, :3], atol=1e-14)
     np.testing.assert_allclose(q[13, :3], q0[13, :3], atol=1e-15)
     assert q[10, 1] > 1e-3
+
+
+@pytest.mark.parametrize("degree", [3, 4])
+def test_distributed_moment_on_a_spline_converges_with_its_degree(degree: int) -> None:
+    # the moment works on the spin of the directors; lumped with the basis of the positions the order is 2
+    section = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.0, rhoI3=0.0)
+
+    def tip(**family: object) -> np.ndarray:
+        beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=section, **family)
+        load = fb.DistributedLoad("twist", beam, moment=lambda s: np.stack((0 * s, 0 * s, 3 * np.cos(3 * s)), axis=1))
+        model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), load))
+        return fb.solve_static(model, points={"tip": beam.end}).point("tip")[-1]
+
+    exact = tip(elements=8, degree=6)
+    assert np.linalg.norm(exact - (1, 0, 0)) > 0.1
+    coarse, fine = (float(np.linalg.norm(tip(elements=n, degree=degree, interpolation="bspline") - exact)) for n in (16, 32))
+    assert np.log2(coarse / fine) > degree

@@ -322,6 +322,18 @@ def flush_rows(tc, array, offset, stride):
 
 
 @intrinsic
+def largest_of_row(tc, array, offset):
+    """Largest absolute value of 8 entries; NaN is skipped."""
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        x = b.load(_pointer(ctx, b, sig.args[0], args[0], o, vec), align=8)
+        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
+        largest = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_VECTOR]), "llvm.vector.reduce.fmax.v8f64")
+        return b.call(largest, [b.call(absolute, [x])])
+    return f8(array, offset), codegen
+
+
+@intrinsic
 def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target):
     """Add 6 lane columns to 8 rows: for lane l, target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l],
     c = 0..5. An 8 x 8 transposition in registers; rows are padded to 8 doubles, the last two stay as they are."""

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import flush_rows, vld, vst
+from .algebra import flush_rows, largest_of_row, vld, vst
 
 
-# row k: 1 in the columns right of k
-RIGHT_OF = np.triu(np.ones((8, 8)), 1).reshape(-1)
+# row k: 1 in the columns right of k, 0 in the two that pad a row
+RIGHT_OF = (np.triu(np.ones((8, 8)), 1) * (np.arange(8) < 6)).reshape(-1)
 
 
 class Elimination(NamedTuple):
@@ -74,10 +74,14 @@ def subtract_product(blocks, a, b, bo, b_stride, c, co, c_stride):
 
 @kernel
 def factor_diagonal(blocks, d, pivots, p):
-    """LU of a 6 x 6 block with row exchanges, reciprocal pivots on the diagonal. Returns the ratio of the smallest to the
-    largest pivot: zero where the block is singular or NaN."""
-    largest = 0.0
+    """LU of a 6 x 6 block with row exchanges, reciprocal pivots on the diagonal. Returns the smallest ratio of a pivot to the
+    largest entry that its row had: zero where the block is singular or NaN. The ratio does not see that forces and moments
+    have different units."""
     smallest = np.inf
+    for i in range(6):
+        # the last pad of a row carries its size through the exchanges
+        blocks[d + 8 * i + 7] = 0.0
+        blocks[d + 8 * i + 7] = largest_of_row(blocks, d + 8 * i)
     for k in range(6):
         m = k
         v = abs(blocks[d + 9 * k])
@@ -94,8 +98,7 @@ def factor_diagonal(blocks, d, pivots, p):
             t8 = vld(blocks, d + 8 * k, 0)
             vst(blocks, d + 8 * k, 0, vld(blocks, d + 8 * m, 0))
             vst(blocks, d + 8 * m, 0, t8)
-        smallest = min(smallest, v)
-        largest = max(largest, v)
+        smallest = min(smallest, v / blocks[d + 8 * k + 7])
         inverse = 1.0 / blocks[d + 9 * k]
         # only the columns right of k take part: the factors of earlier columns stand to the left
         row = vld(blocks, d + 8 * k, 0) * vld(RIGHT_OF, 8 * k, 0)
@@ -104,7 +107,7 @@ def factor_diagonal(blocks, d, pivots, p):
             vst(blocks, d + 8 * i, 0, vld(blocks, d + 8 * i, 0) - f * row)
             blocks[d + 8 * i + k] = f
         blocks[d + 9 * k] = inverse
-    return smallest / largest
+    return smallest
 
 
 @kernel

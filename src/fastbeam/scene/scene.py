@@ -275,9 +275,9 @@ class Scene:
                     raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
-        """Interior control points of a spline beam are no points of it: nothing can be held or joined there."""
+        """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
         for part in self.parts:
-            for node in _held_nodes(part):
+            for node in [part.at] if isinstance(part, Load) else _held_nodes(part):
                 beam = node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
                     raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
