@@ -43,7 +43,8 @@ def random_scene(seed: int) -> tuple[fb.Scene, float]:
     parts: list[object] = list(beams)
     if rng.random() < 0.6:
         tip = beams[0].reference(beams[0].length)[0][0]
-        body = fb.RigidBody("body", mass=10**rng.uniform(-1, 1), inertia=(1, 1.3, 1.6), position=tip + 0.3 * rng.standard_normal(3))
+        body = fb.RigidBody("body", mass=10**rng.uniform(-1, 1), inertia=(1, 1.3, 1.6),
+                            position=tip + 0.3 * rng.standard_normal(3))
         parts += [body, fb.RigidConnection(beams[0].end, body)]
         if len(beams) > 1 and rng.random() < 0.5:
             parts.append(fb.BallJoint(beams[1].start, body.point(beams[1].reference(0.0)[0][0] - body.position)))
