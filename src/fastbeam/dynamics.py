@@ -51,7 +51,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     """Shorten a step in which sliders leave their beams so that it ends where the first of them meets its end. The step size is
     free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end
     already."""
-    start = stepper.copy_state()
+    start = stepper.save()
     lengths = stepper.model.slider_lengths
     leaving: dict[int, float] = {}
 
@@ -68,22 +68,22 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
 
     high, f_high = 1.0, room()
     low, reached = 0.0, start
-    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, start.force.size)))
+    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, 3 * stepper.model.n_sliders)))
     for _ in range(60):
-        f_low = way(reached.s)[0]
+        f_low = way(reached[0].s)[0]
         if f_low <= END_TOLERANCE or high - low < 1e-13:
             break
         # secant with bisection as a guard; aim a little inside
         x = low + (high - low) * f_low / (f_low - f_high) if f_high < 0.0 else 0.5 * (low + high)
         x = min(max(x, low + 0.001 * (high - low)), high - 0.001 * (high - low))
-        stepper.set_state(start)
+        stepper.load(start)
         outcome = stepper.advance(t, x * h, 1)
         if outcome.status == OK:
-            low, reached, best = x, stepper.copy_state(), (x * h, outcome)
+            low, reached, best = x, stepper.save(), (x * h, outcome)
         else:
             high, f_high = x, room() if outcome.status == SLIDER_END else -f_low
-    stepper.set_state(reached)
-    return *best, way(reached.s)[1]
+    stepper.load(reached)
+    return *best, way(reached[0].s)[1]
 
 
 @dataclass

@@ -12,6 +12,7 @@ from .kernels import step as kernels
 from .kernels.slider import BORDER
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, State, Work
 from .linsolve import LinearSystem
+from .methods import Method, empty_rates, start_rates
 from .model import Model
 
 Array = np.ndarray
@@ -54,6 +55,9 @@ class Stepper:
         Newton iterations a substep.
     backend : {'auto', 'pardiso', 'superlu'}
         Of the sparse solver, where the model needs one.
+    method : Method
+    t : float
+        Time of the state, s; some methods need the loads there.
 
     Raises
     ------
@@ -62,7 +66,7 @@ class Stepper:
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
-                 backend: str = "auto") -> None:
+                 backend: str = "auto", method: Method = Method(), t: float = 0.0) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
@@ -73,10 +77,34 @@ class Stepper:
         self.work = model.work()
         self.contact = model.contact()
         self.linear = LinearSystem(model.pattern, 1 + BORDER * model.n_sliders, backend)
+        self.method = method
+        self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._timed = any(t is not None for t in model.load_times)
         if not self._timed and model.loads.shape[0]:
             kernels.external_forces(model.loads, self._factors[0], self.work.f_ext)
+        if self.alpha is not None:
+            if self._timed:
+                kernels.external_forces(model.loads, model.load_factors(np.full(1, t), np.zeros(1))[0], self.work.f_ext)
+            start_rates(model, self.alpha, self.state, self._rows_at_rest)
+
+    def _rows_at_rest(self, u: Array) -> Array:
+        """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
+        model, work = self.model, self.work
+        work.u[:] = u
+        kernels.assemble_rest(model.simo, model.green, model.bodies, model.ties, model.held, model.pattern.row_of, self.state,
+                              work)
+        return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
+
+    def save(self) -> tuple[State, Array | None]:
+        """Everything a later `load` needs."""
+        return self.copy_state(), None if self.alpha is None else self.alpha.rates.copy()
+
+    def load(self, saved: tuple[State, Array | None]) -> None:
+        """Go back to what `save` returned."""
+        self.set_state(saved[0])
+        if self.alpha is not None:
+            self.alpha.rates[:] = saved[1]
 
     def copy_state(self) -> State:
         """A copy of the present state."""
@@ -104,11 +132,14 @@ class Stepper:
         if self._timed:
             ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
             starts = t + h * (np.arange(n)[:, None] + ends)
-            loads, factors = model.loads, model.load_factors(starts.reshape(-1), np.tile(self.weights * h, n))
+            lengths = np.tile(self.weights * h, n)
+            if self.method.at_end:
+                starts, lengths = starts + h, np.zeros(n)
+            loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
         if not self.linear.is_compiled:
             return self._python_run(factors if self._timed else None, h, n)
         kernels.run(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders, self.contact,
-                    model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state,
+                    self.method.middle, self.alpha, model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state,
                     self.work, self.weights, h, n, model.width, model.length, self.max_iterations, model.slider_lengths, counts,
                     sizes, force)
         done = int(counts[1])
@@ -129,7 +160,7 @@ class Stepper:
         iterations = 0
         sizes = np.zeros(0)
         for k in range(n):
-            kernels.keep_state(state, work)
+            kernels.keep_state(self.alpha, state, work)
             last = np.zeros(3 * model.n_sliders)
             status, slider = OK, -1
             for m, weight in enumerate(self.weights):
@@ -139,13 +170,13 @@ class Stepper:
                 iterations += len(sizes)
                 if status != OK:
                     break
-                kernels.finish_step(state, work, weight * h)
+                kernels.finish_step(model.ties, self.alpha, state, work, weight * h)
                 last += weight * state.force
             if status == OK:
                 slider = int(kernels.slider_outside(state, model.slider_lengths))
                 status = SLIDER_END if slider >= 0 else OK
             if status != OK:
-                kernels.restore_state(state, work)
+                kernels.restore_state(self.alpha, state, work)
                 return Outcome(status, k, iterations, slider, sizes, force)
             force[1] = last
             if k == 0:
@@ -160,7 +191,7 @@ class Stepper:
         before = np.inf
         for _ in range(self.max_iterations):
             kernels.assemble_step(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders,
-                                  contact, row_of, state, work, h)
+                                  contact, self.method.middle, self.alpha, row_of, state, work, h)
             kernels.fill_panel(contact, work.r, model.held, row_of.shape[0], width, work.panel)
             if not solve_panel(self.linear, model, work):
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)

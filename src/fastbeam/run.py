@@ -13,6 +13,7 @@ from .arguments import count, number
 from .dynamics import StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, SceneError
 from .kernels.step import OK, SLIDER_END, State
+from .methods import choose_method
 from .model import Model, check_model
 from .newton import Outcome, Stepper
 from .observe import Observer
@@ -22,16 +23,17 @@ from .result import Result, ResultBuffer
 Array = np.ndarray
 
 
-def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: State | None = None, t_start: float = 0.0,
+def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
+             rho_inf: float | None = None, start: State | None = None, t_start: float = 0.0,
              observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
              every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
              progress: bool | None = None) -> Result:
-    """Integrate a model with the conserving step (theory.md 4 to 6).
+    """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
-    Energy, linear and angular momentum of an isolated system and the gap of its sliders stay at round-off for every step size
-    that converges.
+    With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
+    round-off for every step size that converges.
 
     Parameters
     ----------
@@ -41,6 +43,11 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
         End time and step size, s. With `tolerance`, `step` is the first step.
     order : {2, 4}
         4 composes five substeps, one of them backwards: for smooth scenes.
+    method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
+        All but the first are for comparison: same equations, sliders and solvers, but they conserve less. The last two have
+        order 2 only and no step control.
+    rho_inf : float in [0, 1]
+        Spectral radius at infinity of generalized alpha, default 0.8.
     start, t_start : State, float
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0.
     observe : sequence of {'energy', 'momentum', 'slider'}
@@ -99,6 +106,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
+    chosen = choose_method(method, rho_inf, order, tolerance)
     n_steps = int(np.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else count("every", every)
     snapshots = count("snapshots", snapshots, least=0)
@@ -113,7 +121,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         control = StepControl(tolerance, order, smallest, largest)
-    stepper = Stepper(model, weights, start, max_iterations, backend)
+    stepper = Stepper(model, weights, start, max_iterations, backend, chosen, t_start)
     run = _Run(model, stepper, Observer(model, observe, points), t_start, t_end, step, order, snapshots, file, overwrite,
                callback, control, progress)
     return run.go(every)
@@ -129,7 +137,7 @@ class _Run:
         self.t_start, self.t_end, self.step, self.order = t_start, t_end, step, order
         self.callback, self.control = callback, control
         self.info: dict[str, Any] = {
-            "scene": model.scene_name, "method": "energy-momentum conserving", "order": order, "step": step, "t_end": t_end,
+            "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": step, "t_end": t_end,
             "conserved": _conserved(model), "unknowns": model.n_unknowns, "versions": _versions()}
         header = observer.header(self.info)
         self.memory = ResultBuffer(header)
@@ -159,7 +167,9 @@ class _Run:
             return
         t, row = self.pending
         if self.observer.slider:
-            known = [f for f in (before, after) if f is not None]
+            # forces at the end of a step are those of its time; otherwise the mean of the steps around it (4.5)
+            around = (before if before is not None else after,) if self.stepper.method.at_end else (before, after)
+            known = [f for f in around if f is not None]
             row["contact_force"] = (np.mean(known, axis=0) if known else np.zeros(3 * self.model.n_sliders)).reshape(-1, 3)
         for sink in self.sinks():
             sink.append(row, t)
@@ -180,7 +190,7 @@ class _Run:
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         begin = time.perf_counter()
-        before: Array | None = None
+        before: Array | None = self.stepper.state.force.copy() if self.stepper.method.at_end else None
         error: ConvergenceError | None = None
         self.open_row(self.t_start, 0, 0.0)
         try:

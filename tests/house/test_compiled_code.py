@@ -116,7 +116,8 @@ names = step.run.py_func.__code__.co_varnames
 print(json.dumps([name for name, kind in zip(names, types) if str(kind) == "none"]))
 """
     # green: the other strain set; None arguments are pruned before the compiler sees what hangs on them
-    assert python(code) == ["green", "bodies", "ties", "held", "curves", "sliders", "contact", "pardiso", "loads"]
+    assert python(code) == ["green", "bodies", "ties", "held", "curves", "sliders", "contact", "middle", "alpha",
+                            "pardiso", "loads"]
 
 
 def test_time_loop_allocates_nothing() -> None:

@@ -315,7 +315,7 @@ class Elements:
         rng = np.random.default_rng(10)
         mid, end, u = rng.standard_normal((3, 12 * self.model.n_nodes))
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, mid, end, u if inertia else None, 800.0, self.simo, r.reshape(-1), blocks.reshape(-1),
+        element_groups(tables, mid, end, u if inertia else None, 800.0, None, self.simo, None, r.reshape(-1), blocks.reshape(-1),
                        np.full(scratch_size(self.nn, self.nq), np.nan))
         return r[:-1], blocks[:-1]
 

@@ -180,7 +180,7 @@ class Kernels:
     def tables(self) -> tuple:
         """Tables in the order of the assembly."""
         m = self.model
-        return m.simo, m.green, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact, m.pattern.row_of
+        return m.simo, m.green, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact, None, None, m.pattern.row_of
 
     def load(self) -> None:
         """Loads at factor 1."""

@@ -44,7 +44,7 @@ def group_table_size(nn: int, nq: int) -> int:
 def scratch_size(nn: int, nq: int) -> int:
     """Doubles of scratch that a group needs."""
     per_point = 6 + 9 + 21 + 21 + 18 + 18 + nn * (18 + 18 + 9 + 9)
-    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nq * per_point)
+    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nq * per_point + nn * 18)
 
 
 @kernel
@@ -85,15 +85,16 @@ def quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, add):
 
 
 @kernel
-def mean_strains(scratch, zm, ze, simo, eo):
-    """(E_n + E_n+1)/2 without the reference: E quadratic gives E(z_mid) + E(z_end - z_mid)."""
+def mean_strains(scratch, zm, ze, simo, middle, eo):
+    """(E_n + E_n+1)/2 without the reference: E quadratic gives E(z_mid) + E(z_end - z_mid). `middle`: only E(z_mid)."""
     f = vld3(scratch, zm, 8); d1 = vld3(scratch, zm + 24, 8); d2 = vld3(scratch, zm + 48, 8)
     d3 = vld3(scratch, zm + 72, 8); k1 = vld3(scratch, zm + 96, 8); k2 = vld3(scratch, zm + 120, 8)
     k3 = vld3(scratch, zm + 144, 8)
     quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, False)
-    quadratic_strains(vld3(scratch, ze, 8) - f, vld3(scratch, ze + 24, 8) - d1, vld3(scratch, ze + 48, 8) - d2,
-                      vld3(scratch, ze + 72, 8) - d3, vld3(scratch, ze + 96, 8) - k1, vld3(scratch, ze + 120, 8) - k2,
-                      vld3(scratch, ze + 144, 8) - k3, simo, scratch, eo, True)
+    if middle is None:
+        quadratic_strains(vld3(scratch, ze, 8) - f, vld3(scratch, ze + 24, 8) - d1, vld3(scratch, ze + 48, 8) - d2,
+                          vld3(scratch, ze + 72, 8) - d3, vld3(scratch, ze + 96, 8) - k1, vld3(scratch, ze + 120, 8) - k2,
+                          vld3(scratch, ze + 144, 8) - k3, simo, scratch, eo, True)
 
 
 @kernel
@@ -323,6 +324,20 @@ def add_pair_inertia(tab, mo, nn, a, b, rate, scratch, qa, qb, ko):
 
 
 @kernel
+def add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, qa, rb, ko):
+    """The same for generalised alpha: `rate` on the positions, on the directors the derivatives of d'' by the spin of b, six
+    vectors from rb on (theory.md 7)."""
+    m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
+    md = vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
+    j2 = md * vld(tab, mo + 8, 0); j3 = md * vld(tab, mo + 16, 0)
+    vadd_matrix(scratch, ko, 48, 8, add_iso(vzerom(), m * vld(tab, mo, 0)))
+    a2 = j2 * vld3(scratch, qa + 48, 8); a3 = j3 * vld3(scratch, qa + 72, 8)
+    for c in range(3):
+        vadd3(scratch, ko + 168 + 8 * c, 48,
+              cross(a2, vld3(scratch, rb + 24 * c, 8)) + cross(a3, vld3(scratch, rb + 72 + 24 * c, 8)))
+
+
+@kernel
 def add_inertia_forces(tab, mo, nn, scratch, uo, fo):
     """M u on the 12 coordinates of every node; u = 2/h^2 (q_n+1 - q_n - h v_n)."""
     rho = vld(tab, mo, 0); j2 = vld(tab, mo + 8, 0); j3 = vld(tab, mo + 16, 0)
@@ -360,10 +375,12 @@ def project_node(scratch, q, fo, ro, ko):
 
 
 @kernel
-def element_groups(tables, q_mid, q_end, u, rate, simo, r_out, blocks_out, scratch):
+def element_groups(tables, q_mid, q_end, u, rate, spin_rate, simo, middle, r_out, blocks_out, scratch):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2. simo: None selects strain set (2.1), else (2.2).
+    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2. spin_rate: None or [18 N], derivatives of the second rates of
+    d2, d3 by the spins (generalised alpha). simo: None selects strain set (2.1), else (2.2). middle: None, else stresses
+    come from the strains of q_mid (implicit midpoint).
     r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
     """
     meta = tables.meta
@@ -394,6 +411,10 @@ def element_groups(tables, q_mid, q_end, u, rate, simo, r_out, blocks_out, scrat
             for a in range(nn):
                 gather_lanes(u, tables.nodes, no + 8 * a, 12, 12, scratch, uo + 96 * a)
             add_inertia_forces(tab, mo, nn, scratch, uo, fo)
+        vo = so0 + nq * ps
+        if spin_rate is not None:
+            for a in range(nn):
+                gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, 18, scratch, vo + 144 * a)
         for g in range(nq):
             to = to0 + pt * g
             so = so0 + ps * g
@@ -404,16 +425,18 @@ def element_groups(tables, q_mid, q_end, u, rate, simo, r_out, blocks_out, scrat
             eo = zm + 336
             interpolate(tab, to, nn, scratch, 0, zm)
             interpolate(tab, to, nn, scratch, 96, ze)
-            mean_strains(scratch, zm, ze, simo, eo)
+            mean_strains(scratch, zm, ze, simo, middle, eo)
             stresses(tab, co, to, nn, coupled, scratch, eo, so)
             add_forces(tab, to, nn, scratch, zm, so, simo, fo)
-            point_stiffness(tab, co, to, nn, coupled, simo, scratch, zm, ze, 0, so, po)
+            point_stiffness(tab, co, to, nn, coupled, simo, scratch, zm, ze if middle is None else zm, 0, so, po)
         for a in range(nn):
             for b in range(nn):
                 kab = ko + 288 * (nn * a + b)
                 pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, scratch, Q_LANES * a, Q_LANES * b + 96,
                                simo, kab)
-                if u is not None:
+                if spin_rate is not None:
+                    add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, vo + 144 * b, kab)
+                elif u is not None:
                     add_pair_inertia(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, Q_LANES * b + 96, kab)
             project_node(scratch, Q_LANES * a, fo + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
         for a in range(nn):

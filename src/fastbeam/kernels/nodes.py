@@ -138,7 +138,8 @@ def update_nodes(row_of, x, width, q, theta, dq):
 
 @kernel
 def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
-    """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node."""
+    """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node.
+    rate: 2/h^2, or None where the derivative of u is added elsewhere."""
     for k in range(bodies.node.shape[0]):
         q = 12 * bodies.node[k]
         ro = 8 * bodies.row[k]
@@ -157,20 +158,21 @@ def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
                 d = ld3(q_end, q + 3 * a, 1)
                 rr += 0.5 * add_iso(outer(d, f), -dot(d, f))
         add3(r_out, ro + 3, 1, moment)
-        for a in range(4):
-            x = ld3(q_mid, q + 3 * a, 1)
-            for b in range(4):
-                m = rate * bodies.inertia[j0 + 4 * a + b]
-                if m != 0.0:
-                    y = ld3(q_end, q + 3 * b, 1)
-                    if a == 0 and b == 0:
-                        tt = add_iso(tt, m)
-                    elif a == 0:
-                        tr = add_skew(tr, -m * y)
-                    elif b == 0:
-                        rt = add_skew(rt, m * x)
-                    else:
-                        rr += add_iso(zerom() - outer(m * y, x), m * dot(x, y))
+        if rate is not None:
+            for a in range(4):
+                x = ld3(q_mid, q + 3 * a, 1)
+                for b in range(4):
+                    m = rate * bodies.inertia[j0 + 4 * a + b]
+                    if m != 0.0:
+                        y = ld3(q_end, q + 3 * b, 1)
+                        if a == 0 and b == 0:
+                            tt = add_iso(tt, m)
+                        elif a == 0:
+                            tr = add_skew(tr, -m * y)
+                        elif b == 0:
+                            rt = add_skew(rt, m * x)
+                        else:
+                            rr += add_iso(zerom() - outer(m * y, x), m * dot(x, y))
         add_matrix(blocks_out, ko, 8, 1, tt)
         add_matrix(blocks_out, ko + 3, 8, 1, tr)
         add_matrix(blocks_out, ko + 24, 8, 1, rt)

@@ -1,4 +1,4 @@
-"""One conserving step and the compiled time loop, theory.md 4 to 6.
+"""One step and the compiled time loop: the conserving step, theory.md 4 to 6, and the methods it is compared with, theory.md 7.
 
 Every part that a scene lacks arrives as None; the branches on it are pruned before typing, so no code is compiled for it.
 """
@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
+from .alpha import END, KEPT, NOW, add_body_rates, add_plain_sliders, finish_alpha, keep_rates, spread_end
 from .beam import element_groups
 from .chain import factor, solve
 from .nodes import add_bodies, advance, apply_held, apply_ties, predict, spread, tie_coordinates, update_nodes
@@ -76,22 +77,49 @@ def start_step(ties, curves, sliders, contact, spinless, state, work, h):
 
 
 @kernel
-def assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, h):
-    """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force."""
-    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
-    rate = 2.0 / (h * h)
-    clear(work)
+def add_elements(simo, green, rate, spin_rate, middle, work):
+    """Residual and tangent of all beams."""
     if simo is not None:
-        element_groups(simo, work.q_mid, work.q_end, work.u, rate, 1, work.r, work.blocks, work.scratch)
+        element_groups(simo, work.q_mid, work.q_end, work.u, rate, spin_rate, 1, middle, work.r, work.blocks, work.scratch)
     if green is not None:
-        element_groups(green, work.q_mid, work.q_end, work.u, rate, None, work.r, work.blocks, work.scratch)
-    if bodies is not None:
-        add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
-    if sliders is not None:
-        add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s, work.s_end,
-                    state.force, work.r)
+        element_groups(green, work.q_mid, work.q_end, work.u, rate, spin_rate, None, middle, work.r, work.blocks, work.scratch)
+
+
+@kernel
+def assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h):
+    """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
+    the conserving step; with `middle` it is the implicit midpoint rule, with `alpha` half the equations of generalised alpha."""
+    clear(work)
+    if alpha is not None:
+        spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
+        if ties is not None:
+            tie_coordinates(ties, work.u)
+        add_elements(simo, green, 0.5 * alpha.factor[1], alpha.spin_rate, None, work)
+        if bodies is not None:
+            add_bodies(bodies, work.q_mid, work.q_end, work.u, None, work.r, work.blocks)
+            for k in range(bodies.node.shape[0]):
+                add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)
+        if sliders is not None:
+            add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
+                              0.5, work.r)
+    else:
+        spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+        rate = 2.0 / (h * h)
+        add_elements(simo, green, rate, None, middle, work)
+        if bodies is not None:
+            add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+        if sliders is not None:
+            if middle is not None:
+                add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
+                                  1.0, work.r)
+            else:
+                add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
+                            work.s_end, state.force, work.r)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if alpha is not None:
+        for i in range(work.r.shape[0]):
+            work.r[i] *= 0.5
     if held is not None:
         apply_held(held, work.r, work.blocks)
 
@@ -153,7 +181,9 @@ def solve_nodes(plan, pardiso, work, width):
 
 
 @kernel
-def keep_state(state, work):
+def keep_state(alpha, state, work):
+    if alpha is not None:
+        keep_rates(alpha, NOW, KEPT)
     copy(state.q, work.keep_q)
     copy(state.v, work.keep_v)
     copy(state.s, work.keep_s)
@@ -161,7 +191,9 @@ def keep_state(state, work):
 
 
 @kernel
-def restore_state(state, work):
+def restore_state(alpha, state, work):
+    if alpha is not None:
+        keep_rates(alpha, KEPT, NOW)
     copy(work.keep_q, state.q)
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
@@ -178,9 +210,14 @@ def slider_outside(state, lengths):
 
 
 @kernel
-def finish_step(state, work, h):
+def finish_step(ties, alpha, state, work, h):
     """Accept a converged step."""
-    advance(state.q, state.v, work.dq, h)
+    if alpha is not None:
+        finish_alpha(alpha, state.q, work.dq, state.v)
+        if ties is not None:
+            tie_coordinates(ties, state.v)
+    else:
+        advance(state.q, state.v, work.dq, h)
     copy(work.s_end, state.s)
 
 
@@ -195,10 +232,10 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso, row_of, spinless, loads, factors, state, work,
-        weights, h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
+def run(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso, row_of, spinless, loads, factors, state,
+        work, weights, h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
-    iteration on the conserving equations.
+    iteration on the equations of `assemble_step`.
 
     loads: None or [K, n] vectors with `factors` [n_steps * n_weights, K]. lengths: arc length where each slider's beam
     ends. mean_force_out [2, 3 S]: mean contact force of the first and of the last step.
@@ -211,7 +248,7 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso
     counts_out[2] = 0
     counts_out[3] = -1
     for n in range(n_steps):
-        keep_state(state, work)
+        keep_state(alpha, state, work)
         for k in range(mean_force_out.shape[1]):
             mean_force_out[1, k] = 0.0
         status = OK
@@ -224,7 +261,7 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso
             before = np.inf
             for it in range(max_iterations):
                 counts_out[2] += 1
-                assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, row_of, state, work, hm)
+                assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, hm)
                 fill_panel(contact, work.r, held, row_of.shape[0], width, work.panel)
                 if not solve_nodes(plan, pardiso, work, width):
                     status = SINGULAR
@@ -243,7 +280,7 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso
                 before = size
             if status != OK:
                 break
-            finish_step(state, work, hm)
+            finish_step(ties, alpha, state, work, hm)
             for k in range(mean_force_out.shape[1]):
                 mean_force_out[1, k] += weights[m] * state.force[k]
         if sliders is not None:
@@ -253,12 +290,27 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, plan, pardiso
                     status = SLIDER_END
         if status != OK:
             counts_out[0] = status
-            restore_state(state, work)
+            restore_state(alpha, state, work)
             return
         counts_out[1] = n + 1
         if n == 0:
             for k in range(mean_force_out.shape[1]):
                 mean_force_out[0, k] = mean_force_out[1, k]
+
+
+@kernel
+def assemble_rest(simo, green, bodies, ties, held, row_of, state, work):
+    """Residual at the present configuration for the second rates in work.u, without contact forces."""
+    copy(state.q, work.q_mid)
+    copy(state.q, work.q_end)
+    clear(work)
+    add_elements(simo, green, 0.0, None, None, work)
+    if bodies is not None:
+        add_bodies(bodies, work.q_mid, work.q_end, work.u, 0.0, work.r, work.blocks)
+    if ties is not None:
+        apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks)
 
 
 @kernel
@@ -268,9 +320,9 @@ def assemble_static(simo, green, ties, held, row_of, state, work):
     copy(state.q, work.q_end)
     clear(work)
     if simo is not None:
-        element_groups(simo, work.q_mid, work.q_end, None, 0.0, 1, work.r, work.blocks, work.scratch)
+        element_groups(simo, work.q_mid, work.q_end, None, 0.0, None, 1, None, work.r, work.blocks, work.scratch)
     if green is not None:
-        element_groups(green, work.q_mid, work.q_end, None, 0.0, None, work.r, work.blocks, work.scratch)
+        element_groups(green, work.q_mid, work.q_end, None, 0.0, None, None, None, work.r, work.blocks, work.scratch)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
     if held is not None:

@@ -1,0 +1,211 @@
+"""Generalised alpha and its special case, the trapezoidal rule, on the nodes: theory.md 7.
+
+Equilibrium holds at the end of the step, so the element kernel runs with both configurations equal and returns half the
+tangent of these equations; residual and border columns are halved with it. A node turns by a rotation vector psi,
+d_n+1 = exp(psi) d_n; its Cayley vector 2 tan(|psi|/2) psi/|psi| lets the conserving step and this one share all updates.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import add3, cross, dot, ld3, st3, zero3
+from .slider import add_basis, find_element, put_translation
+
+NOW, END, KEPT = 0, 3, 6     # first of three rows of `rates`: velocity, its rate, the method's acceleration
+
+
+class Alpha(NamedTuple):
+    """What these methods carry from step to step besides the state."""
+
+    parameters: np.ndarray   # float64 [4]: alpha_m, alpha_f, beta, gamma
+    rates: np.ndarray        # float64 [9 * 6 N]: velocity and spin, their rates, the method's acceleration: now, end, kept
+    spin_rate: np.ndarray    # float64 [18 N]: half the derivative of d_2'', d_3'' by the spin, three columns each
+    factor: np.ndarray       # float64 [2]: d(velocity)/d(displacement), d(acceleration)/d(displacement) of the present step
+    units: np.ndarray        # float64 [9]: the three unit vectors
+
+
+@kernel
+def rotation_vector(t):
+    """psi of a Cayley vector."""
+    x = 0.5 * np.sqrt(dot(t, t))
+    c = np.arctan(x) / x if x > 1e-3 else 1.0 - x * x / 3.0 + x**4 / 5.0
+    return c * t
+
+
+@kernel
+def turn_rate(psi, w):
+    """d psi for a spin w of the end: (I - 1/2 psi^ + c psi^ psi^) w."""
+    n = dot(psi, psi)
+    c = 1.0 / 12.0 + n / 720.0
+    if n > 1e-3:
+        x = 0.5 * np.sqrt(n)
+        c = (1.0 - x / np.tan(x)) / n
+    y = cross(psi, w)
+    return w - 0.5 * y + c * cross(psi, y)
+
+
+@kernel
+def director_rate(alpha, i, d, psi, unit):
+    """Derivative of d'' = w' x d + w x (w x d) by the spin `unit` of the end, times a half."""
+    m = alpha.rates.shape[0] // 9
+    w = ld3(alpha.rates, END * m + 6 * i + 3, 1)
+    dw = ld3(alpha.rates, (END + 1) * m + 6 * i + 3, 1)
+    turn = turn_rate(psi, unit)
+    moved = cross(unit, d)
+    x = cross(alpha.factor[1] * turn, d) + cross(dw, moved)
+    x += cross(alpha.factor[0] * turn, cross(w, d)) + cross(w, cross(alpha.factor[0] * turn, d) + cross(w, moved))
+    return 0.5 * x
+
+
+@kernel
+def end_rate(alpha, o, move, h):
+    """Velocity, its rate and the method's acceleration at the end for the displacement `move` of the step."""
+    am = alpha.parameters[0]
+    af = alpha.parameters[1]
+    beta = alpha.parameters[2]
+    gamma = alpha.parameters[3]
+    m = alpha.rates.shape[0] // 9
+    v = ld3(alpha.rates, NOW * m + o, 1)
+    dv = ld3(alpha.rates, (NOW + 1) * m + o, 1)
+    a = ld3(alpha.rates, (NOW + 2) * m + o, 1)
+    a_end = (1.0 / (beta * h * h)) * (move - h * v) - ((0.5 - beta) / beta) * a
+    st3(alpha.rates, END * m + o, 1, v + (h * (1.0 - gamma)) * a + (h * gamma) * a_end)
+    st3(alpha.rates, (END + 1) * m + o, 1, (1.0 / (1.0 - af)) * ((1.0 - am) * a_end + am * a - af * dv))
+    st3(alpha.rates, (END + 2) * m + o, 1, a_end)
+
+
+@kernel
+def spread_end(alpha, q, dq, theta, h, q_mid_out, q_end_out, u_out):
+    """Coordinates at the end (twice), their second time derivatives u, and the derivatives of those by the spins."""
+    am = alpha.parameters[0]
+    af = alpha.parameters[1]
+    beta = alpha.parameters[2]
+    alpha.factor[0] = alpha.parameters[3] / (beta * h)
+    alpha.factor[1] = (1.0 - am) / ((1.0 - af) * beta * h * h)
+    for k in range(q.shape[0]):
+        q_end_out[k] = q[k] + dq[k]
+        q_mid_out[k] = q_end_out[k]
+    for i in range(q.shape[0] // 12):
+        psi = rotation_vector(ld3(theta, 3 * i, 1))
+        end_rate(alpha, 6 * i, ld3(dq, 12 * i, 1), h)
+        end_rate(alpha, 6 * i + 3, psi, h)
+        for k in range(2):
+            d = ld3(q_end_out, 12 * i + 6 + 3 * k, 1)
+            for c in range(3):
+                st3(alpha.spin_rate, 18 * i + 9 * k + 3 * c, 1, director_rate(alpha, i, d, psi, ld3(alpha.units, 3 * c, 1)))
+    second_rates(alpha, END, q_end_out, u_out)
+
+
+@kernel
+def second_rates(alpha, row, q, u_out):
+    """q'' from the rates in rows `row` and `row` + 1."""
+    m = alpha.rates.shape[0] // 9
+    for i in range(q.shape[0] // 12):
+        st3(u_out, 12 * i, 1, ld3(alpha.rates, (row + 1) * m + 6 * i, 1))
+        w = ld3(alpha.rates, row * m + 6 * i + 3, 1)
+        dw = ld3(alpha.rates, (row + 1) * m + 6 * i + 3, 1)
+        for k in range(3, 12, 3):
+            d = ld3(q, 12 * i + k, 1)
+            st3(u_out, 12 * i + k, 1, cross(dw, d) + cross(w, cross(w, d)))
+
+
+@kernel
+def add_body_rates(alpha, bodies, k, q_end, theta, blocks_out):
+    """Tangent of the inertia of one body."""
+    i = bodies.node[k]
+    psi = rotation_vector(ld3(theta, 3 * i, 1))
+    ko = 48 * bodies.block[k]
+    half = 0.5 * alpha.factor[1]
+    for b in range(4):
+        for c in range(3):
+            unit = ld3(alpha.units, 3 * c, 1)
+            for a in range(4):
+                m = bodies.inertia[16 * k + 4 * a + b]
+                if m != 0.0:
+                    x = half * unit
+                    if b > 0:
+                        x = director_rate(alpha, i, ld3(q_end, 12 * i + 3 * b, 1), psi, unit)
+                    column = c if b == 0 else 3 + c
+                    if a == 0:
+                        add3(blocks_out, ko + column, 8, m * x)
+                    else:
+                        add3(blocks_out, ko + 24 + column, 8, m * cross(ld3(q_end, 12 * i + 3 * a, 1), x))
+
+
+@kernel
+def keep_rates(alpha, source, target):
+    """Copy three rows of the rates."""
+    m = alpha.rates.shape[0] // 9
+    for k in range(3 * m):
+        alpha.rates[target * m + k] = alpha.rates[source * m + k]
+
+
+@kernel
+def finish_alpha(alpha, q, dq, v_out):
+    """Accept a converged step: rows END become rows NOW, velocities of the 12 coordinates from the spins."""
+    m = alpha.rates.shape[0] // 9
+    keep_rates(alpha, END, NOW)
+    for k in range(q.shape[0]):
+        q[k] += dq[k]
+    for i in range(q.shape[0] // 12):
+        st3(v_out, 12 * i, 1, ld3(alpha.rates, NOW * m + 6 * i, 1))
+        w = ld3(alpha.rates, NOW * m + 6 * i + 3, 1)
+        for k in range(3, 12, 3):
+            st3(v_out, 12 * i + k, 1, cross(w, ld3(q, 12 * i + k, 1)))
+
+
+@kernel
+def add_plain_sliders(curves, sliders, contact, ties, row_of, q_mid, q_end, s, s_end, force, share, r_out):
+    """Sliders of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the step.
+    With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
+    then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
+    near = 0.5 / share    # derivative of the instant's s and q by those of the end
+    for k in range(sliders.curve.shape[0]):
+        c = sliders.curve[k]
+        base = curves.meta[c, 0]
+        e0 = find_element(curves, c, s[k], contact.element[k])
+        e1 = find_element(curves, c, s_end[k], e0)
+        si = s[k] + near * (s_end[k] - s[k])
+        ei = find_element(curves, c, si, e0)
+        p = curves.meta[c, 3]
+        lo = curves.first[p + min(ei, e1)]
+        hi = curves.first[p + max(ei, e1)] + curves.count[p + max(ei, e1)]
+        basis = contact.basis
+        for j in range(5):
+            for a in range(lo, hi):
+                basis[j, a] = 0.0
+        for j in range(3):
+            add_basis(curves, c, ei, si, j, 1.0, contact.legendre, basis, j)
+        for j in range(2):
+            add_basis(curves, c, e1, s_end[k], j, 1.0, contact.legendre, basis, 3 + j)
+        f = ld3(force, 3 * k, 1)
+        end = zero3(); end_s = zero3(); tangent = zero3(); bend = zero3()
+        for a in range(lo, hi):
+            x = ld3(q_end, 12 * (base + a), 1)
+            end += basis[3, a] * x; end_s += basis[4, a] * x
+            x = ld3(q_mid, 12 * (base + a), 1)
+            tangent += basis[1, a] * x; bend += basis[2, a] * x
+        point = sliders.point[k]
+        add3(r_out, 8 * row_of[point], 1, -1.0 * f)
+        contact.entries[k] = 0
+        for a in range(lo, hi):
+            node = base + a
+            add3(r_out, 8 * row_of[node], 1, basis[0, a] * f)
+            put_translation(contact, k, node, row_of[node], ties, q_mid, q_end, share * basis[0, a], basis[3, a],
+                            0.5 * basis[1, a], f, (near * basis[1, a]) * f)
+        put_translation(contact, k, point, row_of[point], ties, q_mid, q_end, -share, -1.0, 0.0, f, zero3())
+        corner = contact.corner[k]
+        for i in range(64):
+            corner[i] = 0.0
+        st3(corner, 3, 8, -1.0 * end_s)
+        st3(corner, 24, 1, tangent)
+        corner[27] = near * dot(f, bend)
+        for i in range(4, 7):
+            corner[9 * i] = 1.0
+        residual = contact.residual[k]
+        st3(residual, 0, 1, ld3(q_end, 12 * point, 1) - end)
+        residual[3] = dot(f, tangent)
+        residual[4] = 0.0; residual[5] = 0.0; residual[6] = 0.0
