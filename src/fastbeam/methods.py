@@ -218,7 +218,7 @@ def _mass(model: Model) -> Any:
         rows.append(np.ravel(i)); columns.append(np.ravel(j)); values.append(np.ravel(x))
 
     for tables in (model.simo, model.green):
-        for nn, nq, co, no, _, _ in () if tables is None else tables.meta:
+        for nn, nq, co, no, *_ in () if tables is None else tables.meta:
             at = tables.nodes[no:no + 8 * nn].reshape(nn, 8)
             live = tables.rows[no:no + 8] != n
             mo = co + 288 + nq * 8 * (7 + 3 * nn)

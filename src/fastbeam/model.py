@@ -9,6 +9,7 @@ import numpy as np
 
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
+from .kernels.inner import Inner
 from .kernels.nodes import Bodies, Held, Ties
 from .kernels.slider import BORDER, Contact, Curves, Sliders
 from .kernels.step import State, Work
@@ -25,7 +26,7 @@ class Model:
     ----------
     simo, green : ElementTables or None
         Elements with strain set (2.2), (2.1).
-    bodies, ties, held, curves, sliders : tables or None
+    inner, bodies, ties, held, curves, sliders : tables or None
         None where the scene has none; then no code is compiled for them.
     pattern : Pattern
         Order, blocks and elimination plan.
@@ -46,6 +47,7 @@ class Model:
     n_nodes: int
     simo: ElementTables | None
     green: ElementTables | None
+    inner: Inner | None
     bodies: Bodies | None
     ties: Ties | None
     held: Held | None
@@ -112,7 +114,7 @@ class Model:
         scratch = max([scratch_size(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
         return Work(dq=np.zeros(12 * n), theta=np.zeros(3 * n), q_mid=np.zeros(12 * n), q_end=np.zeros(12 * n),
                     u=np.zeros(12 * n), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
-                    blocks=_aligned(48 * (self.n_blocks + 1)), pivots=np.zeros(6 * n, np.int64),
+                    blocks=_aligned(48 * (self.n_blocks + 1)), pivots=np.zeros(6 * self.pattern.n, np.int64),
                     panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)), y=np.zeros(BORDER * s),
                     scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n), keep_s=np.zeros(s),
                     keep_force=np.zeros(3 * s))
@@ -129,6 +131,14 @@ class Model:
         return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
                        np.zeros((s, entries), np.int64), np.zeros((s, 48 * entries)), np.zeros((s, 48 * entries)),
                        np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64))
+
+    def inner_work(self) -> Inner | None:
+        """The eliminated nodes with work arrays of one run."""
+        if self.inner is None:
+            return None
+        inner = self.inner
+        return inner._replace(store=_aligned(inner.store.size), rhs=np.zeros_like(inner.rhs), mark=np.zeros_like(inner.mark),
+                              found=np.zeros_like(inner.found), state=np.ones(1))
 
     def load_factors(self, times: Array, steps: Array) -> Array:
         """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads

@@ -75,6 +75,7 @@ class Stepper:
         self.weights = np.ascontiguousarray(weights, dtype=float)
         self.state = model.state() if state is None else _own_state(model, state)
         self.work = model.work()
+        self.inner = model.inner_work()
         self.contact = model.contact()
         self.linear = LinearSystem(model.pattern, 1 + BORDER * model.n_sliders, backend)
         self.method = method
@@ -138,7 +139,7 @@ class Stepper:
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
         if not self.linear.is_compiled:
             return self._python_run(factors if self._timed else None, h, n)
-        kernels.run(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders, self.contact,
+        kernels.run(model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves, model.sliders, self.contact,
                     self.method.middle, self.alpha, model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state,
                     self.work, self.weights, h, n, model.width, model.length, self.max_iterations, model.slider_lengths, counts,
                     sizes, force)
@@ -190,12 +191,12 @@ class Stepper:
         sizes: list[float] = []
         before = np.inf
         for _ in range(self.max_iterations):
-            kernels.assemble_step(model.simo, model.green, model.bodies, model.ties, model.held, model.curves, model.sliders,
-                                  contact, self.method.middle, self.alpha, row_of, state, work, h)
-            kernels.fill_panel(contact, work.r, model.held, row_of.shape[0], width, work.panel)
-            if not solve_panel(self.linear, model, work):
+            kernels.assemble_step(model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
+                                  model.sliders, contact, self.method.middle, self.alpha, row_of, state, work, h)
+            kernels.prepare_panel(self.inner, model.ties, contact, model.held, row_of.shape[0], width, work)
+            if not self.inner_is_regular or not solve_panel(self.linear, model, work):
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
-            size = kernels.update_step(model.ties, contact, row_of, state, work, width, model.length)
+            size = kernels.update_step(self.inner, model.ties, contact, row_of, state, work, width, model.length)
             if size < 0.0:
                 return BORDER_SINGULAR, np.array(sizes)
             sizes.append(size)
@@ -205,6 +206,11 @@ class Stepper:
                 return OK, np.array(sizes)
             before = size
         return NOT_CONVERGED, np.array(sizes)
+
+    @property
+    def inner_is_regular(self) -> bool:
+        """Whether all eliminations of inner nodes went well."""
+        return self.inner is None or self.inner.state[0] != 0.0
 
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""
@@ -216,7 +222,7 @@ class Stepper:
 def solve_panel(linear: LinearSystem, model: Model, work: Work) -> bool:
     """Solve the panel of right-hand sides with SuperLU; False where no acceptable solution was found."""
     columns = 1 + BORDER * model.n_sliders
-    panel = work.panel.reshape(-1, model.width)
+    panel = work.panel.reshape(-1, model.width)[:6 * model.pattern.n]
     blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)
     x = linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
     if x is None:

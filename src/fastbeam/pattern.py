@@ -17,22 +17,20 @@ class Pattern:
 
     Attributes
     ----------
-    row_of : int [n]
-        Row of every node.
+    row_of : int [N]
+        Row of every node; rows from n on belong to nodes that are eliminated before (theory.md 9).
     keys : int [n_blocks]
         row * n + column of the blocks, ascending: block k stands at rank k.
     plan : Elimination or None
         Update lists of the block elimination; None where its fill is too large and a sparse solver has to do it.
+    n : int
+        Number of block rows.
     """
 
     row_of: Array
     keys: Array
     plan: Elimination | None
-
-    @property
-    def n(self) -> int:
-        """Number of block rows."""
-        return self.row_of.size
+    n: int
 
     @property
     def rows(self) -> Array:
@@ -85,7 +83,15 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
             return _with_plan(best[1], best[2])
     row = np.concatenate((low, high, natural))
     column = np.concatenate((high, low, natural))
-    return Pattern(natural, np.sort(row * n + column), None)
+    return Pattern(natural, np.sort(row * n + column), None, n)
+
+
+def widen(pattern: Pattern, end: Array) -> Pattern:
+    """The pattern of the nodes `end` (bool [N]) with rows for all N nodes: the others follow."""
+    row_of = np.empty(end.size, np.int64)
+    row_of[end] = pattern.row_of
+    row_of[~end] = pattern.n + np.arange(end.size - pattern.n)
+    return Pattern(row_of, pattern.keys, pattern.plan, pattern.n)
 
 
 def _symbolic(n: int, a: Array, b: Array, limit: int) -> tuple[int, list[list[int]]] | None:
@@ -156,4 +162,4 @@ def _with_plan(rank: Array, upper: list[list[int]]) -> Pattern:
     target = find(column[first + local // np.maximum(width, 1)], column[first + local % np.maximum(width, 1)])
     plan = Elimination(find(np.arange(n), np.arange(n)), start, column, find(row, column), find(column, row),
                        targets_from[:-1].copy(), target)
-    return Pattern(rank, keys, plan)
+    return Pattern(rank, keys, plan, n)

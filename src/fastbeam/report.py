@@ -28,6 +28,8 @@ def describe(scene: Scene, model: Model) -> str:
                 + (", coupled section" if coupled else ""))
         lines.append(f"  conserving step    {_plural(count, 'beam')} of {ne} elements x {nq} points, {what}, "
                      "spatial, 8 lanes, serial")
+    if model.inner is not None:
+        lines.append(f"  inner nodes        {model.inner.element.size} of {model.n_nodes} nodes eliminated within their elements")
     if model.bodies is not None:
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
                      f"{_plural(len(scene.masses), 'point mass').replace('masss', 'masses')}")

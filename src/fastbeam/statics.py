@@ -125,6 +125,7 @@ class _StaticSolver:
         self.state.v[:] = 0.0
         self.history: list[int] = []
         self.linear = self.stepper.linear
+        self.inner = self.stepper.inner
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure the state is the last equilibrium."""
@@ -137,7 +138,7 @@ class _StaticSolver:
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
-                model.simo, model.green, model.ties, model.held, model.pattern.plan, self.linear.tables, model.pattern.row_of,
+                model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables, model.pattern.row_of,
                 self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         if status == SINGULAR:
@@ -153,11 +154,11 @@ class _StaticSolver:
         row_of = model.pattern.row_of
         sizes: list[float] = []
         for _ in range(self.max_iterations):
-            kernels.assemble_static(model.simo, model.green, model.ties, model.held, row_of, self.state, work)
-            kernels.fill_panel(None, work.r, model.held, row_of.shape[0], model.width, work.panel)
-            if not solve_panel(self.linear, model, work):
+            kernels.assemble_static(model.simo, model.green, self.inner, model.ties, model.held, row_of, self.state, work)
+            kernels.prepare_panel(self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work)
+            if not self.stepper.inner_is_regular or not solve_panel(self.linear, model, work):
                 return SINGULAR, sizes
-            size = kernels.update_static(model.ties, row_of, self.state, work, model.width, model.length)
+            size = kernels.update_static(self.inner, model.ties, row_of, self.state, work, model.width, model.length)
             sizes.append(size)
             if not size < LARGEST_INCREMENT:
                 return NOT_FINITE, sizes
@@ -180,6 +181,10 @@ def check_supports(model: Model) -> None:
     n = model.n_nodes
     graph = coo_matrix((np.ones(pattern.keys.size), (pattern.rows, pattern.columns)), shape=(n, n))
     rows, columns = [pattern.row_of], [pattern.row_of]
+    if model.inner is not None:
+        # an eliminated node hangs on the first node of its element
+        rows.append(pattern.n + np.arange(model.inner.element.size))
+        columns.append(model.inner.rows[model.inner.where[model.inner.element, 2]])
     if model.ties is not None:
         # a tied node hangs on its targets
         count = np.diff(model.ties.start)

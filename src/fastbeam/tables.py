@@ -2,11 +2,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from .basis import Basis, CurveBasis
 from .kernels.beam import ElementTables, group_table_size
+from .kernels.inner import Inner, store_size
 from .kernels.slider import Curves
 from .scene import Beam
 
@@ -67,7 +69,8 @@ class ElementPacker:
         assert lanes.shape[1] == size
         k = np.arange(groups)
         self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), self.n_tab + size * k, self.n_nodes + 8 * nn * k,
-                                   self.n_blocks + 8 * nn * nn * k, np.full(groups, int(not section.is_diagonal))), axis=1))
+                                   self.n_blocks + 8 * nn * nn * k, np.full(groups, int(not section.is_diagonal)),
+                                   np.full(groups, -1)), axis=1))
         self.tab.append(lanes.reshape(-1))
         nodes = (first + basis.element_nodes)[lane].reshape(groups, 8, nn)
         idle = (np.arange(8 * groups) >= ne).reshape(groups, 8)
@@ -76,15 +79,34 @@ class ElementPacker:
         self.n_nodes += 8 * nn * groups
         self.n_blocks += 8 * nn * nn * groups
 
-    def pairs(self) -> Array:
-        """Coupled nodes of all element pairs in the order of the block map, [*, 2]; -1 for idle lanes."""
-        out = []
+    def lanes(self) -> Any:
+        """(meta [groups, 7], nodes [groups, nn, 8] with -1 in idle lanes) of every beam."""
         for meta, nodes in zip(self.meta, self.nodes):
-            nn = int(meta[0, 0])
-            live = nodes[:, 1].reshape(-1, nn, 8)
+            yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
+
+    def eliminate(self, eligible: Array, offset: int) -> int:
+        """Have the inner nodes of groups eliminated where all of them are eligible, bool [N + 1]; `offset`: where their factors
+        begin. Returns where they end."""
+        for meta, live in self.lanes():
+            nn = live.shape[1]
+            if nn < 3:
+                continue
+            for k in np.flatnonzero(eligible[live[:, 1:-1]].all(axis=(1, 2))):
+                meta[k, 6] = offset
+                offset += store_size(nn)
+        return offset
+
+    def pairs(self) -> Array:
+        """Coupled nodes of all element pairs in the order of the block map, [*, 2]; -1 for idle lanes and eliminated nodes."""
+        out = []
+        for meta, live in self.lanes():
+            nn = live.shape[1]
+            live = live.copy()
+            live[meta[:, 6] >= 0, 1:-1] = -1
             a = np.broadcast_to(live[:, :, None, :], (live.shape[0], nn, nn, 8))
             b = np.broadcast_to(live[:, None, :, :], a.shape)
-            out.append(np.stack((a.reshape(-1), b.reshape(-1)), axis=1))
+            pair = np.stack((a.reshape(-1), b.reshape(-1)), axis=1)
+            out.append(np.where(pair.min(axis=1, keepdims=True) < 0, -1, pair))
         return np.concatenate(out)
 
     def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
@@ -95,6 +117,28 @@ class ElementPacker:
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
         return ElementTables(np.ascontiguousarray(np.concatenate(self.meta)).astype(np.int64), np.concatenate(self.tab),
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
+
+
+def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, size: int) -> Inner | None:
+    """Index lists of the eliminated nodes; rows from n_end on are theirs."""
+    if not size:
+        return None
+    where, rows = [], []
+    n_rows = 0
+    for packer in packers:
+        for meta, live in packer.lanes():
+            nn = live.shape[1]
+            group, lane = np.nonzero((meta[:, 6] >= 0)[:, None] & (live[:, 0] >= 0))
+            e = np.arange(group.size)
+            where.append(np.stack((meta[group, 6] + lane, np.full(group.size, nn - 2), n_rows + nn * e), axis=1))
+            rows.append(row_of[live[group, :, lane]].reshape(-1))
+            n_rows += nn * group.size
+    place, all_rows = np.concatenate(where).astype(np.int64), np.concatenate(rows).astype(np.int64)
+    element = np.zeros(row_of.size - n_end, np.int64)
+    for e, (_, m, o) in enumerate(place.tolist()):
+        element[all_rows[o + 1:o + 1 + m] - n_end] = e
+    return Inner(np.zeros(size), np.zeros(8 * (row_of.size + 1)), place, all_rows, element, np.zeros(len(place), np.int64),
+                 np.zeros(len(place), np.int64), np.array([n_end]), np.ones(1))
 
 
 def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:

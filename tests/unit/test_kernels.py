@@ -232,7 +232,7 @@ def tied() -> tuple[Model, Twin]:
     tail = Beam.straight("tail", (3, 1, 0.2), (4, 1, 1), section=SECTION, elements=1, degree=1)
     body = RigidBody("body", mass=1.0, inertia=[[1, 0.1, 0.2], [0.1, 1.2, 0], [0.2, 0, 0.9]], position=(2, 1, 0))
     scene = Scene(rod, body, tail, BallJoint(rod.end, body.point((-1, -0.5, 0))), RigidConnection(body, tail.start))
-    model = compile_scene(scene)
+    model = compile_scene(scene, eliminate_inner=False)
     return model, Twin(scene, model)
 
 
@@ -315,14 +315,14 @@ class Elements:
         rng = np.random.default_rng(10)
         mid, end, u = rng.standard_normal((3, 12 * self.model.n_nodes))
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, mid, end, u if inertia else None, 800.0, None, self.simo, None, r.reshape(-1), blocks.reshape(-1),
-                       np.full(scratch_size(self.nn, self.nq), np.nan))
+        element_groups(tables, None, mid, end, u if inertia else None, 800.0, None, self.simo, None, r.reshape(-1),
+                       blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan))
         return r[:-1], blocks[:-1]
 
 
 def bar(elements: int, strain: str = "simo_reissner", **kw: object) -> Elements:
     beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.6, section=SECTION, elements=elements, strain=strain, **kw)
-    return Elements(compile_scene(Scene(beam)))
+    return Elements(compile_scene(Scene(beam), eliminate_inner=False))
 
 
 GROUPINGS = {"as packed": None, "one by one": [[e] for e in range(11)], "backwards": [list(range(10, 2, -1)), [2, 1, 0]],

@@ -322,6 +322,17 @@ def flush_rows(tc, array, offset, stride):
 
 
 @intrinsic
+def vdominates(tc, x, y):
+    """Whether |x| >= |y| in all 8 lanes; false where one is NaN."""
+    def codegen(ctx, b, sig, args):
+        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
+        flags = ir.VectorType(ir.IntType(1), LANES)
+        every = cgutils.get_or_insert_function(b.module, ir.FunctionType(ir.IntType(1), [flags]), "llvm.vector.reduce.and.v8i1")
+        return b.call(every, [b.fcmp_ordered(">=", b.call(absolute, [args[0]]), b.call(absolute, [args[1]]))])
+    return types.boolean(x, y), codegen
+
+
+@intrinsic
 def largest_of_row(tc, array, offset):
     """Largest absolute value of 8 entries; NaN is skipped."""
     def codegen(ctx, b, sig, args):

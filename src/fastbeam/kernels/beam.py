@@ -16,6 +16,7 @@ import numpy as np
 from .._jit import kernel
 from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatter_rows, vadd3, vadd_matrix, vld, vld3,
                       vldm, vst, vst3, vst_matrix, vstm, vzero, vzero3, vzerom)
+from .inner import eliminate_inner
 
 Q_LANES = 24 * 8     # mid and end coordinates of a node
 B_LANES = 18 * 8     # six rotation rows of a node
@@ -24,7 +25,8 @@ B_LANES = 18 * 8     # six rotation rows of a node
 class ElementTables(NamedTuple):
     """Constant tables of all elements with one strain set; G groups of 8 lanes."""
 
-    meta: np.ndarray     # int64 [G, 6]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled
+    meta: np.ndarray     # int64 [G, 7]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled, offset of
+    #                      the factors of inner nodes or -1
     tab: np.ndarray      # float64 [*], see the module docstring
     nodes: np.ndarray    # int64 [*]: per group nn x 8 node numbers; idle lanes repeat the last element
     rows: np.ndarray     # int64 [*]: per group nn x 8 rows of the residual; idle lanes point to the row behind the last
@@ -375,12 +377,12 @@ def project_node(scratch, q, fo, ro, ko):
 
 
 @kernel
-def element_groups(tables, q_mid, q_end, u, rate, spin_rate, simo, middle, r_out, blocks_out, scratch):
+def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, simo, middle, r_out, blocks_out, scratch):
     """Add residual rows and tangent blocks of all groups.
 
     q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2. spin_rate: None or [18 N], derivatives of the second rates of
     d2, d3 by the spins (generalised alpha). simo: None selects strain set (2.1), else (2.2). middle: None, else stresses
-    come from the strains of q_mid (implicit midpoint).
+    come from the strains of q_mid (implicit midpoint). inner: None, else inner nodes are eliminated where the tables say so.
     r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
     """
     meta = tables.meta
@@ -439,9 +441,14 @@ def element_groups(tables, q_mid, q_end, u, rate, spin_rate, simo, middle, r_out
                 elif u is not None:
                     add_pair_inertia(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, Q_LANES * b + 96, kab)
             project_node(scratch, Q_LANES * a, fo + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
-        for a in range(nn):
+        every = 1
+        if inner is not None:
+            if meta[k, 6] >= 0:
+                eliminate_inner(inner, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out)
+                every = nn - 1
+        for a in range(0, nn, every):
             scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out)
-            for b in range(nn):
+            for b in range(0, nn, every):
                 for i in range(6):
                     scatter_rows(scratch, ko + 288 * (nn * a + b) + 48 * i, tables.blocks, bo + 8 * (nn * a + b), 48, 8 * i,
                                  blocks_out)

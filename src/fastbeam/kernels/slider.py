@@ -317,7 +317,7 @@ def add_sliders(curves, sliders, contact, ties, row_of, q, q_mid, q_end, theta, 
 
 
 @kernel
-def fill_panel(contact, r, held, n_rows, width, panel_out):
+def fill_panel(contact, r, n_rows, width, panel_out):
     """Residual in column 0, the border columns of slider k from column 1 + 7 k on."""
     for i in range(panel_out.shape[0]):
         panel_out[i] = 0.0
@@ -331,13 +331,6 @@ def fill_panel(contact, r, held, n_rows, width, panel_out):
                     o = (6 * contact.row[k, m] + c) * width + 1 + BORDER * k
                     for j in range(BORDER):
                         panel_out[o + j] += contact.column[k, 48 * m + 8 * c + j]
-        if held is not None:
-            for k in range(held.row.shape[0]):
-                for c in range(6):
-                    if (held.mask[k] >> c) & 1:
-                        o = (6 * held.row[k] + c) * width
-                        for j in range(width):
-                            panel_out[o + j] = 0.0
 
 
 @kernel

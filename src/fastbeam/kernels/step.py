@@ -12,6 +12,7 @@ from .._jit import kernel
 from .alpha import END, KEPT, NOW, add_body_rates, add_plain_sliders, finish_alpha, keep_rates, spread_end
 from .beam import element_groups
 from .chain import factor, solve
+from .inner import eliminate_columns, pull_tied_columns, push_tied_columns, put_inner_rhs, recover_inner
 from .nodes import add_bodies, advance, apply_held, apply_ties, predict, spread, tie_coordinates, update_nodes
 from .slider import add_sliders, fill_panel, predict_sliders, solve_border
 from .sparse import solve_sparse
@@ -58,8 +59,12 @@ def copy(x, y_out):
 
 
 @kernel
-def clear(work):
+def clear(inner, work):
     """Start a residual with the loads and a tangent with zeros."""
+    if inner is not None:
+        inner.state[0] = 1.0
+        for i in range(inner.rhs.shape[0]):
+            inner.rhs[i] = 0.0
     for i in range(work.r.shape[0]):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):
@@ -77,37 +82,34 @@ def start_step(ties, curves, sliders, contact, spinless, state, work, h):
 
 
 @kernel
-def add_elements(simo, green, rate, spin_rate, middle, work):
-    """Residual and tangent of all beams."""
+def add_elements(simo, green, inner, rate, spin_rate, middle, work):
+    """Residual and tangent of all beams; what acts on inner nodes has to stand in the residual already."""
     if simo is not None:
-        element_groups(simo, work.q_mid, work.q_end, work.u, rate, spin_rate, 1, middle, work.r, work.blocks, work.scratch)
+        element_groups(simo, inner, work.q_mid, work.q_end, work.u, rate, spin_rate, 1, middle, work.r, work.blocks, work.scratch)
     if green is not None:
-        element_groups(green, work.q_mid, work.q_end, work.u, rate, spin_rate, None, middle, work.r, work.blocks, work.scratch)
+        element_groups(green, inner, work.q_mid, work.q_end, work.u, rate, spin_rate, None, middle, work.r, work.blocks, work.scratch)
 
 
 @kernel
-def assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h):
+def assemble_step(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h):
     """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
     the conserving step; with `middle` it is the implicit midpoint rule, with `alpha` half the equations of generalised alpha."""
-    clear(work)
+    clear(inner, work)
     if alpha is not None:
         spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
         if ties is not None:
             tie_coordinates(ties, work.u)
-        add_elements(simo, green, 0.5 * alpha.factor[1], alpha.spin_rate, None, work)
+        if sliders is not None:
+            add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
+                              0.5, work.r)
+        add_elements(simo, green, inner, 0.5 * alpha.factor[1], alpha.spin_rate, None, work)
         if bodies is not None:
             add_bodies(bodies, work.q_mid, work.q_end, work.u, None, work.r, work.blocks)
             for k in range(bodies.node.shape[0]):
                 add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)
-        if sliders is not None:
-            add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
-                              0.5, work.r)
     else:
         spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
         rate = 2.0 / (h * h)
-        add_elements(simo, green, rate, None, middle, work)
-        if bodies is not None:
-            add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
         if sliders is not None:
             if middle is not None:
                 add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
@@ -115,20 +117,58 @@ def assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, mid
             else:
                 add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                             work.s_end, state.force, work.r)
+        add_elements(simo, green, inner, rate, None, middle, work)
+        if bodies is not None:
+            add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
     if alpha is not None:
         for i in range(work.r.shape[0]):
             work.r[i] *= 0.5
+        if inner is not None:
+            for i in range(inner.rhs.shape[0]):
+                inner.rhs[i] *= 0.5
     if held is not None:
         apply_held(held, work.r, work.blocks)
 
 
 @kernel
-def update_step(ties, contact, row_of, state, work, width, length):
+def prepare_panel(inner, ties, contact, held, n_rows, width, work):
+    """Right-hand sides of the end nodes: residual and borders."""
+    fill_panel(contact, work.r, n_rows, width, work.panel)
+    if inner is not None:
+        for i in range(6 * inner.first[0] * width, 6 * n_rows * width, width):
+            work.panel[i] = 0.0
+        if contact is not None:
+            eliminate_columns(inner, contact, work.panel, width)
+            if ties is not None:
+                pull_tied_columns(ties, work.q_mid, work.panel, width)
+        put_inner_rhs(inner, n_rows, work.panel, width)
+    if contact is not None:
+        if held is not None:
+            for k in range(held.row.shape[0]):
+                for c in range(6):
+                    if (held.mask[k] >> c) & 1:
+                        o = (6 * held.row[k] + c) * width
+                        for j in range(width):
+                            work.panel[o + j] = 0.0
+
+
+@kernel
+def complete_panel(inner, ties, width, work):
+    """Solutions of inner nodes from those of the end nodes."""
+    if inner is not None:
+        if ties is not None:
+            push_tied_columns(ties, work.q_end, work.panel, width)
+        recover_inner(inner, work.panel, width)
+
+
+@kernel
+def update_step(inner, ties, contact, row_of, state, work, width, length):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
     increment relative to `length`, or -1 where the border is singular."""
     slide = 0.0
+    complete_panel(inner, ties, width, work)
     if contact is not None:
         if not solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y):
             return -1.0
@@ -167,8 +207,11 @@ def has_converged(size, before, floor):
 
 
 @kernel
-def solve_nodes(plan, pardiso, work, width):
+def solve_nodes(inner, plan, pardiso, work, width):
     """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
+    if inner is not None:
+        if inner.state[0] == 0.0:
+            return False
     if plan is not None:
         # NaN fails the comparison too
         if not factor(plan, work.blocks, work.pivots) > 1e-14:
@@ -232,8 +275,8 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso, row_of, spinless, loads, factors, state,
-        work, weights, h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
+def run(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso, row_of, spinless, loads,
+        factors, state, work, weights, h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
     iteration on the equations of `assemble_step`.
 
@@ -261,12 +304,12 @@ def run(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha
             before = np.inf
             for it in range(max_iterations):
                 counts_out[2] += 1
-                assemble_step(simo, green, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, hm)
-                fill_panel(contact, work.r, held, row_of.shape[0], width, work.panel)
-                if not solve_nodes(plan, pardiso, work, width):
+                assemble_step(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, hm)
+                prepare_panel(inner, ties, contact, held, row_of.shape[0], width, work)
+                if not solve_nodes(inner, plan, pardiso, work, width):
                     status = SINGULAR
                     break
-                size = update_step(ties, contact, row_of, state, work, width, length)
+                size = update_step(inner, ties, contact, row_of, state, work, width, length)
                 sizes_out[it] = size
                 if size < 0.0:
                     status = BORDER_SINGULAR
@@ -303,8 +346,8 @@ def assemble_rest(simo, green, bodies, ties, held, row_of, state, work):
     """Residual at the present configuration for the second rates in work.u, without contact forces."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
-    clear(work)
-    add_elements(simo, green, 0.0, None, None, work)
+    clear(None, work)
+    add_elements(simo, green, None, 0.0, None, None, work)
     if bodies is not None:
         add_bodies(bodies, work.q_mid, work.q_end, work.u, 0.0, work.r, work.blocks)
     if ties is not None:
@@ -314,15 +357,15 @@ def assemble_rest(simo, green, bodies, ties, held, row_of, state, work):
 
 
 @kernel
-def assemble_static(simo, green, ties, held, row_of, state, work):
+def assemble_static(simo, green, inner, ties, held, row_of, state, work):
     """Residual f_int - f_ext and half the static tangent at the present configuration (theory.md 8): a step of equal ends."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
-    clear(work)
+    clear(inner, work)
     if simo is not None:
-        element_groups(simo, work.q_mid, work.q_end, None, 0.0, None, 1, None, work.r, work.blocks, work.scratch)
+        element_groups(simo, inner, work.q_mid, work.q_end, None, 0.0, None, 1, None, work.r, work.blocks, work.scratch)
     if green is not None:
-        element_groups(green, work.q_mid, work.q_end, None, 0.0, None, None, None, work.r, work.blocks, work.scratch)
+        element_groups(green, inner, work.q_mid, work.q_end, None, 0.0, None, None, None, work.r, work.blocks, work.scratch)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
     if held is not None:
@@ -330,12 +373,13 @@ def assemble_static(simo, green, ties, held, row_of, state, work):
 
 
 @kernel
-def update_static(ties, row_of, state, work, width, length):
+def update_static(inner, ties, row_of, state, work, width, length):
     """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns its size."""
     for i in range(work.theta.shape[0]):
         work.theta[i] = 0.0
     for i in range(work.dq.shape[0]):
         work.dq[i] = 0.0
+    complete_panel(inner, ties, width, work)
     for i in range(6 * row_of.shape[0]):
         work.panel[i * width] *= -0.5
     move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq)
@@ -347,16 +391,16 @@ def update_static(ties, row_of, state, work, width, length):
 
 
 @kernel
-def solve_static_step(simo, green, ties, held, plan, pardiso, row_of, state, work, width, length, max_iterations, largest,
+def solve_static_step(simo, green, inner, ties, held, plan, pardiso, row_of, state, work, width, length, max_iterations, largest,
                       sizes_out):
     """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
     before = np.inf
     for it in range(max_iterations):
-        assemble_static(simo, green, ties, held, row_of, state, work)
-        fill_panel(None, work.r, held, row_of.shape[0], width, work.panel)
-        if not solve_nodes(plan, pardiso, work, width):
+        assemble_static(simo, green, inner, ties, held, row_of, state, work)
+        prepare_panel(inner, ties, None, held, row_of.shape[0], width, work)
+        if not solve_nodes(inner, plan, pardiso, work, width):
             return SINGULAR, it + 1
-        size = update_static(ties, row_of, state, work, width, length)
+        size = update_static(inner, ties, row_of, state, work, width, length)
         sizes_out[it] = size
         if not size < largest:
             return NOT_FINITE, it + 1
