@@ -7,10 +7,12 @@ of every node.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from fastbeam.basis import CurveBasis
 from fastbeam.scene import Beam, PointMass, RigidBody, Scene, Slider
 
 Array = np.ndarray
@@ -34,7 +36,7 @@ class Step:
 # ------------------------------------------------------------------------------------------------------------- rotations
 def skew(x: Array) -> Array:
     """Matrix of x cross."""
-    return np.cross(np.eye(3), x)
+    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
 
 
 def cay(theta: Array) -> Array:
@@ -68,10 +70,10 @@ def project(q_mid: Array, f: Array) -> Array:
 def strains(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
     """Six strains [..., 6] from phi' [..., 3], directors and their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
     def dot(a: Array, b: Array) -> Array:
-        return np.sum(a * b, axis=-1)
+        return np.einsum("...c,...c->...", a, b)
 
-    d1, d2, d3 = np.moveaxis(d, -2, 0)
-    d1_s, d2_s, d3_s = np.moveaxis(d_s, -2, 0)
+    d1, d2, d3 = (d[..., i, :] for i in range(3))
+    d1_s, d2_s, d3_s = (d_s[..., i, :] for i in range(3))
     gamma2, gamma3 = dot(phi_s, d2), dot(phi_s, d3)
     kappa1 = 0.5 * (dot(d2_s, d3) - dot(d3_s, d2))
     if kind == "simo_reissner":
@@ -83,36 +85,43 @@ def strains(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
     return np.stack((axial, gamma2, gamma3, kappa1, kappa2, kappa3), axis=-1)
 
 
-def element_strains(beam: Beam, e: int, q: Array) -> Array:
-    """Strains [..., nq, 6] of element e at its quadrature points for coordinates [..., nn, 4, 3]; theory.md (1.1)."""
+def beam_strains(beam: Beam, q: Array) -> Array:
+    """Strains [..., e, nq, 6] at the quadrature points of all elements for coordinates [..., e, nn, 4, 3]; theory.md (1.1)."""
     b = beam.basis
-    phi_s = np.einsum("gn,...nc->...gc", b.phi_s[e], q[..., 0, :])
-    d = np.einsum("gn,...nic->...gic", b.dir[e], q[..., 1:, :])
-    return strains(beam.strain, phi_s, d, np.einsum("gn,...nic->...gic", b.dir_s[e], q[..., 1:, :]))
+    phi_s = np.einsum("egn,...enc->...egc", b.phi_s, q[..., 0, :])
+    d = np.einsum("egn,...enic->...egic", b.dir, q[..., 1:, :])
+    return strains(beam.strain, phi_s, d, np.einsum("egn,...enic->...egic", b.dir_s, q[..., 1:, :]))
 
 
-def strain_matrix(beam: Beam, e: int, q_mid: Array) -> Array:
-    """B(qbar) of element e, [12 nn, nq, 6]: exactly B(qbar) x = (E(qbar + x) - E(qbar - x)) / 2, as E is quadratic."""
-    x = np.eye(q_mid.size).reshape(-1, *q_mid.shape)
-    return 0.5 * (element_strains(beam, e, q_mid + x) - element_strains(beam, e, q_mid - x))
+def strain_matrix(beam: Beam, q_mid: Array) -> Array:
+    """B(qbar) of all elements, [12 nn, e, nq, 6]: exactly B(qbar) x = (E(qbar + x) - E(qbar - x)) / 2, as E is quadratic."""
+    nn = q_mid.shape[1]
+    x = np.eye(12 * nn).reshape(-1, 1, nn, 4, 3)
+    return 0.5 * (beam_strains(beam, q_mid + x) - beam_strains(beam, q_mid - x))
 
 
 def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
     """int B(qbar)^T Sbar ds with Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; theory.md (4.1)."""
+    nodes = beam.basis.element_nodes
+    mean = 0.5 * (beam_strains(beam, q_n[nodes]) + beam_strains(beam, q_n1[nodes]))
+    stress = (mean - beam_strains(beam, q_ref[nodes])) @ beam.section.C
+    b = strain_matrix(beam, 0.5 * (q_n[nodes] + q_n1[nodes]))
     f = np.zeros_like(q_n)
-    for e, nodes in enumerate(beam.basis.element_nodes):
-        mean = 0.5 * (element_strains(beam, e, q_n[nodes]) + element_strains(beam, e, q_n1[nodes]))
-        stress = (mean - element_strains(beam, e, q_ref[nodes])) @ beam.section.C
-        b = strain_matrix(beam, e, 0.5 * (q_n[nodes] + q_n1[nodes]))
-        f[nodes] += np.einsum("xgi,gi,g->x", b, stress, beam.basis.weight[e]).reshape(-1, 4, 3)
+    np.add.at(f, nodes, np.einsum("xegi,egi,eg->ex", b, stress, beam.basis.weight).reshape(*nodes.shape, 4, 3))
     return f
 
 
 # --------------------------------------------------------------------------------------------------------------- sliders
+@cache
+def curve_of(slider: Slider) -> CurveBasis:
+    """The curve a slider runs on."""
+    return slider.beam.basis.curve(slider.curve)
+
+
 def curve_shape(slider: Slider, s: float) -> Array:
     """N~_A(s) of all nodes of the slider's beam; theory.md (3.1)."""
     n = slider.beam.n_nodes
-    first, values, _ = slider.beam.basis.curve(slider.curve).evaluate(s)
+    first, values, _ = curve_of(slider).evaluate(s)
     out = np.zeros(n + values.shape[1])
     out[first[0]:first[0] + values.shape[1]] = values[0]
     return out[:n]

@@ -58,7 +58,7 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
     SceneError
         An unknown method, or arguments that do not go with it.
     """
-    if name not in METHODS:
+    if not isinstance(name, str) or name not in METHODS:
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
     if rho_inf is not None and name != "generalized_alpha":
         raise SceneError(f"rho_inf: belongs to method='generalized_alpha', not to {name!r}; leave it out")

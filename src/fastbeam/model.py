@@ -150,7 +150,7 @@ class Model:
         for k, time in enumerate(self.load_times):
             if time is not None:
                 values = np.array([_factor(time, float(t)) for t in points]).reshape(-1, 3)
-                out[:, k] = values @ w
+                out[:, k] = (values * w).sum(axis=1)
         return out
 
     def __str__(self) -> str:

@@ -256,6 +256,7 @@ def slider_outside(state, lengths):
 def finish_step(ties, alpha, state, work, h):
     """Accept a converged step."""
     if alpha is not None:
+        spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
         finish_alpha(alpha, state.q, work.dq, state.v)
         if ties is not None:
             tie_coordinates(ties, state.v)
