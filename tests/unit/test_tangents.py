@@ -205,7 +205,7 @@ class Kernels:
         self.load()
         self.state.q[:] = q.reshape(-1)
         m = self.model
-        kernels.assemble_static(m.simo, m.green, m.ties, m.held, m.pattern.row_of, self.state, self.work)
+        kernels.assemble_static(m.simo, m.green, None, m.ties, m.held, m.pattern.row_of, self.state, self.work)
 
     def residual(self) -> tuple[Array, Array]:
         """Nodes [N, 6], sliders [S, 4]."""

@@ -250,9 +250,9 @@ def point_stiffness(tab, co, to, nn, coupled, simo, scratch, z_mid, z_end, qo, s
 
 
 @kernel
-def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, scratch, qa, qb, simo, ko):
-    """The 6 x 6 block of nodes a, b without inertia: material part from the shared matrices, geometric part from the
-    stresses; qa, qb: mid coordinates of a and end coordinates of b."""
+def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, qa, qb, simo, ko):
+    """The 6 x 6 block of nodes a, b: material part from the shared matrices, geometric part from the stresses, `rate` (2/h^2 or
+    None) times the projected mass, theory.md (4.1), (4.2); qa, qb: mid coordinates of a and end coordinates of b."""
     # three passes over the points: more than 9 accumulators of 8 lanes at a time do not stay in registers
     krr = vzerom()
     for g in range(nq):
@@ -296,33 +296,34 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, scratch, qa, qb, si
     b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
     v = h2 * b2 + h3 * b3
     u = g2 * a2 + g3 * a3
+    # directors against directors: sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal
     q4 = 0.25 * e4
-    krr += outer(q4 * b2, a3) - outer(q4 * b3, a2)
-    iso = q4 * (dot(a2, b3) - dot(a3, b2))
     if simo is not None:
         a1 = vld3(scratch, qa + 24, 8); b1 = vld3(scratch, qb + 24, 8)
         v += h1 * b1
         u += g1 * a1
         q5 = 0.25 * e5; q6 = 0.25 * e6
-        krr += outer(q5 * b3, a1) - outer(q5 * b1, a3) + outer(q6 * b1, a2) - outer(q6 * b2, a1)
-        iso += q5 * (dot(a3, b1) - dot(a1, b3)) + q6 * (dot(a1, b2) - dot(a2, b1))
+        w1 = q6 * a2 - q5 * a3
+        w2 = q4 * a3 - q6 * a1
+        w3 = q5 * a1 - q4 * a2
+        krr += outer(b1, w1)
+        iso = dot(b1, w1)
+    else:
+        w2 = q4 * a3
+        w3 = -1.0 * (q4 * a2)
+        iso = vzero()
+    if rate is not None:
+        m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
+        md = rate * vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
+        ktt = add_iso(ktt, m * vld(tab, mo, 0))
+        w2 -= (md * vld(tab, mo + 8, 0)) * a2
+        w3 -= (md * vld(tab, mo + 16, 0)) * a3
+    krr += outer(b2, w2) + outer(b3, w3)
+    iso += dot(b2, w2) + dot(b3, w3)
     vst_matrix(scratch, ko, 48, 8, ktt)
     vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
     vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
-    vst_matrix(scratch, ko + 168, 48, 8, add_iso(krr, iso))
-
-
-@kernel
-def add_pair_inertia(tab, mo, nn, a, b, rate, scratch, qa, qb, ko):
-    """2/h^2 times the mass of nodes a, b, projected: theory.md (4.1), (4.2)."""
-    m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
-    md = rate * vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
-    j2 = md * vld(tab, mo + 8, 0); j3 = md * vld(tab, mo + 16, 0)
-    vadd_matrix(scratch, ko, 48, 8, add_iso(vzerom(), m * vld(tab, mo, 0)))
-    a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
-    b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
-    k = vzerom() - outer(j2 * b2, a2) - outer(j3 * b3, a3)
-    vadd_matrix(scratch, ko + 168, 48, 8, add_iso(k, j2 * dot(a2, b2) + j3 * dot(a3, b3)))
+    vst_matrix(scratch, ko + 168, 48, 8, add_iso(krr, -1.0 * iso))
 
 
 @kernel
@@ -380,7 +381,7 @@ def project_node(scratch, q, fo, ro, ko):
 def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, simo, middle, r_out, blocks_out, scratch):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2. spin_rate: None or [18 N], derivatives of the second rates of
+    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of
     d2, d3 by the spins (generalised alpha). simo: None selects strain set (2.1), else (2.2). middle: None, else stresses
     come from the strains of q_mid (implicit midpoint). inner: None, else inner nodes are eliminated where the tables say so.
     r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
@@ -434,12 +435,13 @@ def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, simo, middle
         for a in range(nn):
             for b in range(nn):
                 kab = ko + 288 * (nn * a + b)
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, scratch, Q_LANES * a, Q_LANES * b + 96,
-                               simo, kab)
                 if spin_rate is not None:
+                    pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, Q_LANES * a,
+                                   Q_LANES * b + 96, simo, kab)
                     add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, vo + 144 * b, kab)
-                elif u is not None:
-                    add_pair_inertia(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, Q_LANES * b + 96, kab)
+                else:
+                    pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, Q_LANES * a,
+                                   Q_LANES * b + 96, simo, kab)
             project_node(scratch, Q_LANES * a, fo + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
         every = 1
         if inner is not None:

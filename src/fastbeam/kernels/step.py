@@ -364,9 +364,9 @@ def assemble_static(simo, green, inner, ties, held, row_of, state, work):
     copy(state.q, work.q_end)
     clear(inner, work)
     if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, None, 0.0, None, 1, None, work.r, work.blocks, work.scratch)
+        element_groups(simo, inner, work.q_mid, work.q_end, None, None, None, 1, None, work.r, work.blocks, work.scratch)
     if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, None, 0.0, None, None, None, work.r, work.blocks, work.scratch)
+        element_groups(green, inner, work.q_mid, work.q_end, None, None, None, None, None, work.r, work.blocks, work.scratch)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
     if held is not None:

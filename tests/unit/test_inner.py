@@ -1,0 +1,121 @@
+"""Inner nodes eliminated within their elements: same steps, same equilibria, safe pivots."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam.kernels.inner import BLOCK, invert_lanes, invert_pivoting
+
+Array = np.ndarray
+SECTION = fb.Section.circle(radius=0.02, E=5e6, rho=1000.0)
+
+
+def frame(strain: str = "simo_reissner", degree: int = 3, loads: bool = False) -> fb.Scene:
+    """A boom on a clamp with a body at its end, a cable on a ball joint, a bead on the boom, a mast whose inner node slides on the
+    cable: ties with arms at element ends, columns on inner nodes of both sides of a contact."""
+    boom = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=9, degree=degree, strain=strain)
+    cable = fb.Beam.straight("cable", (2, 0.1, 0), (2, 0.1, -1.5), section=SECTION, elements=5, degree=degree, strain=strain)
+    load = fb.RigidBody("load", mass=0.4, inertia=(2e-3, 3e-3, 4e-3), position=(2.05, 0.0, 0.02))
+    mast = fb.Beam.straight("mast", (1.6, 0.1, -0.6), (2.4, 0.1, -0.6), section=SECTION, elements=2, degree=2, strain=strain)
+    bead = fb.PointMass("bead", mass=0.3)
+    parts = [boom, cable, load, fb.Clamp(boom.start), fb.RigidConnection(boom.end, load),
+             fb.BallJoint(load.point((-0.05, 0.1, -0.02)), cable.start)]
+    if loads:
+        return fb.Scene(*parts, fb.DistributedLoad(cable, force=(0.3, 0.1, 0)), fb.Clamp(cable.end), gravity=(0, 0, -9.81))
+    return fb.Scene(*parts, mast, bead, fb.Slider("on boom", bead, boom, at=1.1, rate=0.4),
+                    fb.Slider("on cable", mast.node(2), cable, at=0.6), gravity=(0, 0, -9.81))
+
+
+def runs(scene: fb.Scene, solver: str = "auto", **changes: object) -> tuple[fb.Result, fb.Result]:
+    """The same run with and without the elimination."""
+    models = [fb.compile_scene(scene, solver=solver, eliminate_inner=eliminate) for eliminate in (True, False)]
+    assert models[0].inner is not None and models[1].inner is None
+    assert models[0].pattern.n < models[1].pattern.n
+    options = {"t_end": 0.03, "step": 3e-3, "progress": False} | changes
+    return tuple(fb.simulate(model, **options) for model in models)
+
+
+def assert_same(one: fb.Result, other: fb.Result, tolerance: float) -> None:
+    # two roundings of the same step; small forces of light parts feel them most
+    for name, factor in (("q", 1.0), ("v", 1.0), ("s", 1.0), ("force", 100.0)):
+        x, y = getattr(one.state, name), getattr(other.state, name)
+        assert np.max(np.abs(x - y), initial=0.0) <= factor * tolerance * max(np.max(np.abs(y), initial=0.0), 1e-3), name
+
+
+@pytest.mark.parametrize("strain", ["simo_reissner", "green_lagrange"])
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_steps_are_the_same(strain: str, degree: int) -> None:
+    one, other = runs(frame(strain, degree))
+    assert_same(one, other, 1e-10)
+    assert one.info["iterations"] == other.info["iterations"]
+    assert one.drift("total") < 1e-12
+
+
+@pytest.mark.parametrize("method", ["midpoint", "trapezoidal", "generalized_alpha"])
+def test_steps_of_other_methods_are_the_same(method: str) -> None:
+    one, other = runs(frame(), method=method)
+    assert_same(one, other, 1e-9)
+
+
+@pytest.mark.parametrize("backend", ["auto", "superlu"])
+def test_sparse_solvers_see_the_end_nodes_only(backend: str) -> None:
+    one, other = runs(frame(), solver="sparse", backend=backend)
+    assert_same(one, other, 1e-10)
+
+
+def test_equilibria_are_the_same() -> None:
+    scene = frame(loads=True)
+    one, other = (fb.solve_static(fb.compile_scene(scene, eliminate_inner=e)) for e in (True, False))
+    assert np.max(np.abs(one.state.q - other.state.q)) < 1e-11
+    assert one.info["iterations"] == other.info["iterations"]
+
+
+def test_nodes_with_another_role_stay() -> None:
+    beam = fb.Beam.straight("beam", (0, 0, 0), (3, 0, 0), section=SECTION, elements=24, degree=2)
+    # groups of 8 elements: the pin keeps those of the middle one
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Pin(beam.node(2 * 10 + 1))))
+    assert model.inner is not None
+    assert model.inner.element.size == 16
+    assert model.pattern.n == beam.n_nodes - 16
+    spline = fb.Beam.straight("spline", (0, 0, 0), (3, 0, 0), section=SECTION, elements=24, interpolation="bspline", degree=3)
+    assert fb.compile_scene(fb.Scene(spline)).inner is None
+
+
+def test_failed_step_names_an_inner_node() -> None:
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=SECTION, elements=4, degree=4)
+    scene = fb.Scene(beam, fb.Load(beam.node(6), force=(0, 0, 4e6)), fb.Clamp(beam.start))
+    with pytest.raises(fb.ConvergenceError) as failed:
+        fb.simulate(fb.compile_scene(scene), t_end=1.0, step=0.5, max_iterations=2, progress=False)
+    assert "node" in failed.value.worst
+
+
+def lanes(matrices: Array) -> Array:
+    return np.ascontiguousarray(matrices.transpose(1, 2, 0)).reshape(-1)
+
+
+def test_inverse_without_exchange() -> None:
+    a = np.random.default_rng(1).standard_normal((8, 6, 6)) + 6.0 * np.eye(6)
+    out = np.zeros(BLOCK)
+    assert invert_lanes(lanes(a), 0, out, 0)
+    assert np.allclose(out.reshape(6, 6, 8).transpose(2, 0, 1), np.linalg.inv(a), rtol=0, atol=1e-13)
+
+
+def test_small_pivots_are_noticed_and_exchanged() -> None:
+    rng = np.random.default_rng(2)
+    a = rng.standard_normal((8, 6, 6)) + 6.0 * np.eye(6)
+    a[3] = a[3][rng.permutation(6)]
+    a[5, :2, :2] = [[0.0, 1.0], [1.0, 0.0]]
+    out = np.zeros(BLOCK)
+    assert not invert_lanes(lanes(a), 0, out, 0)
+    assert invert_pivoting(lanes(a), 0, out, 0)
+    assert np.allclose(out.reshape(6, 6, 8).transpose(2, 0, 1), np.linalg.inv(a), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [np.nan, 0.0])
+def test_singular_blocks_are_refused(bad: float) -> None:
+    a = np.random.default_rng(3).standard_normal((8, 6, 6)) + 6.0 * np.eye(6)
+    a[6, 2] = bad
+    out = np.zeros(BLOCK)
+    assert not invert_lanes(lanes(a), 0, out, 0)
+    assert not invert_pivoting(lanes(a), 0, out, 0)
