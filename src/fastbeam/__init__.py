@@ -14,6 +14,7 @@ _WHERE = {
               "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider"],
     "errors": ["BackendError", "ConvergenceError", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
+    "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
     "result": ["Result"],
