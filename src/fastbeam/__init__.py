@@ -18,7 +18,7 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "result": ["Result"],
-    "store": ["load_result"],
+    "reading": ["load_result"],
     "plot": ["plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
