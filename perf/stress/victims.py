@@ -14,10 +14,18 @@ sys.path[:0] = [str(HERE.parents[1] / "src"), str(HERE.parents[1] / "tests")]
 import numpy as np  # noqa: E402
 
 import fastbeam as fb  # noqa: E402
-from small_scenes import bead, cantilever, free_beam  # noqa: E402
+from small_scenes import bead, bent, cantilever, free_beam, straight  # noqa: E402
 
-SCENES = {"free_beam": free_beam, "bead": lambda: bead(at=0.6, rate=0.1), "cantilever": cantilever}
-# a run long enough to be killed in
+
+
+def long_rail() -> fb.Scene:
+    """A mass on a rail so long that a run ends for other reasons."""
+    rail, mass = straight("rail", (0, 0, 0), (300, 0, 0)), fb.PointMass("bead", mass=0.5)
+    return fb.Scene(rail, mass, fb.Slider("run", mass, rail, at=140.0, rate=0.5), bent(rail), name="long rail")
+
+
+SCENES = {"free_beam": free_beam, "bead": bead, "cantilever": cantilever}
+# long enough to be killed in
 RUN: dict[str, Any] = {"t_end": 400.0, "step": 2e-3, "every": 5, "snapshots": 4000}
 
 
@@ -28,7 +36,7 @@ def say(*what: Any) -> None:
 
 def run(path: str, order: str) -> None:
     """Runs with a result file and a checkpoint and tells the time of every row."""
-    fb.simulate(fb.compile_scene(SCENES["bead"]()), file=path, checkpoint=path + ".checkpoint", checkpoint_every=0.0,
+    fb.simulate(fb.compile_scene(long_rail()), file=path, checkpoint=path + ".checkpoint", checkpoint_every=0.0,
                 order=int(order), callback=lambda t, state: say(t, time.monotonic()), progress=False, **RUN)
 
 
@@ -36,7 +44,7 @@ def fill(path: str, limit: str) -> None:
     """Runs with files that may not grow beyond a limit (0: none)."""
     from fastbeam import store
     store.FLUSH_TIME = 0.02
-    model = fb.compile_scene(SCENES["bead"]())
+    model = fb.compile_scene(long_rail())
     if int(limit):
         import resource
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -46,7 +54,7 @@ def fill(path: str, limit: str) -> None:
     except fb.ResultFileError as error:
         result = error.result
         say("refused", str(error), 0 if result is None else len(result.t),
-            result is not None and result.checkpoint.t == result.t[-1])
+            bool(result is not None and result.checkpoint.t == result.t[-1]))
         return
     say("done", "", len(result.t), True)
 
