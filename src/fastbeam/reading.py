@@ -5,7 +5,9 @@ and text has to fit the checksums that the writer left.
 """
 from __future__ import annotations
 
+import io
 import json
+import time
 import zlib
 from collections.abc import Iterable, Mapping
 from os import PathLike
@@ -22,6 +24,8 @@ FORMAT, VERSION = "fastbeam-result", 2
 COUNTS = ("rows", "snapshots", "events", "final_info")
 # bytes that a writer claims beyond its data, for what HDF5 adds of its own
 MARGIN = 1 << 18
+# bytes of the superblock of HDF5; how often a file that is being written is tried
+SUPERBLOCK, ATTEMPTS = 48, 5
 
 
 def load_result(path: str | PathLike[str]) -> Result:
@@ -36,23 +40,35 @@ def load_result(path: str | PathLike[str]) -> Result:
     """
     h5py = import_h5py()
     path = Path(path)
-    with _open_file(h5py, path) as file:
+    for attempt in reversed(range(ATTEMPTS)):
+        left_open = _check_file(path)
         try:
-            return _Reader(h5py, file, path).result()
+            return _load(h5py, path, left_open)
         except ResultFileError:
-            raise
-        except Exception as error:  # whatever a damaged file makes HDF5, JSON or NumPy raise
-            raise ResultFileError(f"result file '{path}': damaged ({type(error).__name__}: {error})") from error
+            # beside a running writer something may be half written for a moment
+            if not (left_open and attempt):
+                raise
+            time.sleep(0.1)
+    raise AssertionError("unreachable")
+
+
+def _load(h5py: Any, path: Path, left_open: bool) -> Result:
+    try:
+        with _LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
+            return _Reader(h5py, file, path, left_open).result()
+    except ResultFileError:
+        raise
+    except Exception as error:  # whatever a damaged file makes HDF5, JSON or NumPy raise
+        raise ResultFileError(f"result file '{path}': damaged ({type(error).__name__}: {error})") from error
 
 
 class _Reader:
     """Reads one open file. Whoever wrote it may have meant harm: types, layouts and sizes are checked before anything is read."""
 
-    def __init__(self, h5py: Any, file: Any, path: Path) -> None:
-        self.h5py, self.file, self.path = h5py, file, path
+    def __init__(self, h5py: Any, file: Any, path: Path, left_open: bool) -> None:
+        self.h5py, self.file, self.path, self.left_open = h5py, file, path, left_open
         # no honest file holds more numbers than bytes
         self.budget = path.stat().st_size
-        self.crc = 0
 
     def refuse(self, why: str) -> ResultFileError:
         return ResultFileError(f"result file '{self.path}': {why}")
@@ -64,14 +80,13 @@ class _Reader:
         version = int(self.attribute("version") or 0)
         if not 1 <= version <= VERSION:
             raise self.refuse(f"format version {version}, this fastbeam reads 1 to {VERSION}; install a newer fastbeam")
-        self.present(["header", "committed", "events", "final_info", "rows/t", *(["blocks"] if version > 1 else [])])
+        # this count before anything else: a writer may go on, and all it adds later comes on top
+        self.present(["committed"])
+        committed = self.read("committed", np.int64, ())
+        self.present(["header", "events", "final_info", "rows/t", *(["blocks"] if version > 1 else [])])
         text = self.read("header", np.uint8, ()).tobytes()
         header = _parse_header(json.loads(text))
-        committed = self.read("committed", np.int64, ())
-        if version > 1:
-            blocks = self.blocks(committed)
-        else:
-            blocks = np.append(committed, 0)[None, :]
+        blocks = self.blocks(committed) if version > 1 else np.append(committed, 0)[None, :]
         if blocks.shape[1] != 5 or np.any(np.diff(blocks[:, :4], axis=0, prepend=0) < 0):
             raise self.refuse("damaged, the counts of its blocks are no counts")
         ends = blocks[-1] if len(blocks) else np.zeros(5, np.int64)
@@ -102,7 +117,7 @@ class _Reader:
         if committed.tolist() != [n, -n - 1] or n < 0:
             raise self.refuse("damaged, the number of its blocks is none")
         blocks = self.read("blocks", np.int64, (5,), n, strict=True)
-        if not self.file.swmr_mode and n != len(self.file["blocks"]):
+        if not self.left_open and n != len(self.file["blocks"]):
             raise self.refuse("damaged, the number of its blocks is not that of its end")
         return blocks
 
@@ -210,32 +225,101 @@ def _expect(name: str, value: Any, kind: Any) -> None:
         raise ValueError(f"{name} is a {type(value).__name__}")
 
 
-def _open_file(h5py: Any, path: Path) -> Any:
+def _check_file(path: Path) -> bool:
+    """Whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
+
+    Raises
+    ------
+    ResultFileError
+        There is no such file, it is not HDF5, or it is shorter than it was.
+    """
     if not path.is_file():
         raise ResultFileError(f"result file '{path}': no such file")
     try:
-        if not h5py.is_hdf5(path):
-            raise ResultFileError(f"result file '{path}': not an HDF5 file")
-        # a file that was never closed opens only as a reader beside a writer
-        return h5py.File(path, "r", libver="latest", swmr=True) if _left_open(path) else h5py.File(path, "r")
+        with path.open("rb") as raw:
+            block = raw.read(SUPERBLOCK)
+            size = raw.seek(0, 2)
     except OSError as error:
         raise ResultFileError(f"result file '{path}': cannot be opened ({error})") from error
-
-
-def _left_open(path: Path) -> bool:
-    """Whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
-
-    A reader beside a writer waits without end for data that a truncated file will never hold, so such a file is refused here.
-    """
-    with path.open("rb") as raw:
-        block = raw.read(36)
-        size = raw.seek(0, 2)
+    if block[:8] != b"\x89HDF\r\n\x1a\n":
+        raise ResultFileError(f"result file '{path}': not an HDF5 file")
     # byte 8: version; byte 11: consistency flags; bytes 28-35: end of the file when the superblock was last written
-    if len(block) < 36 or block[8] < 3 or block[11] == 0:
+    if len(block) < SUPERBLOCK or block[8] < 3 or block[11] == 0:
         return False
     if size < int.from_bytes(block[28:36], "little"):
         raise ResultFileError(f"result file '{path}': truncated, {size} bytes of {int.from_bytes(block[28:36], 'little')}")
     return True
+
+
+class _LeftOpen(io.RawIOBase):
+    """A file whose writer runs or was killed, shown with the superblock of one that was closed.
+
+    HDF5 opens such a file only as a reader beside a writer, and then waits without end where a checksum stays wrong.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._raw = path.open("rb", buffering=0)
+        block = bytearray(self._raw.read(SUPERBLOCK))
+        if lookup3(block[:-4]) != int.from_bytes(block[-4:], "little"):
+            self._raw.close()
+            raise ResultFileError(f"result file '{path}': damaged, the checksum of its superblock is wrong")
+        block[11] = 0
+        block[28:36] = self._raw.seek(0, 2).to_bytes(8, "little")
+        block[-4:] = lookup3(block[:-4]).to_bytes(4, "little")
+        self._block = bytes(block)
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self._raw.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._raw.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        first = self._raw.tell()
+        n = self._raw.readinto(buffer) or 0
+        shown = self._block[first:first + n]
+        memoryview(buffer).cast("B")[:len(shown)] = shown
+        return n
+
+    def close(self) -> None:
+        self._raw.close()
+        super().close()
+
+
+def lookup3(data: bytes | bytearray) -> int:
+    """Bob Jenkins' hash of 1 byte or more, the checksum of HDF5's metadata."""
+    mask = 0xFFFFFFFF
+
+    def turn(x: int, k: int) -> int:
+        return (x << k | x >> (32 - k)) & mask
+
+    a = b = c = (0xDEADBEEF + len(data)) & mask
+    words = [int.from_bytes(data[k:k + 4], "little") for k in range(0, len(data), 4)]
+    words += [0] * (-len(words) % 3)
+    for k in range(0, len(words), 3):
+        a, b, c = (a + words[k]) & mask, (b + words[k + 1]) & mask, (c + words[k + 2]) & mask
+        if k + 3 < len(words):
+            a = (a - c & mask) ^ turn(c, 4); c = c + b & mask
+            b = (b - a & mask) ^ turn(a, 6); a = a + c & mask
+            c = (c - b & mask) ^ turn(b, 8); b = b + a & mask
+            a = (a - c & mask) ^ turn(c, 16); c = c + b & mask
+            b = (b - a & mask) ^ turn(a, 19); a = a + c & mask
+            c = (c - b & mask) ^ turn(b, 4); b = b + a & mask
+    for x, k in (("c", 14), ("a", 11), ("b", 25), ("c", 16), ("a", 4), ("b", 14), ("c", 24)):
+        if x == "c":
+            c = (c ^ b) - turn(b, k) & mask
+        elif x == "a":
+            a = (a ^ c) - turn(c, k) & mask
+        else:
+            b = (b ^ a) - turn(a, k) & mask
+    return c
 
 
 def import_h5py() -> Any:

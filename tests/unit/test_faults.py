@@ -53,9 +53,23 @@ def test_hostile_result_files_are_refused(name: str, sound: Path, tmp_path: Path
     assert time.perf_counter() - begin < 30.0  # nothing hangs and nothing huge is allocated
 
 
-@pytest.mark.parametrize("kind", ["bit", "bytes", "cut"])
-def test_damaged_result_files_are_refused_or_harmless(kind: str, sound: Path, tmp_path: Path) -> None:
-    # in a process of its own: HDF5 itself might crash
+@pytest.fixture(scope="module")
+def left_open(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a killed writer leaves behind."""
+    place = tmp_path_factory.mktemp("left_open")
+    result = fb.simulate(fb.compile_scene(bead()), t_end=0.3, step=H)
+    with store.ResultWriter(place / "run.h5", result.header()) as writer:
+        writer.append(result.series, result.t)
+        writer.flush()
+        (place / "copy.h5").write_bytes((place / "run.h5").read_bytes())
+    np.testing.assert_array_equal(fb.load_result(place / "copy.h5").t, result.t)
+    return place / "copy.h5"
+
+
+@pytest.mark.parametrize("kind", ["bit", "bytes", "cut", "killed"])
+def test_damaged_result_files_are_refused_or_harmless(kind: str, sound: Path, left_open: Path, tmp_path: Path) -> None:
+    # in a process of its own: HDF5 itself might crash, or wait for a writer that is no more
+    sound, kind = (left_open, "bit") if kind == "killed" else (sound, kind)
     out, err = victim("read", tmp_path / "run.h5", sound, kind, 0, 60).communicate(timeout=200)
     last = json.loads(out.splitlines()[-1])
     assert last[0] == "counts", (last, err[-2000:])
