@@ -47,7 +47,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     start, t_start : State or Checkpoint, float
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time.
-    observe : sequence of {'energy', 'momentum', 'slider'}
+    observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
         What is recorded; `()` computes none of it.
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
