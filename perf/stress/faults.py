@@ -61,8 +61,8 @@ def same(a: fb.Result, b: fb.Result) -> bool:
 def timed() -> fb.Scene:
     """A cantilever under a load that changes in time."""
     scene = cantilever(0.0)
-    return fb.Scene(*scene.beams, *scene.clamps, fb.Load("tip", scene.beams[0].end, force=(0, 0, 20), time=lambda t: np.cos(7.0 * t)),
-                    name="load in time")
+    load = fb.Load("tip", scene.beams[0].end, force=(0, 0, 20), time=lambda t: np.cos(7.0 * t))
+    return fb.Scene(*scene.beams, *scene.clamps, load, name="load in time")
 
 
 def restarts(place: Path) -> Iterator[Row]:

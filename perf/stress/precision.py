@@ -74,7 +74,8 @@ def rows(quick: bool = False) -> Iterator[Row]:
                       f"{run.drift('total'):.1e}; of the energy at rest: {absolute:.1e}, inner {inner:.1e}",
                       run.drift("total") <= bar)
             for key in ("lin_mom", "ang_mom"):
-                yield Row(f"{where}: drift of {key}", f"<= {DRIFT:.0e} of its size", f"{run.drift(key):.1e}", run.drift(key) <= DRIFT)
+                drift = run.drift(key)
+                yield Row(f"{where}: drift of {key}", f"<= {DRIFT:.0e} of its size", f"{drift:.1e}", drift <= DRIFT)
     yield from small_steps()
     yield from long_runs(10_000 if quick else 40_000)
 

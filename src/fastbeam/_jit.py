@@ -126,7 +126,7 @@ def _locked(exclusive: bool) -> Iterator[None]:
 
 
 def _guard(cache: Any) -> None:
-    """Let a kernel's cache survive other processes, damaged files and a full disk: then kernels are compiled as if it were empty."""
+    """Let a kernel's cache survive other processes, damaged files and a full disk: then it counts as empty."""
     load, save = cache.load_overload, cache.save_overload
 
     def guarded_load(*arguments: Any) -> Any:

@@ -239,9 +239,10 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
     if t_start is not None:
         raise SceneError(f"t_start: the checkpoint stands at t = {start.t:.6g} s; leave t_start out")
     if start.fingerprint != model.fingerprint:
-        raise SceneError(f"start: the checkpoint belongs to another model (scene {start.scene!r}, {start.state.q.size // 12} nodes) "
-                         f"than {model.scene_name!r} with {model.n_nodes} nodes, or to one compiled by another version or machine; "
-                         "compile the same scene, or go on at your own risk with start=checkpoint.state, t_start=checkpoint.t")
+        raise SceneError(f"start: the checkpoint belongs to another model (scene {start.scene!r}, {start.state.q.size // 12} "
+                         f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or was made by another version or on "
+                         "another machine; compile the same scene, or go on at your own risk with "
+                         "start=checkpoint.state, t_start=checkpoint.t")
     before = None if start.mean_force is None else start.mean_force.copy()
     clock = Clock(start.t, start.t, step, step, before=before)
     if controlled and start.next_step is not None:

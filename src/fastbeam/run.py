@@ -76,7 +76,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, start: 
     Returns
     -------
     Result
-        With the final state in `.state`, and in `.checkpoint` to go on from. A slider that reaches the end of its beam ends the run there: see `.events`.
+        With the final state in `.state`, and in `.checkpoint` to go on from. A slider that reaches the end of its beam ends the
+        run there: see `.events`.
 
     Raises
     ------

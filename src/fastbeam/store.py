@@ -167,8 +167,8 @@ class ResultWriter:
 
     def _unwritable(self, error: BaseException) -> ResultFileError:
         cause = str(error).replace("\n", " ")
-        return ResultFileError(f"result file '{self.path}': cannot be written ({cause}); it holds what was flushed before, make room "
-                               "or choose another path")
+        return ResultFileError(f"result file '{self.path}': cannot be written ({cause}); it holds what was flushed before, make "
+                               "room or choose another path")
 
     def _growth(self) -> int:
         """Bytes that the next flush adds to the file at most."""
