@@ -167,7 +167,10 @@ def sound_files(place: Path) -> tuple[Path, Path]:
     closed, killed = place / "closed.h5", place / "killed.h5"
     fb.simulate(fb.compile_scene(bead()), t_end=0.6, step=H, every=3, file=closed, progress=False)
     child = victim("run", killed, 2)
-    time.sleep(4.0)
+    assert child.stdout is not None
+    for _ in range(300):
+        child.stdout.readline()
+    time.sleep(0.6)
     child.send_signal(signal.SIGKILL)
     child.communicate()
     return closed, killed

@@ -83,7 +83,9 @@ def read(path: str, original: str, kind: str, first: str, last: str) -> None:
 def damage(data: bytes, kind: str, generator: np.random.Generator) -> bytes:
     """One bit, a run of random bytes, or a cut."""
     broken = bytearray(data)
-    at = int(generator.integers(len(data)))
+    # every second time where something is stored: a file of a killed run is mostly room for more
+    stored = np.flatnonzero(np.frombuffer(data, np.uint8))
+    at = int(generator.choice(stored) if generator.integers(2) else generator.integers(len(data)))
     if kind == "bit":
         broken[at] ^= 1 << int(generator.integers(8))
     elif kind == "bytes":
