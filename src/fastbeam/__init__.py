@@ -14,10 +14,11 @@ _WHERE = {
               "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider"],
     "errors": ["BackendError", "ConvergenceError", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
+    "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
     "result": ["Result"],
-    "store": ["load_result"],
+    "reading": ["load_result"],
     "plot": ["plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}

@@ -7,10 +7,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
+import stat
 import sys
 import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from threading import RLock
 from typing import Any, Callable, TypeVar
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system
+    fcntl = None  # type: ignore[assignment]
 
 import numba
 from numba.core import config as _config
@@ -46,18 +57,101 @@ def _usable(folder: Path) -> bool:
         return False
 
 
+def _spare_root() -> Path:
+    """A folder in the system's temporary folder that nobody else can write to: cached machine code is run as it is found."""
+    root = Path(tempfile.gettempdir()) / f"fastbeam-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    try:
+        root.mkdir(mode=0o700, exist_ok=True)
+        found = root.lstat()
+        owned = not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+        if stat.S_ISDIR(found.st_mode) and owned and _usable(root):
+            return root
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="fastbeam-"))
+
+
+def _take_over(source: Path, target: Path) -> None:
+    """Copy kernels from a folder that can be read but not written."""
+    if target.exists() or not source.is_dir():
+        return
+    fresh = Path(tempfile.mkdtemp(dir=target.parent))
+    try:
+        shutil.copytree(source, fresh / target.name)
+        os.rename(fresh / target.name, target)
+    except (OSError, shutil.Error):
+        pass  # another process was first, or nothing can be read: kernels are compiled instead
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+
+
 def cache_folder() -> str:
-    """Folder of the compiled kernels: `$FASTBEAM_CACHE_DIR`, else the user's cache folder, else the system's temporary
-    folder when neither can be written."""
+    """Folder of the compiled kernels: `$FASTBEAM_CACHE_DIR`, else the user's cache folder. Where that cannot be written a folder
+    in the system's temporary folder takes its place, with a copy of what can be read."""
     name = _source_hash()
     folder = _cache_root() / name
     if not _usable(folder):
-        folder = Path(tempfile.gettempdir()) / f"fastbeam-{os.getuid() if hasattr(os, 'getuid') else 'user'}" / name
-        folder.mkdir(parents=True, exist_ok=True)
+        spare = _spare_root() / name
+        _take_over(folder, spare)
+        spare.mkdir(parents=True, exist_ok=True)
+        return str(spare)
     return str(folder)
 
 
 _FOLDER = cache_folder()
+
+
+_LOCK, _DEPTH = RLock(), [0]
+
+
+@contextmanager
+def _locked(exclusive: bool) -> Iterator[None]:
+    """Processes that share the folder take turns in writing; without it two that start together could save different variants of
+    a kernel under one name."""
+    with _LOCK:
+        file = None
+        if fcntl is not None and not _DEPTH[0]:
+            try:
+                file = open(Path(_FOLDER) / "lock", "ab")
+                fcntl.flock(file, fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH)
+            except OSError:
+                pass  # a file system without locks
+        _DEPTH[0] += 1
+        try:
+            yield
+        finally:
+            _DEPTH[0] -= 1
+            if file is not None:
+                file.close()
+
+
+def _guard(cache: Any) -> None:
+    """Let a kernel's cache survive other processes, damaged files and a full disk: then it counts as empty."""
+    load, save = cache.load_overload, cache.save_overload
+
+    def guarded_load(*arguments: Any) -> Any:
+        try:
+            with _locked(exclusive=False):
+                return load(*arguments)
+        except Exception as error:  # whatever unpickling of a damaged file may raise
+            warnings.warn(f"fastbeam: the compiled kernels in {_FOLDER} are damaged ({type(error).__name__}: {error}); compiling "
+                          "them again", RuntimeWarning, stacklevel=2)
+            try:
+                with _locked(exclusive=True):
+                    cache.flush()
+            except OSError:
+                pass
+            return None
+
+    def guarded_save(*arguments: Any) -> None:
+        try:
+            with _locked(exclusive=True):
+                save(*arguments)
+        except OSError as error:
+            warnings.warn(f"fastbeam: compiled kernels cannot be kept in {_FOLDER} ({error}); the next process compiles them "
+                          "again", RuntimeWarning, stacklevel=2)
+
+    cache.load_overload, cache.save_overload = guarded_load, guarded_save
 
 
 def kernel(function: F) -> F:
@@ -72,6 +166,7 @@ def kernel(function: F) -> F:
         compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True)(function)
     finally:
         _config.CACHE_DIR = before
+    _guard(compiled._cache)
     KERNELS.append(compiled)
     return compiled
 

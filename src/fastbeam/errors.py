@@ -39,4 +39,13 @@ class BackendError(ImportError):
 
 
 class ResultFileError(ValueError):
-    """A file is not a fastbeam result, or is damaged."""
+    """A file is not a fastbeam result or checkpoint, is damaged, or cannot be written.
+
+    Attributes
+    ----------
+    result : Result or None
+        Where a run ended because its file could not be written: everything computed until then, with `.state` and
+        `.checkpoint` to go on from.
+    """
+
+    result: Any = None

@@ -3,6 +3,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -99,6 +101,20 @@ class Model:
         """'chain' (block elimination in compiled code) or 'sparse' (PARDISO, SuperLU)."""
         return "sparse" if self.pattern.plan is None else "chain"
 
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all tables and the initial state; functions of time count only by being there. Of the same scene it is the
+        same in every process of one machine."""
+        digest = sha256()
+        tables = (self.simo, self.green, self.bodies, self.ties, self.held, self.curves, self.sliders)
+        parts = [x for table in tables for x in ((None,) if table is None else table)]
+        parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
+                  self.v0, self.s0, self.slider_lengths]
+        for x in parts:
+            digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+        digest.update(str([time is None for time in (*self.load_times, self.gravity_time)]).encode())
+        return digest.hexdigest()
+
     def node_label(self, node: int) -> str:
         """Beam and node, body or mass of a global node number."""
         return self.labels[node]
@@ -150,7 +166,8 @@ class Model:
         for k, time in enumerate(self.load_times):
             if time is not None:
                 values = np.array([_factor(time, float(t)) for t in points]).reshape(-1, 3)
-                out[:, k] = (values * w).sum(axis=1)
+                # written out: a matrix product rounds a row differently in calls of different length
+                out[:, k] = w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
         return out
 
     def __str__(self) -> str:

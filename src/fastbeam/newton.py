@@ -58,6 +58,8 @@ class Stepper:
     method : Method
     t : float
         Time of the state, s; some methods need the loads there.
+    rates : float64 [18 N], optional
+        As `rates` gave them, for methods that have some; default: consistent with the state.
 
     Raises
     ------
@@ -66,7 +68,7 @@ class Stepper:
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
-                 backend: str = "auto", method: Method = Method(), t: float = 0.0) -> None:
+                 backend: str = "auto", method: Method = Method(), t: float = 0.0, rates: Array | None = None) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
@@ -87,7 +89,15 @@ class Stepper:
         if self.alpha is not None:
             if self._timed:
                 kernels.external_forces(model.loads, model.load_factors(np.full(1, t), np.zeros(1))[0], self.work.f_ext)
-            start_rates(model, self.alpha, self.state, self._rows_at_rest)
+            if rates is not None:
+                self.alpha.rates[:rates.size] = rates
+            else:
+                start_rates(model, self.alpha, self.state, self._rows_at_rest)
+
+    @property
+    def rates(self) -> Array | None:
+        """A copy of what the method carries besides the state."""
+        return None if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes].copy()
 
     def _rows_at_rest(self, u: Array) -> Array:
         """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
@@ -116,14 +126,15 @@ class Stepper:
         for mine, other in zip(self.state, state):
             mine[:] = other
 
-    def advance(self, t: float, h: float, n: int) -> Outcome:
-        """n steps of size h from time t. On a failure or event the state is the one before that step."""
-        result = self._run(t, h, n)
+    def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
+        """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
+        event the state is the one before that step."""
+        result = self._run(t, h, n, done)
         while result.status == OK and result.steps < n:
-            result = self._run(t + result.steps * h, h, n - result.steps).after(result)
+            result = self._run(t, h, n - result.steps, done + result.steps).after(result)
         return result
 
-    def _run(self, t: float, h: float, n: int) -> Outcome:
+    def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
         """Like `advance`, but returns after a step that fell back to SuperLU."""
         model = self.model
         counts = np.zeros(4, np.int64)
@@ -132,23 +143,23 @@ class Stepper:
         loads, factors = None, self._factors
         if self._timed:
             ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
-            starts = t + h * (np.arange(n)[:, None] + ends)
+            starts = t + h * (np.arange(done, done + n)[:, None] + ends)
             lengths = np.tile(self.weights * h, n)
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
         if not self.linear.is_compiled:
             return self._python_run(factors if self._timed else None, h, n)
-        kernels.run(model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves, model.sliders, self.contact,
-                    self.method.middle, self.alpha, model.pattern.plan, self.linear.tables, model.pattern.row_of, model.spinless, loads, factors, self.state,
-                    self.work, self.weights, h, n, model.width, model.length, self.max_iterations, model.slider_lengths, counts,
-                    sizes, force)
-        done = int(counts[1])
-        result = Outcome(int(counts[0]), done, int(counts[2]), int(counts[3]), sizes, force)
+        kernels.run(model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves, model.sliders,
+                    self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables, model.pattern.row_of,
+                    model.spinless, loads, factors, self.state, self.work, self.weights, h, n, model.width, model.length,
+                    self.max_iterations, model.slider_lengths, counts, sizes, force)
+        reached = int(counts[1])
+        result = Outcome(int(counts[0]), reached, int(counts[2]), int(counts[3]), sizes, force)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
         # the failed step once more with pivoting across blocks
-        again = self._python_run(factors[done * self.weights.size:] if self._timed else None, h, 1)
+        again = self._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
         if again.status != OK:
             return result if again.status != SLIDER_END else again.after(result)
         self.linear.fallbacks += 1
@@ -241,4 +252,12 @@ def _own_state(model: Model, state: State) -> State:
                              "a state of the same model")
         if not np.isfinite(x).all():
             raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
-    return State(*(np.array(x, dtype=float) for x in state))
+    own = State(*(np.array(x, dtype=float) for x in state))
+    triads = own.q.reshape(-1, 4, 3)[:, 1:]
+    skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
+    if skew > 1e-6:
+        raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
+    for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
+        if not 0.0 <= s <= length:
+            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
+    return own

@@ -14,7 +14,7 @@ from .result import ResultHeader
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider")
+KINDS = ("energy", "momentum", "slider", "inner")
 
 
 class Observer:
@@ -23,7 +23,7 @@ class Observer:
     Parameters
     ----------
     model : Model
-    kinds : sequence of {'energy', 'momentum', 'slider'}
+    kinds : sequence of {'energy', 'momentum', 'slider', 'inner'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
         Positions to record.
 
@@ -40,9 +40,10 @@ class Observer:
             raise SceneError(f"points: must map names to nodes, as in points={{'tip': beam.end}}, got {points!r}")
         unknown = [k for k in kinds if k not in KINDS]
         if unknown:
-            raise SceneError(f"observe: {unknown[0]!r} does not exist: choose from 'energy', 'momentum', 'slider'")
+            raise SceneError(f"observe: {unknown[0]!r} does not exist: choose from 'energy', 'momentum', 'slider', 'inner'")
         self.model = model
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
+        self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
         self._p = np.zeros(12 * model.n_nodes)
@@ -59,6 +60,8 @@ class Observer:
             out |= dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total"), ())
         if self.momentum:
             out |= {"lin_mom": (3,), "ang_mom": (3,)}
+        if self.inner:
+            out |= {"center": (3,), "inner_energy": (), "inner_spin": (3,)}
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
@@ -71,13 +74,7 @@ class Observer:
         model = self.model
         out: dict[str, Any] = {}
         if self.energy or self.momentum:
-            self._p[:] = 0.0
-            for tables in (model.simo, model.green):
-                if tables is not None:
-                    kernels.element_momenta(tables, model.n_nodes, state.v, self._p)
-            if model.bodies is not None:
-                kernels.body_momenta(model.bodies, state.v, self._p)
-            kernels.motion(state.q, state.v, self._p, self._out)
+            self._motion(state.q, state.v)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
             self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
         if self.momentum:
@@ -92,6 +89,8 @@ class Observer:
             out["total"] = out["kinetic"] + out["potential"]
             # a total that starts at zero has no scale of its own
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
+        if self.inner:
+            out |= self._inner(state)
         if self.slider:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
@@ -100,6 +99,33 @@ class Observer:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
         return out
+
+    def _motion(self, q: Array, v: Array) -> None:
+        """Kinetic energy and momenta into _out, momenta of the nodes into _p."""
+        model = self.model
+        self._p[:] = 0.0
+        for tables in (model.simo, model.green):
+            if tables is not None:
+                kernels.element_momenta(tables, model.n_nodes, v, self._p)
+        if model.bodies is not None:
+            kernels.body_momenta(model.bodies, v, self._p)
+        kernels.motion(q, v, self._p, self._out)
+
+    def _inner(self, state: State) -> dict[str, Any]:
+        """Mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away before
+        anything is squared, so that no digits are lost to it."""
+        weight = self.model.gravity_weight / np.sum(self.model.gravity_weight)
+        q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
+        # from the first node: differences of large coordinates are exact
+        first = q[0, 0].copy()
+        q[:, 0] -= first
+        arm = weight @ q[:, 0]
+        q[:, 0] -= arm
+        v[:, 0] -= v[0, 0].copy()
+        v[:, 0] -= weight @ v[:, 0]
+        self._motion(q.reshape(-1), v.reshape(-1))
+        return {"center": first + arm, "inner_energy": float(self._out[0]) + strain_energy(self.model, q.reshape(-1), self._work),
+                "inner_spin": self._out[4:7].copy()}
 
     def header(self, info: dict[str, Any]) -> ResultHeader:
         """Header of the result."""

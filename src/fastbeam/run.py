@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from .arguments import count, number
+from .checkpoint import Checkpoint, Clock, check_target, start_clock
 from .dynamics import StepControl, composition, failure, run_to_end_of_beam
-from .errors import ConvergenceError, SceneError
+from .errors import ConvergenceError, ResultFileError, SceneError
 from .kernels.step import OK, SLIDER_END, State
 from .methods import choose_method
 from .model import Model, check_model
@@ -24,9 +25,10 @@ Array = np.ndarray
 
 
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
-             rho_inf: float | None = None, start: State | None = None, t_start: float = 0.0,
+             rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
              observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
              every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
+             checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
              progress: bool | None = None) -> Result:
@@ -48,9 +50,10 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         order 2 only and no step control.
     rho_inf : float in [0, 1]
         Spectral radius at infinity of generalized alpha, default 0.8.
-    start, t_start : State, float
-        Go on from a state (`result.state`) at its time; default: the model's initial state at 0.
-    observe : sequence of {'energy', 'momentum', 'slider'}
+    start, t_start : State or Checkpoint, float
+        Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
+        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time.
+    observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
         What is recorded; `()` computes none of it.
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
@@ -60,6 +63,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         About how many whole shapes to keep, at rows.
     file : path
         Write the result to this HDF5 file as the run goes.
+    checkpoint, checkpoint_every : path, float
+        Keep a checkpoint in this file, renewed at the first row that many seconds after the last one (0: at every row) and when
+        the run ends. An older checkpoint of that name is replaced.
     callback : callable
         Called with (t, state) at every row; returning True ends the run there.
     tolerance : float
@@ -76,7 +82,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     Returns
     -------
     Result
-        With the final state in `.state`. A slider that reaches the end of its beam ends the run there: see `.events`.
+        With the final state in `.state`, and in `.checkpoint` to go on from. A slider that reaches the end of its beam ends the
+        run there: see `.events`.
 
     Raises
     ------
@@ -84,6 +91,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         A scene that is not compiled, an argument out of range.
     ConvergenceError
         A step failed; the error carries the last good state and the result until then.
+    ResultFileError
+        A file cannot be written; when that happens on the way, the error carries the result until then.
 
     Examples
     --------
@@ -96,18 +105,22 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     True
     """
     check_model("simulate", model)
-    t_end, step, t_start = (number(name, x) for name, x in (("t_end", t_end), ("step", step), ("t_start", t_start)))
+    t_end, step = number("t_end", t_end), number("step", step)
     if not step > 0.0:
         raise SceneError(f"step: must be > 0 s, got {step:g}")
-    if not t_end > t_start:
-        raise SceneError(f"t_end: must lie after t_start = {t_start:g} s, got {t_end:g}")
+    state, clock = start_clock(model, start, t_start, step, tolerance is not None)
+    if not t_end > clock.now:
+        raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    if checkpoint is not None:
+        checkpoint = check_target(checkpoint, overwrite=True)
+    checkpoint_every = number("checkpoint_every", checkpoint_every)
     if callback is not None and not callable(callback):
         raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance)
-    n_steps = int(np.ceil((t_end - t_start) / step * (1.0 - 1e-12)))
+    n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else count("every", every)
     snapshots = count("snapshots", snapshots, least=0)
     control = None
@@ -115,29 +128,31 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         tolerance = number("tolerance", tolerance)
         if not tolerance > 0.0:
             raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
-        span = t_end - t_start
+        span = t_end - clock.origin
         largest = 0.1 * span if max_step is None else number("max_step", max_step)
         smallest = min(1e-6 * step, largest) if min_step is None else number("min_step", min_step)
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         control = StepControl(tolerance, order, smallest, largest)
-    stepper = Stepper(model, weights, start, max_iterations, backend, chosen, t_start)
-    run = _Run(model, stepper, Observer(model, observe, points), t_start, t_end, step, order, snapshots, file, overwrite,
-               callback, control, progress)
+    rates = start.rates if isinstance(start, Checkpoint) else None
+    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, rates)
+    run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
+               control, progress, checkpoint, checkpoint_every)
     return run.go(every)
 
 
 class _Run:
     """One run: drives the stepper and feeds rows to memory and file."""
 
-    def __init__(self, model: Model, stepper: Stepper, observer: Observer, t_start: float, t_end: float, step: float, order: int,
+    def __init__(self, model: Model, stepper: Stepper, observer: Observer, clock: Clock, t_end: float, order: int,
                  snapshots: int, file: Any, overwrite: bool, callback: Any, control: StepControl | None,
-                 progress: bool | None) -> None:
-        self.model, self.stepper, self.observer = model, stepper, observer
-        self.t_start, self.t_end, self.step, self.order = t_start, t_end, step, order
+                 progress: bool | None, checkpoint: Any, checkpoint_every: float) -> None:
+        self.model, self.stepper, self.observer, self.clock = model, stepper, observer, clock
+        self.t_start, self.t_end, self.step, self.order = clock.now, t_end, clock.step, order
         self.callback, self.control = callback, control
+        self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
-            "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": step, "t_end": t_end,
+            "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
             "conserved": _conserved(model), "unknowns": model.n_unknowns, "versions": _versions()}
         header = observer.header(self.info)
         self.memory = ResultBuffer(header)
@@ -145,10 +160,11 @@ class _Run:
         if file is not None:
             from .store import ResultWriter
             self.writer = ResultWriter(file, header, overwrite=overwrite)
-        self.progress = Progress(t_end - t_start, model.scene_name, progress)
+        self.file_error: ResultFileError | None = None
+        self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.snapshots = snapshots
-        self.shape_gap = (t_end - t_start) / max(snapshots - 1, 1)
-        self.next_shape = t_start
+        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
+        self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
 
@@ -165,32 +181,49 @@ class _Run:
         """Finish the waiting row with the contact forces of the steps before and after it."""
         if self.pending is None:
             return
-        t, row = self.pending
+        (t, row), self.pending = self.pending, None
         if self.observer.slider:
             # forces at the end of a step are those of its time; otherwise the mean of the steps around it (4.5)
             around = (before if before is not None else after,) if self.stepper.method.at_end else (before, after)
             known = [f for f in around if f is not None]
             row["contact_force"] = (np.mean(known, axis=0) if known else np.zeros(3 * self.model.n_sliders)).reshape(-1, 3)
-        for sink in self.sinks():
-            sink.append(row, t)
-        self.pending = None
+        self.feed("append", row, t)
 
     def shape(self, t: float) -> None:
         q = self.stepper.state.q.reshape(-1, 4, 3)
-        for sink in self.sinks():
-            sink.snapshot(t, q[:, 0], q[:, 1:])
-
-    def sinks(self) -> list[Any]:
-        return [self.memory] if self.writer is None else [self.memory, self.writer]
+        self.feed("snapshot", t, q[:, 0], q[:, 1:])
 
     def event(self, event: dict[str, Any]) -> None:
-        for sink in self.sinks():
-            sink.event(event)
+        self.feed("event", event)
+
+    def feed(self, call: str, *what: Any) -> None:
+        """Hand something to memory and file. A file that cannot be written is left behind; the run ends at its next row."""
+        getattr(self.memory, call)(*what)
+        if self.writer is not None:
+            try:
+                getattr(self.writer, call)(*what)
+            except ResultFileError as failed:
+                self.writer, self.file_error = None, failed
+
+    def keep_checkpoint(self, due: bool = False) -> None:
+        """Renew the checkpoint file where its time has come."""
+        if self.checkpoint is None or not (due or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every):
+            return
+        try:
+            self.present().save(self.checkpoint, overwrite=True)
+        except ResultFileError as failed:
+            self.checkpoint, self.file_error = None, self.file_error or failed
+        self.last_checkpoint = time.perf_counter()
+
+    def present(self) -> Checkpoint:
+        return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.rates)
 
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         begin = time.perf_counter()
-        before: Array | None = self.stepper.state.force.copy() if self.stepper.method.at_end else None
+        clock = self.clock
+        if clock.before is None and self.stepper.method.at_end:
+            clock.before = self.stepper.state.force.copy()
         error: ConvergenceError | None = None
         self.open_row(self.t_start, 0, 0.0)
         try:
@@ -198,18 +231,21 @@ class _Run:
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
                 if outcome.steps:
-                    self.close_row(before, outcome.force[0])
-                    before = outcome.force[1]
+                    self.close_row(clock.before, outcome.force[0])
+                    clock.before = outcome.force[1]
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
                     if self.callback is not None and self.callback(t, self.stepper.state):
                         self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
                         break
+                    self.keep_checkpoint()
+                if self.file_error is not None:
+                    break
         except ConvergenceError as failed:
             error = failed
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
         finally:
-            self.close_row(before, None)
+            self.close_row(clock.before, None)
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,
@@ -219,50 +255,61 @@ class _Run:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
             if self.writer is not None:
-                self.writer.close(self.info)
+                try:
+                    self.writer.close(self.info)
+                except ResultFileError as failed:
+                    self.file_error = failed
+        self.keep_checkpoint(due=True)
+        if self.file_error is not None:
+            self.memory.event({"kind": "file", "time": clock.now, "text": str(self.file_error)})
         result = self.memory.close(self.info)
-        result.state = self.stepper.copy_state()
-        if error is not None:
-            error.result = result
-            raise error
+        result.checkpoint = self.present()
+        result.state = result.checkpoint.state
+        final = error or self.file_error
+        if final is not None:
+            final.result = result
+            raise final
         return result
 
     def chunks(self, every: int) -> Any:
         """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
-        t, done, h = self.t_start, 0, self.step
-        if self.control is not None:
-            h = min(max(h, self.control.smallest), self.control.largest)
-        quiet = not self.observer.series().keys() - {"iterations", "step_size"} and self.writer is None and self.callback is None
+        clock = self.clock
+        t, h = clock.now, clock.size
+        quiet = not self.observer.series().keys() - {"iterations", "step_size"}
+        quiet = quiet and self.writer is None and self.callback is None and self.checkpoint is None
         while self.t_end - t > 1e-14 * max(abs(self.t_start), abs(self.t_end)):
-            clock = time.perf_counter()
+            begin = time.perf_counter()
             if self.control is not None:
-                h = min(h, self.t_end - t)
-                size, h_next, outcome = self.control.advance(self.stepper, t, h, self.steps)
-                n = 1
+                planned = min(max(h, self.control.smallest), self.control.largest)
+                size, h, outcome = self.control.advance(self.stepper, t, min(planned, self.t_end - t), self.steps)
+                # a step that was cut to meet the end says nothing about the next
+                h = max(h, planned) if size == self.t_end - t else h
             else:
                 whole = int((self.t_end - t) / self.step * (1.0 + 1e-12) + 1e-9)
-                n = min(every, whole) if whole else 1
                 size = self.step if whole else self.t_end - t
-                outcome = self.stepper.advance(t, size, n)
-            reached = t + size * outcome.steps
+                outcome = (self.stepper.advance(clock.origin, size, min(every, whole), clock.done) if whole
+                           else self.stepper.advance(t, size, 1))
             if self.control is None and size == self.step:
-                done += outcome.steps
-                reached = self.t_start + self.step * done
-            elif self.control is not None and outcome.status == OK:
-                reached = t + size
+                reached = clock.count(outcome.steps)
+            else:
+                reached = t + size if self.control is not None and outcome.status == OK else t + size * outcome.steps
+                clock.leave_grid(reached)
             if outcome.status == SLIDER_END:
                 yield from self.end_of_beam(reached, outcome, size)
                 return
             if outcome.status != OK:
-                raise failure(self.stepper, outcome, reached, self.steps + outcome.steps)
+                failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps)
+                if outcome.steps:
+                    # the last good state is a row
+                    yield reached, outcome, size, True
+                raise failed
             if abs(reached - self.t_end) <= 1e-9 * size:
                 reached = self.t_end
             self.progress.update(reached - t)
-            t = reached
-            if self.control is not None:
-                h = h_next
+            t = clock.now = reached
+            clock.size = h
             yield t, outcome, size, True
-            if quiet and self.control is None and time.perf_counter() - clock < 0.1:
+            if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
 
     def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
@@ -273,6 +320,7 @@ class _Run:
         last, final, slider = run_to_end_of_beam(self.stepper, t, h)
         if last > 0.0:
             t += last
+            self.clock.leave_grid(t)
             yield t, final, last, True
         s = float(self.stepper.state.s[slider])
         length = float(self.model.slider_lengths[slider])

@@ -1,20 +1,27 @@
 """Results in HDF5 files, written as the run goes and readable after the writer was killed.
 
 All datasets are created before the first step; then the file is switched to single-writer-multiple-reader mode, in which HDF5
-keeps the file consistent at every moment. Rows are gathered in memory and flushed at most every half second; afterwards the
-dataset 'committed' says how many rows, snapshots and bytes of text count. Texts (header, events, final info) are bytes of JSON.
+keeps the file consistent at every moment. Rows are gathered in memory and flushed at most every half second. Every flush adds a
+line to 'blocks': how many rows, snapshots and bytes of text there are, and a checksum of all numbers until then; 'committed' says
+how many lines count. Texts (header, events, final info) are bytes of JSON.
 
     format, version        attributes
     header                 uint8 [k]      JSON of ResultHeader
     rows/<series>          [n, ...]       one dataset per series, 't' among them
     snapshots/<name>       [m, ...]       t_snap, phi, directors
     events, final_info     uint8 [k]      JSON lines; JSON
-    committed              int64 [4]      rows, snapshots, bytes of events, bytes of final_info
+    blocks                 int64 [b, 5]   rows, snapshots, bytes of events, bytes of final_info, CRC-32 of all of it
+    committed              int64 [2]      b, -b - 1
+
+HDF5 does not survive a full disk (it may crash the process), so space is claimed from the file system before anything is written.
+Files are read without trust: no links, filters, foreign types or external data, nothing larger than the file itself.
 """
 from __future__ import annotations
 
 import json
+import os
 import time
+import zlib
 from collections.abc import Mapping
 from dataclasses import asdict
 from os import PathLike
@@ -23,14 +30,18 @@ from typing import Any
 
 import numpy as np
 
-from .errors import BackendError, ResultFileError
+from .errors import ResultFileError
+from .reading import COUNTS, FORMAT, MARGIN, VERSION, import_h5py, load_result
 from .result import Result, ResultHeader, RowBuffer, Rows
 
-FORMAT, VERSION = "fastbeam-result", 1
+__all__ = ["ResultWriter", "load_result", "save_result"]
+
 # s and rows between two flushes
 FLUSH_TIME, FLUSH_ROWS = 0.5, 4096
 # bytes aimed at per chunk of a dataset, and per block of snapshots that waits in memory
 CHUNK_BYTES, PENDING_BYTES = 32768, 1 << 24
+# files that HDF5 could not write to: closing one may crash
+_LOST: list[Any] = []
 
 
 class ResultWriter:
@@ -52,11 +63,11 @@ class ResultWriter:
     BackendError
         h5py is missing.
     ResultFileError
-        The file exists, or its folder does not, or it cannot be created.
+        The file exists, or its folder does not, or it cannot be created; later, it cannot be written.
     """
 
     def __init__(self, path: str | PathLike[str], header: ResultHeader, *, overwrite: bool = False) -> None:
-        h5py = _h5py()
+        h5py = import_h5py()
         self.path = _check_target(Path(path), overwrite)
         self.header = header
         texts = _encode({**asdict(header), "info": header.info, "names": header.names}, "header")
@@ -64,12 +75,18 @@ class ResultWriter:
         self._pending = {"rows": RowBuffer(shapes, dtypes), "snapshots": RowBuffer(header.snapshot_tables(), capacity=1)}
         self._snapshot_bytes = 8 * (1 + 12 * header.n_nodes)
         self._text = {"events": b"", "final_info": b""}
-        self._count = {"rows": 0, "snapshots": 0, "events": 0, "final_info": 0}
+        self._count = dict.fromkeys(COUNTS, 0)
+        self._blocks, self._crc = 0, zlib.crc32(texts)
         try:
+            with self.path.open("wb") as raw:
+                _claim(raw.fileno(), 0, len(texts) + MARGIN)
             self._file = h5py.File(self.path, "w", libver="latest")
         except OSError as error:
+            if self.path.is_file() and self.path.stat().st_size in (0, len(texts) + MARGIN):
+                self.path.unlink()
             raise ResultFileError(f"result file '{self.path}': cannot be created ({error}); choose another path") from error
         try:
+            self._reserve(len(texts))
             self._create(texts)
         except BaseException:
             self._file.close()
@@ -98,14 +115,31 @@ class ResultWriter:
     def flush(self) -> None:
         """Write everything that waits in memory; after this a kill does not lose it."""
         self._check_open()
-        for group, buffer in self._pending.items():
-            self._extend_rows(group, buffer)
-        for name in self._text:
-            self._extend_text(name)
-        # the data reach the file before the count that vouches for them
-        self._file.flush()
-        self._file["committed"][...] = list(self._count.values())
-        self._file.flush()
+        if not any(map(len, (*self._pending.values(), *self._text.values()))):
+            return
+        try:
+            self._reserve(self._growth())
+        except OSError as error:
+            # nothing was handed to HDF5 yet: the file is sound and can be closed
+            self._end()
+            raise self._unwritable(error) from error
+        try:
+            for group, buffer in self._pending.items():
+                self._extend_rows(group, buffer)
+            for name in self._text:
+                self._extend_text(name)
+            # the data reach the file before the line that vouches for them, and that before the count of lines
+            self._sync()
+            self._blocks += 1
+            self._file["blocks"].resize(self._blocks, axis=0)
+            self._file["blocks"][self._blocks - 1] = [*self._count.values(), self._crc]
+            self._sync()
+            self._file["committed"][...] = [self._blocks, -self._blocks - 1]
+            self._sync()
+        except (OSError, RuntimeError) as error:
+            _LOST.append(self._file)
+            self._file = None
+            raise self._unwritable(error) from error
         self._last_flush = time.perf_counter()
 
     def close(self, info: Mapping[str, Any] | None = None) -> None:
@@ -117,8 +151,45 @@ class ResultWriter:
                 self._text["final_info"] = _encode(dict(info), "info")
             self.flush()
         finally:
-            self._file.close()
-            self._file = None
+            self._end()
+
+    def _end(self) -> None:
+        """Close the file and give back the space that was claimed for nothing."""
+        if self._file is None:
+            return
+        file, self._file = self._file, None
+        file.close()
+        with self.path.open("rb+") as raw:
+            block, size = raw.read(36), raw.seek(0, 2)
+            end = int.from_bytes(block[28:36], "little")
+            if block[8] >= 3 and 0 < end < size:
+                raw.truncate(end)
+
+    def _unwritable(self, error: BaseException) -> ResultFileError:
+        cause = str(error).replace("\n", " ")
+        return ResultFileError(f"result file '{self.path}': cannot be written ({cause}); it holds what was flushed before, make "
+                               "room or choose another path")
+
+    def _growth(self) -> int:
+        """Bytes that the next flush adds to the file at most."""
+        out = sum(len(text) + 4096 for text in self._text.values())
+        for group, buffer in self._pending.items():
+            first, last = self._count[group], self._count[group] + len(buffer)
+            for name, column in buffer.views().items():
+                if 0 not in column.shape[1:]:
+                    rows = _chunk(column.shape[1:])[0]
+                    row_bytes = 8 * int(np.prod(column.shape[1:], dtype=np.int64))
+                    out += (-(-last // rows) + -(-first // -rows)) * rows * row_bytes
+        return out
+
+    def _reserve(self, size: int) -> None:
+        with self.path.open("rb+") as raw:
+            _claim(raw.fileno(), int(self._file.id.get_filesize()), size + MARGIN)
+
+    def _sync(self) -> None:
+        # a flush gives back what it did not use
+        self._file.flush()
+        self._reserve(0)
 
     def __enter__(self) -> ResultWriter:
         return self
@@ -130,7 +201,8 @@ class ResultWriter:
         file = self._file
         file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
         file["header"] = np.frombuffer(texts, dtype=np.uint8)
-        file["committed"] = np.zeros(len(self._count), dtype=np.int64)
+        file["committed"] = np.array([0, -1])
+        file.create_dataset("blocks", shape=(0, 5), maxshape=(None, 5), chunks=(256, 5), dtype=np.int64)
         for name in self._text:
             file.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(4096,), dtype=np.uint8)
         for group, buffer in self._pending.items():
@@ -152,6 +224,7 @@ class ResultWriter:
                 dataset = self._file[f"{group}/{name}"]
                 dataset.resize(last, axis=0)
                 dataset[first:last] = column
+                self._crc = zlib.crc32(np.ascontiguousarray(column), self._crc)
         self._count[group] = last
         buffer.clear()
 
@@ -160,6 +233,7 @@ class ResultWriter:
             first, last = self._count[name], self._count[name] + len(self._text[name])
             self._file[name].resize(last, axis=0)
             self._file[name][first:last] = np.frombuffer(self._text[name], dtype=np.uint8)
+            self._crc = zlib.crc32(self._text[name], self._crc)
             self._count[name], self._text[name] = last, b""
 
     def _flush_when_due(self) -> None:
@@ -183,90 +257,10 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
             writer.event(event)
 
 
-def load_result(path: str | PathLike[str]) -> Result:
-    """Read a result file, also one whose writer was killed or is still running.
-
-    Raises
-    ------
-    BackendError
-        h5py is missing.
-    ResultFileError
-        The file is missing, not HDF5, not a fastbeam result, of a newer format, or damaged.
-    """
-    h5py = _h5py()
-    path = Path(path)
-    with _open_file(h5py, path) as file:
-        try:
-            return _read(file, path)
-        except ResultFileError:
-            raise
-        except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-            raise ResultFileError(f"result file '{path}': damaged ({error})") from error
-
-
-def _read(file: Any, path: Path) -> Result:
-    found = file.attrs.get("format")
-    if found != FORMAT:
-        raise ResultFileError(f"result file '{path}': not a fastbeam result (attribute 'format' is {found!r}, "
-                              f"expected '{FORMAT}')")
-    version = int(file.attrs.get("version", 0))
-    if not 1 <= version <= VERSION:
-        raise ResultFileError(f"result file '{path}': format version {version}, this fastbeam reads 1 to {VERSION}; "
-                              "install a newer fastbeam")
-    missing = [name for name in ("header", "committed", "events", "final_info", "rows/t") if name not in file]
-    if missing:
-        raise ResultFileError(f"result file '{path}': damaged, it lacks {', '.join(missing)}")
-    raw = json.loads(bytes(file["header"][...]))
-    header = ResultHeader(raw["model_text"], raw["info"], raw["names"], raw["n_nodes"],
-                          {name: tuple(shape) for name, shape in raw["series"].items()}, tuple(raw["integer"]))
-    n_rows, n_snapshots, n_events, n_info = (int(k) for k in file["committed"][...])
-    shapes, dtypes = header.row_tables()
-    series = _read_group(file, "rows", shapes, dtypes, n_rows, path)
-    snapshots = _read_group(file, "snapshots", header.snapshot_tables(), {}, n_snapshots, path)
-    events = [json.loads(line) for line in bytes(file["events"][:n_events]).splitlines()]
-    info = json.loads(bytes(file["final_info"][:n_info]) or b"{}")
-    return Result(model_text=header.model_text, info={**header.info, **info}, names=header.names, t=series.pop("t"),
-                  series=series, events=events, **snapshots)
-
-
-def _read_group(file: Any, group: str, shapes: Mapping[str, tuple[int, ...]], dtypes: Mapping[str, type], n: int,
-                path: Path) -> dict[str, np.ndarray]:
-    stored = {name for name, shape in shapes.items() if 0 not in shape}
-    missing = [f"{group}/{name}" for name in sorted(stored) if f"{group}/{name}" not in file]
-    if missing:
-        raise ResultFileError(f"result file '{path}': damaged, it lacks {', '.join(missing)}")
-    # cut to what all series hold
-    n = min([n, *(len(file[f"{group}/{name}"]) for name in stored)])
-    return {name: file[f"{group}/{name}"][:n] if name in stored else np.zeros((n, *shape), dtypes.get(name, np.float64))
-            for name, shape in shapes.items()}
-
-
-def _open_file(h5py: Any, path: Path) -> Any:
-    if not path.is_file():
-        raise ResultFileError(f"result file '{path}': no such file")
-    try:
-        if not h5py.is_hdf5(path):
-            raise ResultFileError(f"result file '{path}': not an HDF5 file")
-        # a file that was never closed opens only as a reader beside a writer
-        return h5py.File(path, "r", libver="latest", swmr=True) if _left_open(path) else h5py.File(path, "r")
-    except OSError as error:
-        raise ResultFileError(f"result file '{path}': cannot be opened ({error})") from error
-
-
-def _left_open(path: Path) -> bool:
-    """Whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
-
-    A reader beside a writer waits without end for data that a truncated file will never hold, so such a file is refused here.
-    """
-    with path.open("rb") as raw:
-        block = raw.read(36)
-        size = raw.seek(0, 2)
-    # byte 8: version; byte 11: consistency flags; bytes 28-35: end of the file when the superblock was last written
-    if len(block) < 36 or block[8] < 3 or block[11] == 0:
-        return False
-    if size < int.from_bytes(block[28:36], "little"):
-        raise ResultFileError(f"result file '{path}': truncated, {size} bytes of {int.from_bytes(block[28:36], 'little')}")
-    return True
+def _claim(handle: int, first: int, size: int) -> None:
+    """Make the file system set this range aside, where it can."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(handle, first, size)
 
 
 def _check_target(path: Path, overwrite: bool) -> Path:
@@ -296,11 +290,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} {value!r}")
-
-
-def _h5py() -> Any:
-    try:
-        import h5py
-    except ImportError as error:
-        raise BackendError("result files need h5py: pip install h5py") from error
-    return h5py

@@ -222,10 +222,10 @@ def test_newer_and_damaged_files_are_refused(tmp_path: Path) -> None:
         fill(writer, 3)
     with h5py.File(path, "r+") as file:
         file.attrs["version"] = 99
-    with pytest.raises(ResultFileError, match="format version 99, this fastbeam reads 1 to 1"):
+    with pytest.raises(ResultFileError, match="format version 99, this fastbeam reads 1 to 2"):
         load_result(path)
     with h5py.File(path, "r+") as file:
-        file.attrs["version"] = 1
+        file.attrs["version"] = 2
         del file["rows/gap"]
     with pytest.raises(ResultFileError, match="damaged, it lacks rows/gap"):
         load_result(path)
@@ -244,10 +244,26 @@ def test_truncated_files_are_refused_at_once(tmp_path: Path, closed: bool) -> No
             load_result(copy)
 
 
-def test_rows_of_unequal_length_are_cut_to_the_common_ones(tmp_path: Path) -> None:
+def test_rows_that_are_missing_are_noticed(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with ResultWriter(path, header()) as writer:
         fill(writer, 6)
+    with h5py.File(path, "r+") as file:
+        file["rows/total"].resize(4, axis=0)
+    with pytest.raises(ResultFileError, match="damaged, 'rows/total' has 4 of 6 rows"):
+        load_result(path)
+
+
+def test_files_of_version_1_are_read_and_cut_to_the_common_rows(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with ResultWriter(path, header()) as writer:
+        fill(writer, 6)
+    counts = (6, 2, writer._count["events"], 0)
+    with h5py.File(path, "r+") as file:
+        del file["blocks"], file["committed"]
+        file["committed"] = np.array(counts)
+        file.attrs["version"] = 1
+    assert len(load_result(path).t) == 6
     with h5py.File(path, "r+") as file:
         file["rows/total"].resize(4, axis=0)
         file["snapshots/phi"].resize(1, axis=0)

@@ -262,7 +262,7 @@ def apply_held(held, r, blocks):
 
 @kernel
 def advance(q, v, dq, h):
-    """Accept a step: q <- q + dq, v <- 2 dq/h - v, theory.md (4.1)."""
+    """Accept a step: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2)."""
     for k in range(q.shape[0]):
         q[k] += dq[k]
-        v[k] = (2.0 / h) * dq[k] - v[k]
+        v[k] += (2.0 / h) * (dq[k] - h * v[k])

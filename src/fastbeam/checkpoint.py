@@ -1,0 +1,257 @@
+"""Checkpoints: everything a run needs to go on bit for bit, in memory and in files that are complete or absent.
+
+    fastbeam-checkpoint 1 <newline>
+    one line of JSON: sizes, times, name and fingerprint of the model
+    float64, little endian: q, v, s, force, mean_force, rates
+    sha256 of everything before
+
+Reading one executes nothing and allocates no more than the file is long.
+"""
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .arguments import number
+from .errors import ResultFileError, SceneError
+from .kernels.step import State
+from .model import Model
+
+Array = np.ndarray
+MAGIC = b"fastbeam-checkpoint "
+VERSION = 1
+# bytes
+LONGEST_HEADER, DIGEST = 65536, 32
+ARRAYS = (*State._fields, "mean_force", "rates")
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
+
+    Attributes
+    ----------
+    state : State
+    t : float
+        Time of the state, s.
+    step : float
+        Step size of the run (its first with step control), s.
+    t_start, steps : float, int
+        The run counts its steps from t_start and stands after that many; t is their exact product-sum t_start + steps*step
+        where the step is fixed.
+    next_step : float or None
+        Step size that the step control proposes.
+    mean_force : float64 [3 S] or None
+        Contact forces of the last step, half of what the next row records; None before the first step.
+    scene, fingerprint : str
+        Name and hash of the model.
+    rates : float64 [18 N] or None
+        Velocities and accelerations of generalised alpha (theory.md (7.2)).
+    """
+
+    state: State
+    t: float
+    step: float
+    t_start: float
+    steps: int
+    next_step: float | None
+    mean_force: Array | None
+    scene: str
+    fingerprint: str
+    rates: Array | None = None
+
+    def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
+        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one.
+
+        Raises
+        ------
+        ResultFileError
+            The folder does not exist, the file exists (and not `overwrite`) or is something else than a checkpoint, or it cannot
+            be written.
+        """
+        path = check_target(path, overwrite)
+        head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint")}
+        extra = [() if x is None else x for x in (self.mean_force, self.rates)]
+        arrays = [np.asarray(x, dtype="<f8") for x in (*self.state, *extra)]
+        head["sizes"] = {name: x.size for name, x in zip(ARRAYS, arrays)}
+        data = b"".join((MAGIC, b"%d\n" % VERSION, json.dumps(head).encode(), b"\n", *(x.tobytes() for x in arrays)))
+        _replace(path, data + hashlib.sha256(data).digest())
+
+
+def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
+    """Read a checkpoint that `simulate(..., checkpoint=path)` or `Checkpoint.save` wrote.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing, no checkpoint, of a newer format, or damaged.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ResultFileError(f"checkpoint '{path}': no such file")
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            first = file.readline(len(MAGIC) + 20)
+            if not first.startswith(MAGIC):
+                raise ResultFileError(f"checkpoint '{path}': not a fastbeam checkpoint")
+            line = file.readline(LONGEST_HEADER)
+            return _parse(path, first, line, file.read(size), size)
+    except OSError as error:
+        raise ResultFileError(f"checkpoint '{path}': cannot be read ({error})") from error
+
+
+def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Checkpoint:
+    def refuse(why: str) -> ResultFileError:
+        return ResultFileError(f"checkpoint '{path}': {why}")
+
+    version = first[len(MAGIC):].strip()
+    if not version.isdigit():
+        raise refuse("damaged, its version is no number")
+    if int(version) != VERSION:
+        raise refuse(f"format version {int(version)}, this fastbeam reads {VERSION}; install a newer fastbeam")
+    if hashlib.sha256(first + line + body[:-DIGEST]).digest() != body[-DIGEST:]:
+        raise refuse(f"damaged or truncated, the checksum of its {size} bytes is wrong")
+    try:
+        head = json.loads(line)
+        sizes = [int(head["sizes"][name]) for name in ARRAYS]
+        times = {name: number(name, head[name]) for name in ("t", "step", "t_start")}
+        next_step = None if head["next_step"] is None else number("next_step", head["next_step"])
+        steps, scene, fingerprint = int(head["steps"]), str(head["scene"]), str(head["fingerprint"])
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
+    if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
+        raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
+    if sizes[0] != sizes[1] or sizes[3] != 3 * sizes[2] or sizes[4] not in (0, sizes[3]) or sizes[0] % 12 \
+            or sizes[5] not in (0, sizes[0] // 2 * 3):
+        raise refuse(f"damaged, arrays of {sizes} numbers are no state")
+    if not times["step"] > 0.0 or steps < 0 or not (next_step is None or next_step > 0.0):
+        raise refuse("damaged, a step is not > 0")
+    numbers = np.frombuffer(body[:-DIGEST], dtype="<f8").astype(np.float64)
+    if not np.isfinite(numbers).all():
+        raise refuse("holds values that are not finite")
+    *state, force, rates = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
+    return Checkpoint(State(*state), **times, steps=steps, next_step=next_step, mean_force=force if force.size else None,
+                      scene=scene, fingerprint=fingerprint, rates=rates if rates.size else None)
+
+
+def check_target(path: str | PathLike[str], overwrite: bool) -> Path:
+    """Refuse a place where a checkpoint cannot or must not be written.
+
+    Raises
+    ------
+    ResultFileError
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise ResultFileError(f"checkpoint '{path}': folder '{path.parent}' does not exist; create it first")
+    if path.is_dir():
+        raise ResultFileError(f"checkpoint '{path}': is a folder; give the name of a file")
+    if path.exists():
+        if not overwrite:
+            raise ResultFileError(f"checkpoint '{path}': exists already; pass overwrite=True or choose another path")
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) not in (MAGIC, b""):
+                raise ResultFileError(f"checkpoint '{path}': holds something else than a checkpoint; choose another path")
+    return path
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Put data into a file that is complete at every moment, also after a power cut."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with fresh.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(fresh, path)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was") from error
+    if hasattr(os, "O_DIRECTORY"):
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        except OSError:
+            pass  # a file system that cannot; the file itself is safe
+        finally:
+            os.close(folder)
+
+
+@dataclass
+class Clock:
+    """Time of a run. Fixed steps are counted, so that their times depend neither on rows nor on interruptions.
+
+    Attributes
+    ----------
+    origin, done : float, int
+        After `done` whole steps the time is origin + done*step.
+    now : float
+    size : float
+        Of the next step; with a fixed step the same all the time.
+    before : float64 [3 S] or None
+        Mean contact force of the last step.
+    """
+
+    origin: float
+    now: float
+    step: float
+    size: float
+    done: int = 0
+    before: Array | None = None
+    on_grid: bool = True
+
+    def count(self, steps: int) -> float:
+        """Add whole steps; the new time."""
+        self.done += steps
+        self.now = self.origin + self.step * self.done
+        return self.now
+
+    def leave_grid(self, t: float) -> None:
+        """Go to a time that is no whole number of steps away."""
+        self.now, self.on_grid = t, False
+
+    def checkpoint(self, model: Model, state: State, controlled: bool, rates: Array | None) -> Checkpoint:
+        """The present moment, kept."""
+        origin, done, now = self.origin, self.done, self.now
+        if not controlled and self.on_grid:
+            now = origin + self.step * done
+        elif not controlled:
+            origin, done = now, 0
+        before = None if self.before is None else self.before.copy()
+        return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
+                          model.fingerprint, rates)
+
+
+def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
+    """State and clock at the start of a run.
+
+    Raises
+    ------
+    SceneError
+        The checkpoint is one of another model, or t_start is given beside it.
+    """
+    if not isinstance(start, Checkpoint):
+        t = 0.0 if t_start is None else number("t_start", t_start)
+        return start, Clock(t, t, step, step)
+    if t_start is not None:
+        raise SceneError(f"t_start: the checkpoint stands at t = {start.t:.6g} s; leave t_start out")
+    if start.fingerprint != model.fingerprint:
+        raise SceneError(f"start: the checkpoint belongs to another model (scene {start.scene!r}, {start.state.q.size // 12} "
+                         f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or was made by another version or on "
+                         "another machine; compile the same scene, or go on at your own risk with "
+                         "start=checkpoint.state, t_start=checkpoint.t")
+    before = None if start.mean_force is None else start.mean_force.copy()
+    clock = Clock(start.t, start.t, step, step, before=before)
+    if controlled and start.next_step is not None:
+        clock.origin, clock.size = start.t_start, start.next_step
+    elif not controlled and start.next_step is None and start.step == step:
+        clock.origin, clock.done = start.t_start, start.steps
+    return start.state, clock

@@ -1,0 +1,239 @@
+"""Faults: hostile and damaged result files, full disks, killed runs, unusable kernel caches."""
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam import _jit, store
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2] / "perf" / "stress"))
+from small_scenes import bead  # noqa: E402
+
+pytest.importorskip("h5py")
+from hostile_files import HOSTILE, make_hostile  # noqa: E402
+from victims import long_rail  # noqa: E402
+
+H = 0.01
+VICTIMS = Path(__file__).parents[2] / "perf" / "stress" / "victims.py"
+
+
+def victim(*arguments: Any, **environment: str) -> subprocess.Popen[str]:
+    """One of the processes that may end badly."""
+    return subprocess.Popen([sys.executable, str(VICTIMS), *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            text=True, env={**os.environ, "FASTBEAM_PROGRESS": "0", **environment})
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sound") / "run.h5"
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, file=path)
+    assert len(fb.load_result(path).t) == 11
+    return path
+
+
+# -------------------------------------------------------------------------------------------------------------------- files
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_result_files_are_refused(name: str, sound: Path, tmp_path: Path) -> None:
+    message = make_hostile(sound, tmp_path / "run.h5", name)
+    begin = time.perf_counter()
+    with pytest.raises(fb.ResultFileError, match=rf"result file '.*run.h5': .*{message}"):
+        fb.load_result(tmp_path / "run.h5")
+    assert time.perf_counter() - begin < 30.0  # nothing hangs and nothing huge is allocated
+
+
+@pytest.fixture(scope="module")
+def left_open(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a killed writer leaves behind."""
+    place = tmp_path_factory.mktemp("left_open")
+    result = fb.simulate(fb.compile_scene(bead()), t_end=0.3, step=H)
+    with store.ResultWriter(place / "run.h5", result.header()) as writer:
+        writer.append(result.series, result.t)
+        writer.flush()
+        (place / "copy.h5").write_bytes((place / "run.h5").read_bytes())
+    np.testing.assert_array_equal(fb.load_result(place / "copy.h5").t, result.t)
+    return place / "copy.h5"
+
+
+@pytest.mark.parametrize("kind", ["bit", "bytes", "cut", "killed"])
+def test_damaged_result_files_are_refused_or_harmless(kind: str, sound: Path, left_open: Path, tmp_path: Path) -> None:
+    # in a process of its own: HDF5 itself might crash, or wait for a writer that is no more
+    sound, kind = (left_open, "bit") if kind == "killed" else (sound, kind)
+    out, err = victim("read", tmp_path / "run.h5", sound, kind, 0, 60).communicate(timeout=200)
+    last = json.loads(out.splitlines()[-1])
+    assert last[0] == "counts", (last, err[-2000:])
+    assert last[1]["WRONG"] == last[1]["other error"] == 0, out
+    assert last[1]["refused"] > 0 and sum(last[1].values()) == 60
+
+
+def test_result_of_a_killed_run_holds_its_rows_until_shortly_before(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    child = victim("run", path, 2)
+    assert child.stdout is not None
+    told = [json.loads(child.stdout.readline()) for _ in range(20)]
+    time.sleep(1.3)
+    child.send_signal(signal.SIGKILL)
+    told += [json.loads(line) for line in child.stdout.read().splitlines() if line.endswith("]")]
+    assert child.wait() == -signal.SIGKILL
+    result = fb.load_result(path)
+    assert len(result.t) > 5 and len(result.t_snap) > 0
+    model = fb.compile_scene(long_rail())
+    whole = fb.simulate(model, t_end=float(result.t[-1]) + 0.1, step=2e-3, every=5, snapshots=0)
+    for name in result.series:
+        np.testing.assert_array_equal(result.series[name], whole.series[name][:len(result.t)])
+    kept = fb.load_checkpoint(f"{path}.checkpoint")
+    assert kept.t >= told[-1][0] - 0.02  # at every row
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs limits of the system")
+@pytest.mark.parametrize("limit", [100_000, 700_000, 1_300_000])
+def test_file_that_may_not_grow_ends_the_run_with_everything_computed(limit: int, tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    child = victim("fill", path, limit)
+    out, err = child.communicate(timeout=200)
+    assert child.returncode == 0, err[-2000:]
+    how, message, n, has_state = json.loads(out.splitlines()[-1])
+    assert how == "refused" and "File too large" in message
+    if "cannot be created" in message:
+        assert limit == 100_000 and not path.exists()
+    else:
+        result = fb.load_result(path)
+        assert 0 < len(result.t) <= n and has_state
+        assert path.stat().st_size <= limit
+
+
+def test_error_of_hdf5_itself_ends_the_run_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    original, calls = store.ResultWriter._extend_rows, [0]
+
+    def fail(self: Any, *arguments: Any) -> None:
+        calls[0] += 1
+        if calls[0] > 6:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        original(self, *arguments)
+
+    monkeypatch.setattr(store, "FLUSH_TIME", 0.0)
+    monkeypatch.setattr(store.ResultWriter, "_extend_rows", fail)
+    monkeypatch.setattr(store, "_LOST", [])
+    model = fb.compile_scene(bead())
+    with pytest.raises(fb.ResultFileError, match="run.h5': cannot be written .*No space left.*; it holds what was") as caught:
+        fb.simulate(model, t_end=0.5, step=H, every=1, file=tmp_path / "run.h5", checkpoint=tmp_path / "kept")
+    result = caught.value.result
+    assert 0 < len(result.t) < 40 and result.events[-1]["kind"] == "file"
+    assert fb.load_checkpoint(tmp_path / "kept").t == result.t[-1]
+    rest = fb.simulate(model, start=result.checkpoint, t_end=0.5, step=H)
+    np.testing.assert_array_equal(rest.state.q, fb.simulate(model, t_end=0.5, step=H).state.q)
+    (lost,) = store._LOST
+    lost.close()
+
+
+# ------------------------------------------------------------------------------------------------------------------- caches
+TINY = """
+import json, sys, warnings
+from pathlib import Path
+import numpy as np
+warnings.simplefilter("always")
+from fastbeam import _jit
+sys.path.insert(0, sys.argv[1])
+import tiny
+out = [float(tiny.half(np.dtype(kind).type(3))) for kind in sys.argv[2:]]
+print(json.dumps([out, *_jit.compile_counts(), _jit._FOLDER]))
+"""
+
+
+def tiny(folder: Path, *kinds: str, wait: bool = True, **environment: str) -> Any:
+    """Run a kernel for numbers of these types in a fresh process."""
+    source = folder / "source"
+    source.mkdir(exist_ok=True)
+    if not (source / "tiny.py").exists():
+        (source / "tiny.py").write_text("from fastbeam._jit import kernel\n\n\n@kernel\ndef half(x):\n    return x / 2\n")
+    child = subprocess.Popen([sys.executable, "-c", TINY, str(source), *kinds], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                             text=True, env={**os.environ, "FASTBEAM_CACHE_DIR": str(folder / "cache"), **environment})
+    return answer(child) if wait else child
+
+
+def answer(child: subprocess.Popen[str]) -> Any:
+    out, err = child.communicate(timeout=200)
+    assert child.returncode == 0, err
+    return *json.loads(out.splitlines()[-1]), err
+
+
+def test_processes_that_start_together_share_an_empty_cache(tmp_path: Path) -> None:
+    kinds = ["float64", "float32", "int64", "int32"]
+    children = [tiny(tmp_path, kind, wait=False) for kind in kinds]
+    for child in children:
+        assert answer(child)[0] == [1.5]
+    values, loaded, compiled, _, _ = tiny(tmp_path, *kinds)
+    assert (values, loaded, compiled) == ([1.5] * 4, 4, 0)  # nobody's kernel was lost or mistaken
+
+
+def test_damaged_cache_is_compiled_again(tmp_path: Path) -> None:
+    tiny(tmp_path, "float64")
+    for pattern in ("*.nbc", "*.nbi"):
+        (path,) = (tmp_path / "cache").rglob(pattern)
+        path.write_bytes(path.read_bytes()[:40])
+        values, loaded, compiled, _, err = tiny(tmp_path, "float64")
+        assert (values, loaded, compiled) == ([1.5], 0, 1) and "compiled kernels in" in err and "are damaged" in err
+        values, loaded, compiled, _, err = tiny(tmp_path, "float64")
+        assert (values, loaded, compiled, err) == ([1.5], 1, 0, "")
+
+
+def test_cache_that_cannot_be_written_costs_only_time(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("a file where the folder should be")
+    (tmp_path / "spare").mkdir()
+    for expected in ((0, 1), (1, 0)):
+        values, loaded, compiled, folder, _ = tiny(tmp_path, "float64", TMPDIR=str(tmp_path / "spare"))
+        assert (values, (loaded, compiled)) == ([1.5], expected)
+        assert folder.startswith(str(tmp_path / "spare" / "fastbeam-"))
+
+
+def test_spare_folder_that_others_could_write_to_is_not_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # cached machine code is run: a folder prepared by somebody else must not be trusted
+    monkeypatch.setattr(_jit.tempfile, "tempdir", str(tmp_path))
+    root = _jit._spare_root()
+    assert root.stat().st_mode & 0o777 == 0o700 and root == _jit._spare_root()
+    root.chmod(0o777)
+    fresh = _jit._spare_root()
+    assert fresh != root and fresh.parent == tmp_path and fresh.stat().st_mode & 0o777 == 0o700
+    root.rmdir()
+    (tmp_path / "elsewhere").mkdir()
+    root.symlink_to(tmp_path / "elsewhere")
+    assert _jit._spare_root() not in (root, tmp_path / "elsewhere")
+
+
+def test_kernels_that_can_only_be_read_are_copied(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    shared = tmp_path / "shared" / _jit._source_hash()
+    (shared / "kernels").mkdir(parents=True)
+    (shared / "kernels" / "run.nbi").write_bytes(b"index")
+    monkeypatch.setenv("FASTBEAM_CACHE_DIR", str(tmp_path / "shared"))
+    monkeypatch.setattr(_jit.tempfile, "tempdir", str(tmp_path))
+    usable = _jit._usable
+    monkeypatch.setattr(_jit, "_usable", lambda folder: folder != shared and usable(folder))
+    for _ in range(2):
+        folder = Path(_jit.cache_folder())
+        assert folder != shared and (folder / "kernels" / "run.nbi").read_bytes() == b"index"
+        assert sorted(x.name for x in folder.parent.iterdir()) == [folder.name]
+
+
+def test_cache_that_fills_the_disk_is_only_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    @_jit.kernel
+    def double(x: float) -> float:
+        return 2.0 * x
+
+    def full(*arguments: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(double._cache._cache_file, "_save_index", full)
+    with pytest.warns(RuntimeWarning, match="compiled kernels cannot be kept in .*No space left on device"):
+        assert double(1.5) == 3.0
+    _jit.KERNELS.remove(double)
