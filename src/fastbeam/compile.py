@@ -150,7 +150,8 @@ class _Blocks:
         final = np.concatenate((np.unique(pairs[live & ~raw], axis=0), diagonal, np.array(moved, np.int64).reshape(-1, 2)))
         final = final[end[final].all(axis=1)]
         number = np.cumsum(end) - 1
-        self.pattern: Pattern = widen(build_pattern(int(end.sum()), number[final], band, allow_elimination=solver != "sparse"), end)
+        among_ends = build_pattern(int(end.sum()), number[final], band, allow_elimination=solver != "sparse")
+        self.pattern: Pattern = widen(among_ends, end)
         if solver == "chain" and self.pattern.plan is None:
             raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
         base = self.pattern.keys.size

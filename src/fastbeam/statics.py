@@ -138,8 +138,8 @@ class _StaticSolver:
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
-                model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables, model.pattern.row_of,
-                self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
+                model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
+                model.pattern.row_of, self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         if status == SINGULAR:
             self.state.q[:] = before

@@ -75,6 +75,16 @@ def test_run_from_a_checkpoint_is_the_rest_of_the_run(make: Any, order: int, con
     assert_rest(fb.simulate(fb.compile_scene(make()), start=first.checkpoint, **settings), whole)
 
 
+@pytest.mark.parametrize("method", ["midpoint", "trapezoidal", "generalized_alpha"])
+def test_compared_methods_go_on_bit_for_bit(method: str, tmp_path: Path) -> None:
+    model = fb.compile_scene(bead())
+    settings: dict[str, Any] = {"t_end": 0.2, "step": H, "every": 3, "method": method}
+    whole = fb.simulate(model, **settings)
+    first = fb.simulate(model, callback=stop_at(0.1), checkpoint=tmp_path / "run.checkpoint", **settings)
+    assert first.t[-1] < 0.15
+    assert_rest(fb.simulate(model, start=fb.load_checkpoint(tmp_path / "run.checkpoint"), **settings), whole)
+
+
 def test_checkpoint_at_the_end_of_a_run_goes_on_too() -> None:
     # 0.3 is 30 steps of 0.01 only up to round-off, and the load depends on time
     model = fb.compile_scene(pulled())
@@ -198,9 +208,9 @@ def forged(good: Any, path: Path, body: bytes | None = None, **changes: Any) -> 
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "mean_force": 3}}, "arrays of .* numbers do not fit"),
-    ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "mean_force": 3}}, "do not fit"),
-    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "mean_force": 3}}, "are no state"),
+    ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "mean_force": 3, "rates": 0}}, "arrays of .* numbers do not fit"),
+    ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "mean_force": 3, "rates": 0}}, "do not fit"),
+    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "mean_force": 3, "rates": 0}}, "are no state"),
     ({"sizes": [1, 2]}, "damaged header .TypeError"), ({"sizes": {}}, "damaged header .KeyError: 'q'"),
     ({"t": "now"}, "damaged header .SceneError: t: must be a finite number"), ({"t": float("nan")}, "t: must be a finite number"),
     ({"step": -1.0}, "a step is not > 0"), ({"next_step": 0.0}, "a step is not > 0"), ({"steps": -3}, "a step is not > 0"),

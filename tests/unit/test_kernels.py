@@ -282,7 +282,7 @@ class Elements:
 
     def __init__(self, model: Model) -> None:
         t = model.simo if model.simo is not None else model.green
-        self.model, self.tables, self.simo = model, t, None if model.simo is None else 1
+        self.model, self.tables, self.green = model, t, None if model.green is None else 1
         self.nn, self.nq, self.coupled = int(t.meta[0, 0]), int(t.meta[0, 1]), int(t.meta[0, 5])
         assert len(np.unique(t.meta[:, [0, 1, 5]], axis=0)) == 1
         groups = len(t.meta)
@@ -315,7 +315,7 @@ class Elements:
         rng = np.random.default_rng(10)
         mid, end, u = rng.standard_normal((3, 12 * self.model.n_nodes))
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, None, mid, end, u if inertia else None, 800.0, None, self.simo, None, r.reshape(-1),
+        element_groups(tables, None, mid, end, u if inertia else None, 800.0, None, self.green, None, r.reshape(-1),
                        blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan))
         return r[:-1], blocks[:-1]
 

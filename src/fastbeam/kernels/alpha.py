@@ -159,8 +159,8 @@ def finish_alpha(alpha, q, dq, v_out):
 
 @kernel
 def add_plain_sliders(curves, sliders, contact, ties, row_of, q_mid, q_end, s, s_end, force, share, r_out):
-    """Sliders of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the step.
-    With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
+    """Sliders of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
+    step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
     then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
     near = 0.5 / share    # derivative of the instant's s and q by those of the end
     for k in range(sliders.curve.shape[0]):

@@ -66,10 +66,10 @@ def interpolate(tab, to, nn, scratch, qo, zo):
 
 
 @kernel
-def quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, add):
+def quadratic_strains(f, d1, d2, d3, k1, k2, k3, green, scratch, eo, add):
     """The homogeneous quadratic part of the six strains, theory.md (2.1), (2.2); added to what stands there if `add`."""
     e4 = 0.5 * (dot(k2, d3) - dot(k3, d2))
-    if simo is not None:
+    if green is None:
         e1 = dot(f, d1)
         e5 = 0.5 * (dot(k3, d1) - dot(k1, d3))
         e6 = 0.5 * (dot(k1, d2) - dot(k2, d1))
@@ -87,16 +87,16 @@ def quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, add):
 
 
 @kernel
-def mean_strains(scratch, zm, ze, simo, middle, eo):
+def mean_strains(scratch, zm, ze, green, middle, eo):
     """(E_n + E_n+1)/2 without the reference: E quadratic gives E(z_mid) + E(z_end - z_mid). `middle`: only E(z_mid)."""
     f = vld3(scratch, zm, 8); d1 = vld3(scratch, zm + 24, 8); d2 = vld3(scratch, zm + 48, 8)
     d3 = vld3(scratch, zm + 72, 8); k1 = vld3(scratch, zm + 96, 8); k2 = vld3(scratch, zm + 120, 8)
     k3 = vld3(scratch, zm + 144, 8)
-    quadratic_strains(f, d1, d2, d3, k1, k2, k3, simo, scratch, eo, False)
+    quadratic_strains(f, d1, d2, d3, k1, k2, k3, green, scratch, eo, False)
     if middle is None:
         quadratic_strains(vld3(scratch, ze, 8) - f, vld3(scratch, ze + 24, 8) - d1, vld3(scratch, ze + 48, 8) - d2,
                           vld3(scratch, ze + 72, 8) - d3, vld3(scratch, ze + 96, 8) - k1, vld3(scratch, ze + 120, 8) - k2,
-                          vld3(scratch, ze + 144, 8) - k3, simo, scratch, eo, True)
+                          vld3(scratch, ze + 144, 8) - k3, green, scratch, eo, True)
 
 
 @kernel
@@ -116,9 +116,9 @@ def stresses(tab, co, to, nn, coupled, scratch, eo, so):
 
 
 @kernel
-def translation_rows(scratch, z, simo, out):
+def translation_rows(scratch, z, green, out):
     """Derivatives of the six strains by phi': vectors t_i; (2.2) has only the first three."""
-    if simo is not None:
+    if green is None:
         vst3(scratch, out, 8, vld3(scratch, z + 24, 8))
         vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
         vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
@@ -132,7 +132,7 @@ def translation_rows(scratch, z, simo, out):
 
 
 @kernel
-def rotation_rows(scratch, z, q, n, dn, simo, out):
+def rotation_rows(scratch, z, q, n, dn, green, out):
     """Derivatives of the six strains by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi)."""
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
@@ -140,7 +140,7 @@ def rotation_rows(scratch, z, q, n, dn, simo, out):
     p2 = dn * d2 - n * k2
     p3 = dn * d3 - n * k3
     vst3(scratch, out + 72, 8, 0.5 * (cross(y2, p3) - cross(y3, p2)))
-    if simo is not None:
+    if green is None:
         d1 = vld3(scratch, z + 24, 8); k1 = vld3(scratch, z + 96, 8); y1 = vld3(scratch, q + 24, 8)
         p1 = dn * d1 - n * k1
         nf = n * f
@@ -160,7 +160,7 @@ def rotation_rows(scratch, z, q, n, dn, simo, out):
 
 
 @kernel
-def add_forces(tab, to, nn, scratch, z, so, simo, fo):
+def add_forces(tab, to, nn, scratch, z, so, green, fo):
     """Internal forces B(q_mid)^T S on the 12 coordinates of every node, fo: nn x 12 lanes."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
@@ -171,7 +171,7 @@ def add_forces(tab, to, nn, scratch, z, so, simo, fo):
     x3 = s3 * f + s4 * k2
     y2 = s4 * d3
     y3 = -1.0 * (s4 * d2)
-    if simo is not None:
+    if green is None:
         s5 = 0.5 * vld(scratch, so + 32, 0); s6 = 0.5 * vld(scratch, so + 40, 0)
         x0 = s1 * d1 + s2 * d2 + s3 * d3
         x1 = s1 * f + s5 * k3 - s6 * k2
@@ -192,21 +192,21 @@ def add_forces(tab, to, nn, scratch, z, so, simo, fo):
         n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
         o = fo + 96 * a
         vadd3(scratch, o, 8, vld(tab, t, 0) * x0)
-        if simo is not None:
+        if green is None:
             vadd3(scratch, o + 24, 8, n * x1 + dn * y1)
         vadd3(scratch, o + 48, 8, n * x2 + dn * y2)
         vadd3(scratch, o + 72, 8, n * x3 + dn * y3)
 
 
 @kernel
-def point_stiffness(tab, co, to, nn, coupled, simo, scratch, z_mid, z_end, qo, so, po):
+def point_stiffness(tab, co, to, nn, coupled, green, scratch, z_mid, z_end, qo, so, po):
     """Everything of one point that the node pairs share, from po on: TT (9), per node rows of the midpoint (18), stiffness times
     rows of the end (18), rotation-translation RT (9) and translation-rotation TR (9)."""
-    nt = 3 if simo is not None else 6
+    nt = 3 if green is None else 6
     tm = po + 8 * (9 + 54 * nn)
     te = tm + 144
-    translation_rows(scratch, z_mid, simo, tm)
-    translation_rows(scratch, z_end, simo, te)
+    translation_rows(scratch, z_mid, green, tm)
+    translation_rows(scratch, z_end, green, te)
     half_w = 0.5 * vld(tab, to, 0)
     tt = vzerom()
     # C t_end, kept in place of z_end which is no longer needed after the rotation rows
@@ -214,8 +214,8 @@ def point_stiffness(tab, co, to, nn, coupled, simo, scratch, z_mid, z_end, qo, s
         t = to + 8 + 24 * a
         n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
         b = po + 72 + 432 * a
-        rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, simo, b)
-        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, simo, z_mid + 504)
+        rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, green, b)
+        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, green, z_mid + 504)
         for i in range(6):
             j0 = 0 if coupled else i
             j1 = 6 if coupled else i + 1
@@ -244,13 +244,13 @@ def point_stiffness(tab, co, to, nn, coupled, simo, scratch, z_mid, z_end, qo, s
         for j in range(j0, j1):
             c = half_w * vld(tab, co + 48 * i + 8 * j, 0)
             tt += outer(c * vld3(scratch, tm + 24 * i, 8), vld3(scratch, te + 24 * j, 8))
-    if simo is None:
+    if green is not None:
         tt = add_iso(tt, 0.5 * vld(scratch, so, 0))
     vstm(scratch, po, 8, tt)
 
 
 @kernel
-def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, qa, qb, simo, ko):
+def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, qa, qb, green, ko):
     """The 6 x 6 block of nodes a, b: material part from the shared matrices, geometric part from the stresses, `rate` (2/h^2 or
     None) times the projected mass, theory.md (4.1), (4.2); qa, qb: mid coordinates of a and end coordinates of b."""
     # three passes over the points: more than 9 accumulators of 8 lanes at a time do not stay in registers
@@ -282,7 +282,7 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
         s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
         twist = da * nb - na * db
         e4 += vld(scratch, so + 24, 0) * twist
-        if simo is not None:
+        if green is None:
             s1 = vld(scratch, so, 0)
             h1 += (pa * nb) * s1; h2 += (pa * nb) * s2; h3 += (pa * nb) * s3
             g1 += (na * pb) * s1; g2 += (na * pb) * s2; g3 += (na * pb) * s3
@@ -298,7 +298,7 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
     u = g2 * a2 + g3 * a3
     # directors against directors: sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal
     q4 = 0.25 * e4
-    if simo is not None:
+    if green is None:
         a1 = vld3(scratch, qa + 24, 8); b1 = vld3(scratch, qb + 24, 8)
         v += h1 * b1
         u += g1 * a1
@@ -378,12 +378,13 @@ def project_node(scratch, q, fo, ro, ko):
 
 
 @kernel
-def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, simo, middle, r_out, blocks_out, scratch):
+def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of
-    d2, d3 by the spins (generalised alpha). simo: None selects strain set (2.1), else (2.2). middle: None, else stresses
-    come from the strains of q_mid (implicit midpoint). inner: None, else inner nodes are eliminated where the tables say so.
+    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
+    second rates of d2, d3 by the spins (generalised alpha). green: None for strain set (2.2), else (2.1); branches on what is
+    None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit
+    midpoint). inner: None, else inner nodes are eliminated where the tables say so.
     r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
     """
     meta = tables.meta
@@ -428,20 +429,20 @@ def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, simo, middle
             eo = zm + 336
             interpolate(tab, to, nn, scratch, 0, zm)
             interpolate(tab, to, nn, scratch, 96, ze)
-            mean_strains(scratch, zm, ze, simo, middle, eo)
+            mean_strains(scratch, zm, ze, green, middle, eo)
             stresses(tab, co, to, nn, coupled, scratch, eo, so)
-            add_forces(tab, to, nn, scratch, zm, so, simo, fo)
-            point_stiffness(tab, co, to, nn, coupled, simo, scratch, zm, ze if middle is None else zm, 0, so, po)
+            add_forces(tab, to, nn, scratch, zm, so, green, fo)
+            point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, 0, so, po)
         for a in range(nn):
             for b in range(nn):
                 kab = ko + 288 * (nn * a + b)
                 if spin_rate is not None:
                     pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, Q_LANES * a,
-                                   Q_LANES * b + 96, simo, kab)
+                                   Q_LANES * b + 96, green, kab)
                     add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, vo + 144 * b, kab)
                 else:
                     pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, Q_LANES * a,
-                                   Q_LANES * b + 96, simo, kab)
+                                   Q_LANES * b + 96, green, kab)
             project_node(scratch, Q_LANES * a, fo + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
         every = 1
         if inner is not None:

@@ -58,7 +58,7 @@ def motion(q, v, p, out):
 
 
 @kernel
-def strain_energy(tables, n_rows, q, simo, work):
+def strain_energy(tables, n_rows, q, green, work):
     """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers."""
     meta = tables.meta
     tab = tables.tab
@@ -82,7 +82,7 @@ def strain_energy(tables, n_rows, q, simo, work):
                 work[1] = dot(f, d2)
                 work[2] = dot(f, d3)
                 work[3] = 0.5 * (dot(k2, d3) - dot(k3, d2))
-                if simo is not None:
+                if green is None:
                     work[0] = dot(f, d1)
                     work[4] = 0.5 * (dot(k3, d1) - dot(k1, d3))
                     work[5] = 0.5 * (dot(k1, d2) - dot(k2, d1))

@@ -85,9 +85,11 @@ def start_step(ties, curves, sliders, contact, spinless, state, work, h):
 def add_elements(simo, green, inner, rate, spin_rate, middle, work):
     """Residual and tangent of all beams; what acts on inner nodes has to stand in the residual already."""
     if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, work.u, rate, spin_rate, 1, middle, work.r, work.blocks, work.scratch)
+        element_groups(simo, inner, work.q_mid, work.q_end, work.u, rate, spin_rate, None, middle, work.r, work.blocks,
+                       work.scratch)
     if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, work.u, rate, spin_rate, None, middle, work.r, work.blocks, work.scratch)
+        element_groups(green, inner, work.q_mid, work.q_end, work.u, rate, spin_rate, 1, middle, work.r, work.blocks,
+                       work.scratch)
 
 
 @kernel
@@ -112,8 +114,8 @@ def assemble_step(simo, green, inner, bodies, ties, held, curves, sliders, conta
         rate = 2.0 / (h * h)
         if sliders is not None:
             if middle is not None:
-                add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
-                                  1.0, work.r)
+                add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end,
+                                  state.force, 1.0, work.r)
             else:
                 add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                             work.s_end, state.force, work.r)
@@ -305,7 +307,8 @@ def run(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle
             before = np.inf
             for it in range(max_iterations):
                 counts_out[2] += 1
-                assemble_step(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, hm)
+                assemble_step(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
+                              work, hm)
                 prepare_panel(inner, ties, contact, held, row_of.shape[0], width, work)
                 if not solve_nodes(inner, plan, pardiso, work, width):
                     status = SINGULAR
@@ -364,9 +367,9 @@ def assemble_static(simo, green, inner, ties, held, row_of, state, work):
     copy(state.q, work.q_end)
     clear(inner, work)
     if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, None, None, None, 1, None, work.r, work.blocks, work.scratch)
+        element_groups(simo, inner, work.q_mid, work.q_end, None, None, None, None, None, work.r, work.blocks, work.scratch)
     if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, None, None, None, None, None, work.r, work.blocks, work.scratch)
+        element_groups(green, inner, work.q_mid, work.q_end, None, None, None, 1, None, work.r, work.blocks, work.scratch)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
     if held is not None:
