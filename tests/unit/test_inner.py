@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.inner import BLOCK, invert_lanes, invert_pivoting
+from fastbeam.kernels.inner import BLOCK, invert_lanes, invert_one_by_one
 
 Array = np.ndarray
 SECTION = fb.Section.circle(radius=0.02, E=5e6, rho=1000.0)
@@ -22,7 +22,7 @@ def frame(strain: str = "simo_reissner", degree: int = 3, loads: bool = False) -
     parts = [boom, cable, load, fb.Clamp(boom.start), fb.RigidConnection(boom.end, load),
              fb.BallJoint(load.point((-0.05, 0.1, -0.02)), cable.start)]
     if loads:
-        return fb.Scene(*parts, fb.DistributedLoad(cable, force=(0.3, 0.1, 0)), fb.Clamp(cable.end), gravity=(0, 0, -9.81))
+        return fb.Scene(*parts, fb.DistributedLoad("wind", cable, force=(0.3, 0.1, 0)), fb.Clamp(cable.end), gravity=(0, 0, -9.81))
     return fb.Scene(*parts, mast, bead, fb.Slider("on boom", bead, boom, at=1.1, rate=0.4),
                     fb.Slider("on cable", mast.node(2), cable, at=0.6), gravity=(0, 0, -9.81))
 
@@ -37,10 +37,10 @@ def runs(scene: fb.Scene, solver: str = "auto", **changes: object) -> tuple[fb.R
 
 
 def assert_same(one: fb.Result, other: fb.Result, tolerance: float) -> None:
-    # two roundings of the same step; small forces of light parts feel them most
-    for name, factor in (("q", 1.0), ("v", 1.0), ("s", 1.0), ("force", 100.0)):
+    # two roundings of the same step; forces against the weight of the bead
+    for name, scale in (("q", 1.0), ("v", 1.0), ("s", 1.0), ("force", 3.0)):
         x, y = getattr(one.state, name), getattr(other.state, name)
-        assert np.max(np.abs(x - y), initial=0.0) <= factor * tolerance * max(np.max(np.abs(y), initial=0.0), 1e-3), name
+        assert np.max(np.abs(x - y), initial=0.0) <= tolerance * scale, name
 
 
 @pytest.mark.parametrize("strain", ["simo_reissner", "green_lagrange"])
@@ -68,7 +68,6 @@ def test_equilibria_are_the_same() -> None:
     scene = frame(loads=True)
     one, other = (fb.solve_static(fb.compile_scene(scene, eliminate_inner=e)) for e in (True, False))
     assert np.max(np.abs(one.state.q - other.state.q)) < 1e-11
-    assert one.info["iterations"] == other.info["iterations"]
 
 
 def test_nodes_with_another_role_stay() -> None:
@@ -84,7 +83,7 @@ def test_nodes_with_another_role_stay() -> None:
 
 def test_failed_step_names_an_inner_node() -> None:
     beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=SECTION, elements=4, degree=4)
-    scene = fb.Scene(beam, fb.Load(beam.node(6), force=(0, 0, 4e6)), fb.Clamp(beam.start))
+    scene = fb.Scene(beam, fb.Load("blow", beam.node(6), force=(0, 0, 4e6)), fb.Clamp(beam.start))
     with pytest.raises(fb.ConvergenceError) as failed:
         fb.simulate(fb.compile_scene(scene), t_end=1.0, step=0.5, max_iterations=2, progress=False)
     assert "node" in failed.value.worst
@@ -108,7 +107,7 @@ def test_small_pivots_are_noticed_and_exchanged() -> None:
     a[5, :2, :2] = [[0.0, 1.0], [1.0, 0.0]]
     out = np.zeros(BLOCK)
     assert not invert_lanes(lanes(a), 0, out, 0)
-    assert invert_pivoting(lanes(a), 0, out, 0)
+    assert invert_one_by_one(lanes(a), 0, out, 0, np.zeros(6))
     assert np.allclose(out.reshape(6, 6, 8).transpose(2, 0, 1), np.linalg.inv(a), rtol=0, atol=1e-12)
 
 
@@ -118,4 +117,4 @@ def test_singular_blocks_are_refused(bad: float) -> None:
     a[6, 2] = bad
     out = np.zeros(BLOCK)
     assert not invert_lanes(lanes(a), 0, out, 0)
-    assert not invert_pivoting(lanes(a), 0, out, 0)
+    assert not invert_one_by_one(lanes(a), 0, out, 0, np.zeros(6))

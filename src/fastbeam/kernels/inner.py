@@ -16,6 +16,7 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import cross, gather_lanes, ld3, scatter_rows, st3, vdominates, vld, vst
+from .chain import invert_exchanging
 from .nodes import tie_arm
 
 BLOCK = 288          # 6 x 6 lanes of 8
@@ -34,6 +35,7 @@ class Inner(NamedTuple):
     found: np.ndarray     # int64 [E]: list of those
     first: np.ndarray     # int64 [1]: first inner row
     state: np.ndarray     # float64 [1]: 0 where a group was singular
+    sizes: np.ndarray     # float64 [6]
 
 
 def store_size(nn: int) -> int:
@@ -73,49 +75,13 @@ def invert_lanes(a, o, out, d):
 
 
 @kernel
-def invert_pivoting(a, o, out, d):
-    """The same one block at a time with row exchanges. False where one is singular or not finite."""
+def invert_one_by_one(a, o, out, d, sizes):
+    """The same with row exchanges. False where one is singular or not finite."""
+    for k in range(0, BLOCK, 8):
+        vst(out, d + k, 0, vld(a, o + k, 0))
     for lane in range(8):
-        for k in range(36):
-            out[d + 8 * k + lane] = a[o + 8 * k + lane]
-        # unit matrix to the right is kept implicitly: exchanges are undone on the columns of the inverse
-        moved = np.int64(0)
-        for k in range(6):
-            m = k
-            v = abs(out[d + 56 * k + lane])
-            for r in range(k + 1, 6):
-                t = abs(out[d + 48 * r + 8 * k + lane])
-                if t > v:
-                    v = t
-                    m = r
-            largest = 0.0
-            for c in range(6):
-                largest = max(largest, abs(a[o + 48 * m + 8 * c + lane]))
-            if not v > 1e-14 * largest:
-                return False
-            moved |= m << (4 * k)
-            if m != k:
-                for c in range(6):
-                    t = out[d + 48 * k + 8 * c + lane]
-                    out[d + 48 * k + 8 * c + lane] = out[d + 48 * m + 8 * c + lane]
-                    out[d + 48 * m + 8 * c + lane] = t
-            p = 1.0 / out[d + 56 * k + lane]
-            out[d + 56 * k + lane] = 1.0
-            for c in range(6):
-                out[d + 48 * k + 8 * c + lane] *= p
-            for r in range(6):
-                if r != k:
-                    f = out[d + 48 * r + 8 * k + lane]
-                    out[d + 48 * r + 8 * k + lane] = 0.0
-                    for c in range(6):
-                        out[d + 48 * r + 8 * c + lane] -= f * out[d + 48 * k + 8 * c + lane]
-        for k in range(5, -1, -1):
-            m = (moved >> (4 * k)) & 15
-            if m != k:
-                for r in range(6):
-                    t = out[d + 48 * r + 8 * k + lane]
-                    out[d + 48 * r + 8 * k + lane] = out[d + 48 * r + 8 * m + lane]
-                    out[d + 48 * r + 8 * m + lane] = t
+        if not invert_exchanging(out, d + lane, 48, 8, sizes) > 1e-14:
+            return False
     return True
 
 
@@ -175,7 +141,7 @@ def eliminate_inner(inner, io, nn, tables, no, scratch, ro, ko, r_out):
     for i in range(1, nn - 1):
         diagonal = ko + BLOCK * (nn * i + i)
         if not invert_lanes(scratch, diagonal, store, d):
-            if not invert_pivoting(scratch, diagonal, store, d):
+            if not invert_one_by_one(scratch, diagonal, store, d, inner.sizes):
                 inner.state[0] = 0.0
                 return
         y = diagonal     # the block is done with, its room takes y

@@ -334,6 +334,17 @@ def fill_panel(contact, r, n_rows, width, panel_out):
 
 
 @kernel
+def clear_held(held, width, panel):
+    """Zero in all columns of held rows."""
+    for k in range(held.row.shape[0]):
+        for c in range(6):
+            if (held.mask[k] >> c) & 1:
+                o = (6 * held.row[k] + c) * width
+                for j in range(width):
+                    panel[o + j] = 0.0
+
+
+@kernel
 def solve_border(contact, panel, n_rows, width, schur, y_out):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
     panel and the border unknowns in y_out; returns False where the complement is singular."""

@@ -14,7 +14,7 @@ from .beam import element_groups
 from .chain import factor, solve
 from .inner import eliminate_columns, pull_tied_columns, push_tied_columns, put_inner_rhs, recover_inner
 from .nodes import add_bodies, advance, apply_held, apply_ties, predict, spread, tie_coordinates, update_nodes
-from .slider import add_sliders, fill_panel, predict_sliders, solve_border
+from .slider import add_sliders, clear_held, fill_panel, predict_sliders, solve_border
 from .sparse import solve_sparse
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
@@ -32,7 +32,7 @@ class Work(NamedTuple):
     f_ext: np.ndarray     # float64 [8 (rows + 1)]
     r: np.ndarray         # float64 [8 (rows + 1)]
     blocks: np.ndarray    # float64 [48 (blocks + 1)]
-    pivots: np.ndarray    # int64 [6 rows]
+    sizes: np.ndarray     # float64 [6]
     panel: np.ndarray     # float64 [rows, 6, width] flat
     schur: np.ndarray     # float64 [7 S, 7 S]
     y: np.ndarray         # float64 [7 S]
@@ -148,12 +148,7 @@ def prepare_panel(inner, ties, contact, held, n_rows, width, work):
         put_inner_rhs(inner, n_rows, work.panel, width)
     if contact is not None:
         if held is not None:
-            for k in range(held.row.shape[0]):
-                for c in range(6):
-                    if (held.mask[k] >> c) & 1:
-                        o = (6 * held.row[k] + c) * width
-                        for j in range(width):
-                            work.panel[o + j] = 0.0
+            clear_held(held, width, work.panel)
 
 
 @kernel
@@ -216,9 +211,9 @@ def solve_nodes(inner, plan, pardiso, work, width):
             return False
     if plan is not None:
         # NaN fails the comparison too
-        if not factor(plan, work.blocks, work.pivots) > 1e-14:
+        if not factor(plan, work.blocks, work.sizes) > 1e-14:
             return False
-        solve(plan, work.blocks, work.pivots, work.panel, width)
+        solve(plan, work.blocks, work.panel, width)
         return True
     if pardiso is not None:
         return solve_sparse(pardiso, work.blocks, work.panel, width)
@@ -305,6 +300,8 @@ def run(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle
             start_step(ties, curves, sliders, contact, spinless, state, work, hm)
             status = NOT_CONVERGED
             before = np.inf
+            for it in range(sizes_out.shape[0]):
+                sizes_out[it] = 0.0
             for it in range(max_iterations):
                 counts_out[2] += 1
                 assemble_step(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
