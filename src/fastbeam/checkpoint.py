@@ -2,7 +2,7 @@
 
     fastbeam-checkpoint 1 <newline>
     one line of JSON: sizes, times, name and fingerprint of the model
-    float64, little endian: q, v, s, force, mean_force, rates
+    float64, little endian: q, v, s, force, mean_force, memory
     sha256 of everything before
 
 Reading one executes nothing and allocates no more than the file is long.
@@ -29,7 +29,7 @@ MAGIC = b"fastbeam-checkpoint "
 VERSION = 1
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
-ARRAYS = (*State._fields, "mean_force", "rates")
+ARRAYS = (*State._fields, "mean_force", "memory")
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,9 @@ class Checkpoint:
         Contact forces of the last step, half of what the next row records; None before the first step.
     scene, fingerprint : str
         Name and hash of the model.
-    rates : float64 [18 N] or None
-        Velocities and accelerations of generalised alpha (theory.md (7.2)).
+    memory : float64 or None
+        What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
+        the first guess of the next.
     """
 
     state: State
@@ -65,7 +66,7 @@ class Checkpoint:
     mean_force: Array | None
     scene: str
     fingerprint: str
-    rates: Array | None = None
+    memory: Array | None = None
 
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write to a file in one piece: after a kill at any moment the file is the old one or the new one.
@@ -78,7 +79,7 @@ class Checkpoint:
         """
         path = check_target(path, overwrite)
         head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint")}
-        extra = [() if x is None else x for x in (self.mean_force, self.rates)]
+        extra = [() if x is None else x for x in (self.mean_force, self.memory)]
         arrays = [np.asarray(x, dtype="<f8") for x in (*self.state, *extra)]
         head["sizes"] = {name: x.size for name, x in zip(ARRAYS, arrays)}
         data = b"".join((MAGIC, b"%d\n" % VERSION, json.dumps(head).encode(), b"\n", *(x.tobytes() for x in arrays)))
@@ -129,17 +130,16 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
     if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
-    if sizes[0] != sizes[1] or sizes[3] != 3 * sizes[2] or sizes[4] not in (0, sizes[3]) or sizes[0] % 12 \
-            or sizes[5] not in (0, sizes[0] // 2 * 3):
+    if sizes[0] != sizes[1] or sizes[3] != 3 * sizes[2] or sizes[4] not in (0, sizes[3]) or sizes[0] % 12:
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
     if not times["step"] > 0.0 or steps < 0 or not (next_step is None or next_step > 0.0):
         raise refuse("damaged, a step is not > 0")
     numbers = np.frombuffer(body[:-DIGEST], dtype="<f8").astype(np.float64)
     if not np.isfinite(numbers).all():
         raise refuse("holds values that are not finite")
-    *state, force, rates = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
+    *state, force, memory = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
     return Checkpoint(State(*state), **times, steps=steps, next_step=next_step, mean_force=force if force.size else None,
-                      scene=scene, fingerprint=fingerprint, rates=rates if rates.size else None)
+                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None)
 
 
 def check_target(path: str | PathLike[str], overwrite: bool) -> Path:
@@ -218,7 +218,7 @@ class Clock:
         """Go to a time that is no whole number of steps away."""
         self.now, self.on_grid = t, False
 
-    def checkpoint(self, model: Model, state: State, controlled: bool, rates: Array | None) -> Checkpoint:
+    def checkpoint(self, model: Model, state: State, controlled: bool, memory: Array | None) -> Checkpoint:
         """The present moment, kept."""
         origin, done, now = self.origin, self.done, self.now
         if not controlled and self.on_grid:
@@ -227,7 +227,7 @@ class Clock:
             origin, done = now, 0
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
-                          model.fingerprint, rates)
+                          model.fingerprint, memory)
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:

@@ -119,7 +119,7 @@ class StepControl:
         ConvergenceError
             The smallest step fails.
         """
-        start = stepper.copy_state()
+        start = stepper.save()
         while True:
             whole = stepper.advance(t, h, 1)
             if whole.status == SLIDER_END:
@@ -128,10 +128,10 @@ class StepControl:
             error = np.inf
             halves = whole
             if whole.status == OK:
-                stepper.set_state(start)
+                stepper.load(start)
                 halves = stepper.advance(t, 0.5 * h, 2)
                 if halves.status == SLIDER_END:
-                    stepper.set_state(start)
+                    stepper.load(start)
                     return h, h, stepper.advance(t, h, 1)
                 if halves.status == OK:
                     error = self._error(stepper, coarse)
@@ -141,13 +141,13 @@ class StepControl:
                 halves.iterations += whole.iterations
                 return h, min(self.largest, h * self._factor(error)), halves
             self.rejected += 1
-            stepper.set_state(start)
+            stepper.load(start)
             shorter = h * (self._factor(error) if np.isfinite(error) else 0.25)
             if h <= self.smallest * (1.0 + 1e-12):
                 if np.isfinite(error):
                     raise ConvergenceError(f"step {step} at t = {t:.6g} s: the local error {error:.3g} exceeds the tolerance "
                                            f"{self.tolerance:g} at the smallest step {h:.3g} s; lower min_step or raise "
-                                           "tolerance", step=step, time=t, state=start)
+                                           "tolerance", step=step, time=t, state=start[0])
                 raise failure(stepper, halves if whole.status == OK else whole, t, step)
             h = max(self.smallest, shorter)
 

@@ -58,8 +58,8 @@ class Stepper:
     method : Method
     t : float
         Time of the state, s; some methods need the loads there.
-    rates : float64 [18 N], optional
-        As `rates` gave them, for methods that have some; default: consistent with the state.
+    memory : float64, optional
+        As `memory` gave it; default: consistent with the state.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class Stepper:
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
-                 backend: str = "auto", method: Method = Method(), t: float = 0.0, rates: Array | None = None) -> None:
+                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
@@ -89,15 +89,27 @@ class Stepper:
         if self.alpha is not None:
             if self._timed:
                 kernels.external_forces(model.loads, model.load_factors(np.full(1, t), np.zeros(1))[0], self.work.f_ext)
-            if rates is not None:
-                self.alpha.rates[:rates.size] = rates
-            else:
+            if memory is None:
                 start_rates(model, self.alpha, self.state, self._rows_at_rest)
+        if memory is not None:
+            self.memory = memory
 
     @property
-    def rates(self) -> Array | None:
-        """A copy of what the method carries besides the state."""
-        return None if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes].copy()
+    def memory(self) -> Array:
+        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps."""
+        rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
+        return np.concatenate((rates, self.work.past))
+
+    @memory.setter
+    def memory(self, memory: Array) -> None:
+        n = 0 if self.alpha is None else 18 * self.model.n_nodes
+        if memory.size != n + self.work.past.size:
+            raise SceneError(f"start: the checkpoint carries {memory.size} numbers besides the state, method "
+                             f"{self.method.name!r} needs {n + self.work.past.size}; go on with the method that wrote it, or "
+                             "with start=checkpoint.state, t_start=checkpoint.t")
+        if self.alpha is not None:
+            self.alpha.rates[:n] = memory[:n]
+        self.work.past[:] = memory[n:]
 
     def _rows_at_rest(self, u: Array) -> Array:
         """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
@@ -107,22 +119,22 @@ class Stepper:
                               work)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
-    def save(self) -> tuple[State, Array | None]:
+    def save(self) -> tuple[State, Array]:
         """Everything a later `load` needs."""
-        return self.copy_state(), None if self.alpha is None else self.alpha.rates.copy()
+        return self.copy_state(), self.memory
 
-    def load(self, saved: tuple[State, Array | None]) -> None:
+    def load(self, saved: tuple[State, Array]) -> None:
         """Go back to what `save` returned."""
         self.set_state(saved[0])
-        if self.alpha is not None:
-            self.alpha.rates[:] = saved[1]
+        self.memory = saved[1]
 
     def copy_state(self) -> State:
         """A copy of the present state."""
         return State(*(x.copy() for x in self.state))
 
     def set_state(self, state: State) -> None:
-        """Go (back) to a state."""
+        """Go (back) to a state, without memory of steps before it."""
+        self.work.past[0] = 0.0
         for mine, other in zip(self.state, state):
             mine[:] = other
 
@@ -134,8 +146,8 @@ class Stepper:
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
         return result
 
-    def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
-        """Like `advance`, but returns after a step that fell back to SuperLU."""
+    def _run(self, t: float, h: float, n: int, done: int, guesses: int = 2) -> Outcome:
+        """Like `advance`, but returns after a step that was repeated."""
         model = self.model
         counts = np.zeros(4, np.int64)
         sizes = np.zeros(self.max_iterations)
@@ -158,12 +170,17 @@ class Stepper:
         result = Outcome(int(counts[0]), reached, int(counts[2]), int(counts[3]), sizes, force)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
-        # the failed step once more with pivoting across blocks
-        again = self._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
-        if again.status != OK:
-            return result if again.status != SLIDER_END else again.after(result)
+        # the failed step once more, from a first guess that relies less on the past, at last with pivoting across blocks
+        if guesses:
+            fresh = self._run(t, h, 1, done + reached, guesses - 1)
+            if fresh.status in (OK, SLIDER_END):
+                return fresh.after(result)
+            return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
+        pivoting = self._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
+        if pivoting.status != OK:
+            return result if pivoting.status != SLIDER_END else pivoting.after(result)
         self.linear.fallbacks += 1
-        return again.after(result)
+        return pivoting.after(result)
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""

@@ -134,8 +134,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         control = StepControl(tolerance, order, smallest, largest)
-    rates = start.rates if isinstance(start, Checkpoint) else None
-    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, rates)
+    memory = start.memory if isinstance(start, Checkpoint) else None
+    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     return run.go(every)
@@ -216,7 +216,7 @@ class _Run:
         self.last_checkpoint = time.perf_counter()
 
     def present(self) -> Checkpoint:
-        return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.rates)
+        return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
 
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:

@@ -208,9 +208,9 @@ def forged(good: Any, path: Path, body: bytes | None = None, **changes: Any) -> 
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "mean_force": 3, "rates": 0}}, "arrays of .* numbers do not fit"),
-    ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "mean_force": 3, "rates": 0}}, "do not fit"),
-    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "mean_force": 3, "rates": 0}}, "are no state"),
+    ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "mean_force": 3, "memory": 0}}, "arrays of .* numbers do not fit"),
+    ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "mean_force": 3, "memory": 0}}, "do not fit"),
+    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "mean_force": 3, "memory": 0}}, "are no state"),
     ({"sizes": [1, 2]}, "damaged header .TypeError"), ({"sizes": {}}, "damaged header .KeyError: 'q'"),
     ({"t": "now"}, "damaged header .SceneError: t: must be a finite number"), ({"t": float("nan")}, "t: must be a finite number"),
     ({"step": -1.0}, "a step is not > 0"), ({"next_step": 0.0}, "a step is not > 0"), ({"steps": -3}, "a step is not > 0"),

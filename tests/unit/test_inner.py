@@ -12,8 +12,8 @@ SECTION = fb.Section.circle(radius=0.02, E=5e6, rho=1000.0)
 
 
 def frame(strain: str = "simo_reissner", degree: int = 3, loads: bool = False) -> fb.Scene:
-    """A boom on a clamp with a body at its end, a cable on a ball joint, a bead on the boom, a mast whose inner node slides on the
-    cable: ties with arms at element ends, columns on inner nodes of both sides of a contact."""
+    """A boom on a clamp with a body at its end, a cable on a ball joint, a bead on the boom, a mast whose inner node slides on
+    the cable: ties with arms at element ends, columns on inner nodes of both sides of a contact."""
     boom = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=9, degree=degree, strain=strain)
     cable = fb.Beam.straight("cable", (2, 0.1, 0), (2, 0.1, -1.5), section=SECTION, elements=5, degree=degree, strain=strain)
     load = fb.RigidBody("load", mass=0.4, inertia=(2e-3, 3e-3, 4e-3), position=(2.05, 0.0, 0.02))
@@ -22,7 +22,8 @@ def frame(strain: str = "simo_reissner", degree: int = 3, loads: bool = False) -
     parts = [boom, cable, load, fb.Clamp(boom.start), fb.RigidConnection(boom.end, load),
              fb.BallJoint(load.point((-0.05, 0.1, -0.02)), cable.start)]
     if loads:
-        return fb.Scene(*parts, fb.DistributedLoad("wind", cable, force=(0.3, 0.1, 0)), fb.Clamp(cable.end), gravity=(0, 0, -9.81))
+        wind = fb.DistributedLoad("wind", cable, force=(0.3, 0.1, 0))
+        return fb.Scene(*parts, wind, fb.Clamp(cable.end), gravity=(0, 0, -9.81))
     return fb.Scene(*parts, mast, bead, fb.Slider("on boom", bead, boom, at=1.1, rate=0.4),
                     fb.Slider("on cable", mast.node(2), cable, at=0.6), gravity=(0, 0, -9.81))
 

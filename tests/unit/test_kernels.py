@@ -171,7 +171,7 @@ def test_prediction_moves_and_spins_on() -> None:
     v = np.concatenate((velocity[:, None], np.cross(omega[:, None], q[:, 1:])), axis=1)
     inert = np.array([0, 0, 1, 0], np.int8)
     theta, dq = np.zeros((4, 3)), np.zeros((4, 4, 3))
-    predict(q.reshape(-1), v.reshape(-1), h, inert, theta.reshape(-1), dq.reshape(-1))
+    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(3), inert, theta.reshape(-1), dq.reshape(-1))
     expected = np.where(inert[:, None], 0.0, h * omega)
     np.testing.assert_allclose(theta, expected, rtol=0.0, atol=EXACT)
     np.testing.assert_allclose(dq, increments(q, h * velocity, expected), rtol=0.0, atol=EXACT)

@@ -194,7 +194,8 @@ class Kernels:
         state.s[:], state.force[:], work.s_end[:] = trial.s_n, trial.force.reshape(-1), trial.s_end
         self.load()
         if m.sliders is not None:
-            predict_sliders(m.curves, m.sliders, self.contact, state.q, state.v, state.s, trial.h, work.s_end)
+            predict_sliders(m.curves, m.sliders, self.contact, state.q, state.v, state.s, trial.h, np.nan, work.past, work.s_end,
+                            state.force)
             work.s_end[:] = trial.s_end
         work.dq[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta)).reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)

@@ -91,16 +91,56 @@ def tie_coordinates(ties, x_out):
 
 
 @kernel
-def predict(q, v, h, held_theta, theta_out, dq_out):
-    """First guess of a step: positions move on, triads spin on with omega = 1/2 sum d_i x v_i."""
-    for i in range(q.shape[0] // 12):
-        st3(dq_out, 12 * i, 1, h * ld3(v, 12 * i, 1))
-        w = zero3()
-        for k in range(3, 12, 3):
-            w += cross(ld3(q, 12 * i + k, 1), ld3(v, 12 * i + k, 1))
-        free = 0.0 if held_theta[i] else 0.5 * h
-        st3(theta_out, 3 * i, 1, free * w)
+def extrapolation(past, h):
+    """Factor c of w1 + c (w1 - w2), the mean rate of the coming step from those of the last two by the times of their middles; 0
+    where that would reach far or only one is to be used, NaN where there is none."""
+    if past[0] == 0.0:
+        return np.nan
+    if past[0] == 1.0:
+        return 0.0
+    c = (0.5 * h - past[1]) / (past[1] - past[2])
+    return c if abs(c) <= 2.0 else 0.0
+
+
+@kernel
+def predict(q, v, h, c, past, held_theta, theta_out, dq_out):
+    """First guess of a step from the mean rates of the last two (`extrapolation` c); where c is NaN positions move on and triads
+    spin on with omega = 1/2 sum d_i x v_i."""
+    n = q.shape[0] // 12
+    m = (past.shape[0] - 3) // 2
+    for i in range(n):
+        if c == c:
+            o = 3 + 6 * i
+            st3(dq_out, 12 * i, 1, h * ((1.0 + c) * ld3(past, o, 1) - c * ld3(past, o + m, 1)))
+            st3(theta_out, 3 * i, 1, h * ((1.0 + c) * ld3(past, o + 3, 1) - c * ld3(past, o + m + 3, 1)))
+        else:
+            st3(dq_out, 12 * i, 1, h * ld3(v, 12 * i, 1))
+            w = zero3()
+            for k in range(3, 12, 3):
+                w += cross(ld3(q, 12 * i + k, 1), ld3(v, 12 * i + k, 1))
+            free = 0.0 if held_theta[i] else 0.5 * h
+            st3(theta_out, 3 * i, 1, free * w)
         set_directors(q, theta_out, dq_out, i)
+
+
+@kernel
+def remember(theta, dq, s, s_end, force, h, past):
+    """Keep the mean rates of a converged step as the newest of two. past: how many, times of their middles from now on, then two
+    times (position and Cayley vector of every node, s and force of every slider)."""
+    n = dq.shape[0] // 12
+    m = (past.shape[0] - 3) // 2
+    for k in range(3, 3 + m):
+        past[k + m] = past[k]
+    past[2] = past[1] - h
+    past[1] = -0.5 * h
+    past[0] = min(past[0] + 1.0, 2.0)
+    for i in range(n):
+        st3(past, 3 + 6 * i, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
+        st3(past, 6 + 6 * i, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
+    o = 3 + 6 * n
+    for k in range(s.shape[0]):
+        past[o + 4 * k] = (s_end[k] - s[k]) / h
+        st3(past, o + 4 * k + 1, 1, ld3(force, 3 * k, 1))
 
 
 @kernel

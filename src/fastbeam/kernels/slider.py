@@ -158,15 +158,23 @@ def point_on_curve(curves, c, s, q, element, contact, slot_derivative):
 
 
 @kernel
-def predict_sliders(curves, sliders, contact, q, v, s, h, s_out):
-    """First guess of s: rate by least squares of v_S - sum N_A v_A = c' ds/dt (theory.md 5.4)."""
+def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out):
+    """First guess of s and force: as `nodes.predict`; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
+    (theory.md 5.4) and the force of the last step."""
+    m = (past.shape[0] - 3) // 2
+    o = 3 + q.shape[0] // 2
     for k in range(sliders.curve.shape[0]):
-        c = sliders.curve[k]
-        e = find_element(curves, c, s[k], contact.element[k])
+        b = sliders.curve[k]
+        e = find_element(curves, b, s[k], contact.element[k])
         contact.element[k] = e
-        tangent = point_on_curve(curves, c, s[k], q, e, contact, 1)
-        relative = ld3(v, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], v, e, contact, 0)
-        s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
+        if c == c:
+            i = o + 4 * k
+            s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
+            st3(force_out, 3 * k, 1, (1.0 + c) * ld3(past, i + 1, 1) - c * ld3(past, i + m + 1, 1))
+        else:
+            tangent = point_on_curve(curves, b, s[k], q, e, contact, 1)
+            relative = ld3(v, 12 * sliders.point[k], 1) - point_on_curve(curves, b, s[k], v, e, contact, 0)
+            s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
 
 
 @kernel

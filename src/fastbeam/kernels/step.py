@@ -13,7 +13,8 @@ from .alpha import END, KEPT, NOW, add_body_rates, add_plain_sliders, finish_alp
 from .beam import element_groups
 from .chain import factor, solve
 from .inner import eliminate_columns, pull_tied_columns, push_tied_columns, put_inner_rhs, recover_inner
-from .nodes import add_bodies, advance, apply_held, apply_ties, predict, spread, tie_coordinates, update_nodes
+from .nodes import (add_bodies, advance, apply_held, apply_ties, extrapolation, predict, remember, spread, tie_coordinates,
+                    update_nodes)
 from .slider import add_sliders, clear_held, fill_panel, predict_sliders, solve_border
 from .sparse import solve_sparse
 
@@ -41,6 +42,7 @@ class Work(NamedTuple):
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
+    past: np.ndarray      # float64 [3 + 2 (6 N + 4 S)]: mean rates of the last two steps, nodes.remember
 
 
 class State(NamedTuple):
@@ -74,11 +76,12 @@ def clear(inner, work):
 @kernel
 def start_step(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    predict(state.q, state.v, h, spinless, work.theta, work.dq)
+    c = extrapolation(work.past, h)
+    predict(state.q, state.v, h, c, work.past, spinless, work.theta, work.dq)
     if ties is not None:
         tie_coordinates(ties, work.dq)
     if sliders is not None:
-        predict_sliders(curves, sliders, contact, state.q, state.v, state.s, h, work.s_end)
+        predict_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
 
 
 @kernel
@@ -238,6 +241,8 @@ def restore_state(alpha, state, work):
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
     copy(work.keep_force, state.force)
+    # what failed is tried again with a guess that relies less on the past
+    work.past[0] = max(work.past[0] - 1.0, 0.0)
 
 
 @kernel
@@ -252,6 +257,7 @@ def slider_outside(state, lengths):
 @kernel
 def finish_step(ties, alpha, state, work, h):
     """Accept a converged step."""
+    remember(work.theta, work.dq, state.s, work.s_end, state.force, h, work.past)
     if alpha is not None:
         spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
         finish_alpha(alpha, state.q, work.dq, state.v)
