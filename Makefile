@@ -5,12 +5,14 @@ OUT ?= out
 BIN := $(VENV)/bin
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow clean
+.PHONY: help demo test test-slow study peers clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
 	@echo "make test       install into $(VENV) and run the tests, without the long ones"
 	@echo "make test-slow  the long physics runs"
+	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
+	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
 	@echo "make clean      remove $(VENV), $(OUT) and caches"
 
 demo: $(VENV)/.installed
@@ -21,6 +23,17 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m slow
+
+study: $(VENV)/.installed
+	$(BIN)/python examples/study/run.py
+	$(BIN)/python examples/study/work_precision.py
+
+.peers/.installed: perf/peers/environments.py | $(VENV)/.installed
+	$(BIN)/python perf/peers/environments.py
+	@touch $@
+
+peers: $(VENV)/.installed .peers/.installed
+	$(BIN)/python perf/peers/run.py
 
 # the first Python in the list that is recent enough makes the environment
 $(BIN)/python:

@@ -133,7 +133,8 @@ class Model:
                     blocks=_aligned(48 * (self.n_blocks + 1)), sizes=np.zeros(6),
                     panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)), y=np.zeros(BORDER * s),
                     scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n), keep_s=np.zeros(s),
-                    keep_force=np.zeros(3 * s), past=np.zeros(3 + 2 * (6 * n + 4 * s)))
+                    keep_force=np.zeros(3 * s), past=np.zeros(3 + 2 * (6 * n + 4 * s)),
+                    keep_past=np.zeros(3 + 2 * (6 * n + 4 * s)))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""

@@ -146,7 +146,7 @@ class Stepper:
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
         return result
 
-    def _run(self, t: float, h: float, n: int, done: int, guesses: int = 2) -> Outcome:
+    def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.model
         counts = np.zeros(4, np.int64)
@@ -171,10 +171,13 @@ class Stepper:
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
         # the failed step once more, from a first guess that relies less on the past, at last with pivoting across blocks
-        if guesses:
-            fresh = self._run(t, h, 1, done + reached, guesses - 1)
+        past = self.work.past
+        if past[0]:
+            known, past[0] = past[0], past[0] - 1.0
+            fresh = self._run(t, h, 1, done + reached)
             if fresh.status in (OK, SLIDER_END):
                 return fresh.after(result)
+            past[0] = known
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
         pivoting = self._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
         if pivoting.status != OK:

@@ -87,7 +87,7 @@ def test_result_of_a_killed_run_holds_its_rows_until_shortly_before(tmp_path: Pa
     told += [json.loads(line) for line in child.stdout.read().splitlines() if line.endswith("]")]
     assert child.wait() == -signal.SIGKILL
     result = fb.load_result(path)
-    assert len(result.t) > 5 and len(result.t_snap) > 0
+    assert len(result.t) > 1 and len(result.t_snap) > 0
     model = fb.compile_scene(long_rail())
     whole = fb.simulate(model, t_end=float(result.t[-1]) + 0.1, step=2e-3, every=5, snapshots=0)
     for name in result.series:

@@ -226,7 +226,7 @@ def test_the_conserving_step_is_the_default() -> None:
 def test_a_midpoint_run_cut_in_two_is_the_run() -> None:
     model, _ = both_sides("mass on own curve")
     whole, half = simulate(model, "midpoint", steps=8, h=1 / 64), simulate(model, "midpoint", steps=4, h=1 / 64)
-    rest = simulate(model, "midpoint", steps=8, h=1 / 64, start=half.state, t_start=4 / 64)
+    rest = simulate(model, "midpoint", steps=8, h=1 / 64, start=half.checkpoint)
     for x, y in zip(rest.state, whole.state):
         np.testing.assert_array_equal(x, y)
 

@@ -43,6 +43,7 @@ class Work(NamedTuple):
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
     past: np.ndarray      # float64 [3 + 2 (6 N + 4 S)]: mean rates of the last two steps, nodes.remember
+    keep_past: np.ndarray
 
 
 class State(NamedTuple):
@@ -231,6 +232,7 @@ def keep_state(alpha, state, work):
     copy(state.v, work.keep_v)
     copy(state.s, work.keep_s)
     copy(state.force, work.keep_force)
+    copy(work.past, work.keep_past)
 
 
 @kernel
@@ -241,8 +243,7 @@ def restore_state(alpha, state, work):
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
     copy(work.keep_force, state.force)
-    # what failed is tried again with a guess that relies less on the past
-    work.past[0] = max(work.past[0] - 1.0, 0.0)
+    copy(work.keep_past, work.past)
 
 
 @kernel
