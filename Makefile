@@ -19,10 +19,10 @@ demo: $(VENV)/.installed
 	$(BIN)/python -m fastbeam run ring_on_cable --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 test-slow: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -q -m slow
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m slow
 
 study: $(VENV)/.installed
 	$(BIN)/python examples/study/run.py
