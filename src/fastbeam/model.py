@@ -130,7 +130,7 @@ class Model:
         scratch = max([scratch_size(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
         return Work(dq=np.zeros(12 * n), theta=np.zeros(3 * n), q_mid=np.zeros(12 * n), q_end=np.zeros(12 * n),
                     u=np.zeros(12 * n), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
-                    blocks=_aligned(48 * (self.n_blocks + 1)), sizes=np.zeros(6),
+                    blocks=_aligned(48 * (self.n_blocks + 1)), pivots=np.zeros(6 * self.pattern.n, np.int64),
                     panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)), y=np.zeros(BORDER * s),
                     scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n), keep_s=np.zeros(s),
                     keep_force=np.zeros(3 * s), past=np.zeros(3 + 2 * (6 * n + 4 * s)),
@@ -155,7 +155,7 @@ class Model:
             return None
         inner = self.inner
         return inner._replace(store=_aligned(inner.store.size), rhs=np.zeros_like(inner.rhs), mark=np.zeros_like(inner.mark),
-                              found=np.zeros_like(inner.found), state=np.ones(1), sizes=np.zeros(6))
+                              found=np.zeros_like(inner.found), state=np.ones(1))
 
     def load_factors(self, times: Array, steps: Array) -> Array:
         """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads

@@ -138,7 +138,7 @@ def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, size: in
     for e, (_, m, o) in enumerate(place.tolist()):
         element[all_rows[o + 1:o + 1 + m] - n_end] = e
     return Inner(np.zeros(size), np.zeros(8 * (row_of.size + 1)), place, all_rows, element, np.zeros(len(place), np.int64),
-                 np.zeros(len(place), np.int64), np.array([n_end]), np.ones(1), np.zeros(6))
+                 np.zeros(len(place), np.int64), np.array([n_end]), np.ones(1))
 
 
 def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:

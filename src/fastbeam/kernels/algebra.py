@@ -333,43 +333,15 @@ def vdominates(tc, x, y):
 
 
 @intrinsic
-def invert_rows(tc, array, offset):
-    """Inverse of a 6 x 6 block of 6 rows of 8 in place, in registers, without row exchange. False, and nothing changed, where a
-    pivot is below 1e-5 of its diagonal entry or NaN."""
+def largest_of_row(tc, array, offset):
+    """Largest absolute value of 8 entries; NaN is skipped."""
     def codegen(ctx, b, sig, args):
         o = _int(ctx, b, args[1], sig.args[1])
-        pointers = [_pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * k)), vec) for k in range(6)]
-        rows = [b.load(p, align=8) for p in pointers]
-        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_DOUBLE]), "llvm.fabs.f64")
-        zero = ir.Constant(_VECTOR, [0.0] * LANES)
-        undefined = ir.Constant(_VECTOR, ir.Undefined)
-
-        def index(k):
-            return ir.Constant(_I32, k)
-
-        def mask(m):
-            return ir.Constant(ir.VectorType(_I32, LANES), m)
-
-        least = [_mul(b, b.call(absolute, [b.extract_element(rows[k], index(k))]), ir.Constant(_DOUBLE, 1e-5)) for k in range(6)]
-        good = ir.Constant(ir.IntType(1), 1)
-        for k in range(6):
-            pivot = b.extract_element(rows[k], index(k))
-            good = b.and_(good, b.fcmp_ordered(">=", b.call(absolute, [pivot]), least[k]))
-            good = b.and_(good, b.fcmp_ordered(">", b.call(absolute, [pivot]), ir.Constant(_DOUBLE, 0.0)))
-            inverse = _div(b, ir.Constant(_DOUBLE, 1.0), pivot)
-            inverse = b.shuffle_vector(b.insert_element(undefined, inverse, index(0)), undefined, mask([0] * LANES))
-            keep = mask([LANES + j if j == k else j for j in range(LANES)])
-            row = b.shuffle_vector(_mul(b, rows[k], inverse), inverse, keep)
-            for i in range(6):
-                if i != k:
-                    f = b.shuffle_vector(rows[i], undefined, mask([k] * LANES))
-                    rows[i] = _sub(b, b.shuffle_vector(rows[i], zero, keep), _mul(b, f, row))
-            rows[k] = row
-        with b.if_then(good):
-            for p, row in zip(pointers, rows):
-                b.store(row, p, align=8)
-        return good
-    return types.boolean(array, offset), codegen
+        x = b.load(_pointer(ctx, b, sig.args[0], args[0], o, vec), align=8)
+        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
+        largest = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_VECTOR]), "llvm.vector.reduce.fmax.v8f64")
+        return b.call(largest, [b.call(absolute, [x])])
+    return f8(array, offset), codegen
 
 
 @intrinsic

@@ -3,7 +3,7 @@
 A node that only one element touches is eliminated before anything is assembled: the solver sees the end nodes only. Per group
 of 8 elements and inner node i, in turn, with the others j behind it (later inner nodes, last node, first node):
 
-    D_i = K_ii^-1,   U_ij = D_i K_ij,   K_kj -= K_ki U_ij,   y_i = D_i r_i,   r_k -= K_ki y_i
+    U_ij = K_ii^-1 K_ij,   K_kj -= K_ki U_ij,   y_i = K_ii^-1 r_i,   r_k -= K_ki y_i
 
 and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Columns of slider borders take the same way, one
 element at a time, eight columns at once.
@@ -16,17 +16,16 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import cross, gather_lanes, ld3, scatter_rows, st3, vdominates, vld, vst
-from .chain import invert_exchanging
 from .nodes import tie_arm
 
 BLOCK = 288          # 6 x 6 lanes of 8
-PIVOT = 1e-5         # a pivot below this share of its diagonal entry calls for row exchanges
+PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 
 
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes; None in a model without any."""
 
-    store: np.ndarray     # float64: per group and inner node D, then U, L of every other
+    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other
     rhs: np.ndarray       # float64 [8 (N + 1)]: y_i by rows
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
     rows: np.ndarray      # int64: rows of the nodes of every element, first to last
@@ -35,7 +34,6 @@ class Inner(NamedTuple):
     found: np.ndarray     # int64 [E]: list of those
     first: np.ndarray     # int64 [1]: first inner row
     state: np.ndarray     # float64 [1]: 0 where a group was singular
-    sizes: np.ndarray     # float64 [6]
 
 
 def store_size(nn: int) -> int:
@@ -44,57 +42,50 @@ def store_size(nn: int) -> int:
 
 
 @kernel
-def invert_lanes(a, o, out, d):
-    """Inverse of 8 blocks by Gauss-Jordan without exchange; False where a pivot is small."""
+def factor_lanes(a, o, out, d):
+    """LU of 8 blocks without exchange, reciprocal pivots on the diagonal; False where a pivot is next to nothing or NaN.
+    An explicit inverse would be faster and is not accurate enough: on slender beams the soft directions of the others'
+    stiffness are small differences."""
     for k in range(0, BLOCK, 8):
         vst(out, d + k, 0, vld(a, o + k, 0))
     good = True
     for k in range(6):
-        pivot = vld(out, d + 56 * k, 0)
+        q = d + 48 * k
+        pivot = vld(out, q + 8 * k, 0)
         if not vdominates(pivot, PIVOT * vld(a, o + 56 * k, 0)):
             good = False
         p = 1.0 / pivot
-        x0 = p * vld(out, d + 48 * k, 0); x1 = p * vld(out, d + 48 * k + 8, 0); x2 = p * vld(out, d + 48 * k + 16, 0)
-        x3 = p * vld(out, d + 48 * k + 24, 0); x4 = p * vld(out, d + 48 * k + 32, 0); x5 = p * vld(out, d + 48 * k + 40, 0)
-        for r in range(6):
-            if r != k:
-                q = d + 48 * r
-                f = vld(out, q + 8 * k, 0)
-                vst(out, q, 0, vld(out, q, 0) - f * x0)
-                vst(out, q + 8, 0, vld(out, q + 8, 0) - f * x1)
-                vst(out, q + 16, 0, vld(out, q + 16, 0) - f * x2)
-                vst(out, q + 24, 0, vld(out, q + 24, 0) - f * x3)
-                vst(out, q + 32, 0, vld(out, q + 32, 0) - f * x4)
-                vst(out, q + 40, 0, vld(out, q + 40, 0) - f * x5)
-                vst(out, q + 8 * k, 0, -1.0 * (f * p))
-        q = d + 48 * k
-        vst(out, q, 0, x0); vst(out, q + 8, 0, x1); vst(out, q + 16, 0, x2)
-        vst(out, q + 24, 0, x3); vst(out, q + 32, 0, x4); vst(out, q + 40, 0, x5)
         vst(out, q + 8 * k, 0, p)
+        for r in range(k + 1, 6):
+            z = d + 48 * r
+            f = p * vld(out, z + 8 * k, 0)
+            vst(out, z + 8 * k, 0, f)
+            for c in range(8 * k + 8, 48, 8):
+                vst(out, z + c, 0, vld(out, z + c, 0) - f * vld(out, q + c, 0))
     return good
 
 
 @kernel
-def invert_one_by_one(a, o, out, d, sizes):
-    """The same with row exchanges. False where one is singular or not finite."""
-    for k in range(0, BLOCK, 8):
-        vst(out, d + k, 0, vld(a, o + k, 0))
-    for lane in range(8):
-        if not invert_exchanging(out, d + lane, 48, 8, sizes) > 1e-14:
-            return False
-    return True
-
-
-@kernel
-def multiply_lanes(a, ao, b, bo, c, co):
-    """C = A B, 8 blocks."""
-    for r in range(0, 48 * 6, 48):
-        x0 = vld(a, ao + r, 0); x1 = vld(a, ao + r + 8, 0); x2 = vld(a, ao + r + 16, 0)
-        x3 = vld(a, ao + r + 24, 0); x4 = vld(a, ao + r + 32, 0); x5 = vld(a, ao + r + 40, 0)
-        for k in range(0, 48, 8):
-            q = bo + k
-            vst(c, co + r + k, 0, x0 * vld(b, q, 0) + x1 * vld(b, q + 48, 0) + x2 * vld(b, q + 96, 0)
-                + x3 * vld(b, q + 144, 0) + x4 * vld(b, q + 192, 0) + x5 * vld(b, q + 240, 0))
+def solve_lanes(lu, d, x, xo, rs, out, oo, os):
+    """out = A^-1 x for 8 factored blocks and 6 lanes each, rs and os doubles apart."""
+    w0 = vld(x, xo, 0)
+    w1 = vld(x, xo + rs, 0) - vld(lu, d + 48, 0) * w0
+    w2 = vld(x, xo + 2 * rs, 0) - vld(lu, d + 96, 0) * w0 - vld(lu, d + 104, 0) * w1
+    w3 = vld(x, xo + 3 * rs, 0) - vld(lu, d + 144, 0) * w0 - vld(lu, d + 152, 0) * w1 - vld(lu, d + 160, 0) * w2
+    w4 = (vld(x, xo + 4 * rs, 0) - vld(lu, d + 192, 0) * w0 - vld(lu, d + 200, 0) * w1 - vld(lu, d + 208, 0) * w2
+          - vld(lu, d + 216, 0) * w3)
+    w5 = (vld(x, xo + 5 * rs, 0) - vld(lu, d + 240, 0) * w0 - vld(lu, d + 248, 0) * w1 - vld(lu, d + 256, 0) * w2
+          - vld(lu, d + 264, 0) * w3 - vld(lu, d + 272, 0) * w4)
+    w5 = vld(lu, d + 280, 0) * w5
+    w4 = vld(lu, d + 224, 0) * (w4 - vld(lu, d + 232, 0) * w5)
+    w3 = vld(lu, d + 168, 0) * (w3 - vld(lu, d + 176, 0) * w4 - vld(lu, d + 184, 0) * w5)
+    w2 = vld(lu, d + 112, 0) * (w2 - vld(lu, d + 120, 0) * w3 - vld(lu, d + 128, 0) * w4 - vld(lu, d + 136, 0) * w5)
+    w1 = vld(lu, d + 56, 0) * (w1 - vld(lu, d + 64, 0) * w2 - vld(lu, d + 72, 0) * w3 - vld(lu, d + 80, 0) * w4
+                               - vld(lu, d + 88, 0) * w5)
+    w0 = vld(lu, d, 0) * (w0 - vld(lu, d + 8, 0) * w1 - vld(lu, d + 16, 0) * w2 - vld(lu, d + 24, 0) * w3
+                          - vld(lu, d + 32, 0) * w4 - vld(lu, d + 40, 0) * w5)
+    vst(out, oo, 0, w0); vst(out, oo + os, 0, w1); vst(out, oo + 2 * os, 0, w2)
+    vst(out, oo + 3 * os, 0, w3); vst(out, oo + 4 * os, 0, w4); vst(out, oo + 5 * os, 0, w5)
 
 
 @kernel
@@ -107,16 +98,6 @@ def subtract_lanes(a, ao, b, bo, c, co):
             q = bo + k
             vst(c, co + r + k, 0, vld(c, co + r + k, 0) - x0 * vld(b, q, 0) - x1 * vld(b, q + 48, 0) - x2 * vld(b, q + 96, 0)
                 - x3 * vld(b, q + 144, 0) - x4 * vld(b, q + 192, 0) - x5 * vld(b, q + 240, 0))
-
-
-@kernel
-def apply_lanes(a, ao, x, xo, y, yo):
-    """y = A x for 8 blocks and 6 lanes each."""
-    for r in range(6):
-        q = ao + 48 * r
-        vst(y, yo + 8 * r, 0, vld(a, q, 0) * vld(x, xo, 0) + vld(a, q + 8, 0) * vld(x, xo + 8, 0)
-            + vld(a, q + 16, 0) * vld(x, xo + 16, 0) + vld(a, q + 24, 0) * vld(x, xo + 24, 0)
-            + vld(a, q + 32, 0) * vld(x, xo + 32, 0) + vld(a, q + 40, 0) * vld(x, xo + 40, 0))
 
 
 @kernel
@@ -140,18 +121,18 @@ def eliminate_inner(inner, io, nn, tables, no, scratch, ro, ko, r_out):
     d = io
     for i in range(1, nn - 1):
         diagonal = ko + BLOCK * (nn * i + i)
-        if not invert_lanes(scratch, diagonal, store, d):
-            if not invert_one_by_one(scratch, diagonal, store, d, inner.sizes):
-                inner.state[0] = 0.0
-                return
+        if not factor_lanes(scratch, diagonal, store, d):
+            inner.state[0] = 0.0
+            return
         y = diagonal     # the block is done with, its room takes y
-        apply_lanes(store, d, scratch, ro + 48 * i, scratch, y)
+        solve_lanes(store, d, scratch, ro + 48 * i, 8, scratch, y, 8)
         scatter_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, inner.rhs)
         # others: i + 1 .. nn - 1, then 0
         u0 = d + BLOCK
         for m in range(nn - i):
             j = i + 1 + m if m < nn - 1 - i else 0
-            multiply_lanes(store, d, scratch, ko + BLOCK * (nn * i + j), store, u0 + 2 * BLOCK * m)
+            for c in range(0, 48, 8):
+                solve_lanes(store, d, scratch, ko + BLOCK * (nn * i + j) + c, 48, store, u0 + 2 * BLOCK * m + c, 48)
         for m in range(nn - i):
             k = i + 1 + m if m < nn - 1 - i else 0
             low = ko + BLOCK * (nn * k + i)
@@ -165,14 +146,23 @@ def eliminate_inner(inner, io, nn, tables, no, scratch, ro, ko, r_out):
 
 
 @kernel
-def apply_to_columns(a, o, x, xo, width):
-    """Six rows of 8 columns times one lane of a block: returns nothing, x <- A x."""
-    w0 = vld(x, xo, 0); w1 = vld(x, xo + width, 0); w2 = vld(x, xo + 2 * width, 0)
-    w3 = vld(x, xo + 3 * width, 0); w4 = vld(x, xo + 4 * width, 0); w5 = vld(x, xo + 5 * width, 0)
-    for r in range(6):
-        q = o + 48 * r
-        vst(x, xo + r * width, 0,
-            a[q] * w0 + a[q + 8] * w1 + a[q + 16] * w2 + a[q + 24] * w3 + a[q + 32] * w4 + a[q + 40] * w5)
+def solve_columns(lu, d, x, xo, width):
+    """Six rows of 8 columns: x <- A^-1 x for one lane of a factored block."""
+    w0 = vld(x, xo, 0)
+    w1 = vld(x, xo + width, 0) - lu[d + 48] * w0
+    w2 = vld(x, xo + 2 * width, 0) - lu[d + 96] * w0 - lu[d + 104] * w1
+    w3 = vld(x, xo + 3 * width, 0) - lu[d + 144] * w0 - lu[d + 152] * w1 - lu[d + 160] * w2
+    w4 = vld(x, xo + 4 * width, 0) - lu[d + 192] * w0 - lu[d + 200] * w1 - lu[d + 208] * w2 - lu[d + 216] * w3
+    w5 = (vld(x, xo + 5 * width, 0) - lu[d + 240] * w0 - lu[d + 248] * w1 - lu[d + 256] * w2 - lu[d + 264] * w3
+          - lu[d + 272] * w4)
+    w5 = lu[d + 280] * w5
+    w4 = lu[d + 224] * (w4 - lu[d + 232] * w5)
+    w3 = lu[d + 168] * (w3 - lu[d + 176] * w4 - lu[d + 184] * w5)
+    w2 = lu[d + 112] * (w2 - lu[d + 120] * w3 - lu[d + 128] * w4 - lu[d + 136] * w5)
+    w1 = lu[d + 56] * (w1 - lu[d + 64] * w2 - lu[d + 72] * w3 - lu[d + 80] * w4 - lu[d + 88] * w5)
+    w0 = lu[d] * (w0 - lu[d + 8] * w1 - lu[d + 16] * w2 - lu[d + 24] * w3 - lu[d + 32] * w4 - lu[d + 40] * w5)
+    vst(x, xo, 0, w0); vst(x, xo + width, 0, w1); vst(x, xo + 2 * width, 0, w2)
+    vst(x, xo + 3 * width, 0, w3); vst(x, xo + 4 * width, 0, w4); vst(x, xo + 5 * width, 0, w5)
 
 
 @kernel
@@ -209,7 +199,7 @@ def eliminate_columns(inner, contact, panel, width):
             others = count + 2 - i
             row = 6 * width * inner.rows[rows + i]
             for c in range(0, width, 8):
-                apply_to_columns(inner.store, d, panel, row + c, width)
+                solve_columns(inner.store, d, panel, row + c, width)
                 for m in range(others):
                     k = i + 1 + m if m < others - 1 else 0
                     subtract_columns(inner.store, d + 2 * BLOCK * (m + 1), panel, row + c, panel,

@@ -33,7 +33,7 @@ class Work(NamedTuple):
     f_ext: np.ndarray     # float64 [8 (rows + 1)]
     r: np.ndarray         # float64 [8 (rows + 1)]
     blocks: np.ndarray    # float64 [48 (blocks + 1)]
-    sizes: np.ndarray     # float64 [6]
+    pivots: np.ndarray    # int64 [6 rows]
     panel: np.ndarray     # float64 [rows, 6, width] flat
     schur: np.ndarray     # float64 [7 S, 7 S]
     y: np.ndarray         # float64 [7 S]
@@ -215,9 +215,9 @@ def solve_nodes(inner, plan, pardiso, work, width):
             return False
     if plan is not None:
         # NaN fails the comparison too
-        if not factor(plan, work.blocks, work.sizes) > 1e-14:
+        if not factor(plan, work.blocks, work.pivots) > 1e-14:
             return False
-        solve(plan, work.blocks, work.panel, width)
+        solve(plan, work.blocks, work.pivots, work.panel, width)
         return True
     if pardiso is not None:
         return solve_sparse(pardiso, work.blocks, work.panel, width)
