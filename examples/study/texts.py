@@ -26,7 +26,7 @@ FINDINGS = """## What the numbers say
   the step, until Newton's method fails. On the cables none of the steps tried is free of it; free flights are too short for it
   to show.
 - The conserving step does not become unstable. What ends its runs is Newton's method, which has no line search and, from its
-  first guess (everything moves on as it did), misses the solution of a step that is too long for a whipping cable. On free
+  first guess (the mean rates of the last steps), misses the solution of a step that is too long for a whipping cable. On free
   flights that happens at about the steps at which the others fail or lose their accuracy. On whipping cables strong damping
   gets further, because it removes the waves that spoil the first guess; it pays with the energy.
 - Unit directors at the control points of a spline cap the order in the mesh at 2. With triads at the Greville abscissae the
