@@ -5,7 +5,6 @@ like any other: it says when, why, and what the residual was.
 """
 from __future__ import annotations
 
-import inspect
 import re
 from dataclasses import dataclass, field
 from typing import Any
@@ -50,12 +49,6 @@ METHODS = {m.key: m for m in (
     Method("alpha09", "generalised-alpha, 0.9", {"method": "generalized_alpha", "rho_inf": 0.9}),
     Method("alpha05", "generalised-alpha, 0.5", {"method": "generalized_alpha", "rho_inf": 0.5}),
     Method("alpha00", "generalised-alpha, 0", {"method": "generalized_alpha", "rho_inf": 0.0}))}
-
-
-def available() -> list[str]:
-    """Keys of the methods that the installed fastbeam has."""
-    known = inspect.signature(fb.simulate).parameters
-    return [key for key, method in METHODS.items() if set(method.arguments) <= set(known)]
 
 
 @dataclass

@@ -162,13 +162,18 @@ def _forces(cases: Numbers) -> Any:
         for key in ("alpha00", "alpha09", "trapezoidal", "midpoint", "em2", "em4"):
             run_ = numbers["methods"].get(key)
             if run_ and run_.get("force"):
-                force = np.array([math.nan if x is None else x for x in run_["force"]])
+                force = np.array(_numbers(run_["force"]))
                 panel.plot(run_["force_t"], np.clip(force, None, bound), color=COLOURS[key], label=METHODS[key].label,
                            lw=1.8 if key == "em2" else 1.0)
         panel.set(title=title, xlabel="t [s]", ylabel="|F| [N]", ylim=(0.0, None))
     _legend(figure, axes)
     _title(figure, "Contact force of the first slider over 100 neighbouring steps (cut at three times the conserving step)")
     return figure
+
+
+def _numbers(values: list[float | None]) -> list[float]:
+    """What JSON keeps as null is NaN, a gap in a line."""
+    return [math.nan if x is None else x for x in values]
 
 
 def _orders(cases: Numbers) -> Any:
@@ -178,7 +183,7 @@ def _orders(cases: Numbers) -> Any:
     figure, axes = _grid(len(found), 5, (2.9, 2.7))
     for panel, (title, numbers) in zip(axes, found):
         for key, entry in numbers["methods"].items():
-            error = [math.nan if e is None else e for e in entry["position"]["error"]]
+            error = _numbers(entry["position"]["error"])
             panel.loglog(entry["steps"], error, color=COLOURS[key], marker=MARKS[key], ms=3.5, label=METHODS[key].label)
         best = numbers["methods"].get("em2") or next(iter(numbers["methods"].values()))
         for order, key in ((2, "em2"), (4, "em4")):
@@ -206,7 +211,7 @@ def _mesh(cases: Numbers) -> Any:
     for panel, (title, numbers) in zip(axes, found):
         for label, entry in numbers["families"].items():
             colour, style = marks[label]
-            error = [math.nan if e is None else e for e in entry["error"]]
+            error = _numbers(entry["error"])
             panel.loglog(entry["nodes"], error, style, color=colour, ms=3.5, label=label)
         panel.set(title=title, xlabel="nodes of the beam", ylabel="error of positions / L")
     _legend(figure, axes)

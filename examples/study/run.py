@@ -78,7 +78,7 @@ def tasks(names: list[str], kinds: list[str]) -> list[tuple[str, str]]:
 def measure(name: str, kind: str, quick: bool) -> tuple[dict[str, Any], float]:
     """One measurement of one scene, and the seconds it took."""
     begin = time.perf_counter()
-    keys = methods.available()
+    keys = list(methods.METHODS)
     case = CASES[name]()
     model = fb.compile_scene(case.scene)
     out: dict[str, Any] = {}
@@ -164,7 +164,7 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         if chosen.quick:
             kinds = [k for k in kinds if k != "mesh"]
         work = tasks(names, kinds)
-        print(f"{len(work)} measurements with {', '.join(methods.available())}", flush=True)
+        print(f"{len(work)} measurements with {', '.join(methods.METHODS)}", flush=True)
         begin = time.perf_counter()
         with ProcessPoolExecutor(max(1, chosen.jobs)) as pool:
             waiting = {pool.submit(measure, name, kind, chosen.quick): (name, kind) for name, kind in work}

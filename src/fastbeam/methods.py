@@ -171,7 +171,7 @@ def _tie_map(model: Model) -> Any:
     matrix = sparse.lil_matrix((12 * n, 12 * n))
     matrix.setdiag(1.0)
     eye = np.eye(3)
-    # a chain of ties ends after as many products as there are tied nodes in a row
+    # what a tied node takes from a target is never tied itself, so one pass is enough
     for i in map(int, ties.slave):
         matrix[12 * i:12 * i + 3, 12 * i:12 * i + 3] = 0.0
         for e in range(ties.start[i], ties.start[i + 1]):
@@ -198,12 +198,7 @@ def _spin_map(model: Model) -> Any:
 
 def _free_unknowns(model: Model) -> Array:
     """Numbers 6 node + c of the unknowns that are free."""
-    mask = np.zeros(model.n_nodes, np.int64)
-    if model.held is not None:
-        of_row = np.zeros(model.n_nodes, np.int64)
-        of_row[model.held.row] = model.held.mask
-        mask = of_row[model.pattern.row_of]
-    free = (mask[:, None] >> np.arange(6)) & 1 == 0
+    free = (model.held_mask[:, None] >> np.arange(6)) & 1 == 0
     return np.flatnonzero(free.reshape(-1))
 
 

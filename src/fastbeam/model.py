@@ -81,6 +81,14 @@ class Model:
         return set(np.flatnonzero(self.numbers.rank != 9).tolist())
 
     @property
+    def held_mask(self) -> Array:
+        """Of every node which of its six unknowns are held, bit by bit, int64 [N]; tied coordinates count as held."""
+        of_row = np.zeros(self.n_nodes, np.int64)
+        if self.held is not None:
+            of_row[self.held.row] = self.held.mask
+        return of_row[self.pattern.row_of]
+
+    @property
     def n_sliders(self) -> int:
         """Number of sliders."""
         return self.s0.size

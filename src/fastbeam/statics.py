@@ -194,11 +194,7 @@ def check_supports(model: Model) -> None:
     _, part = connected_components(graph, directed=False)
     part = part[pattern.row_of]
     phi = model.q0.reshape(-1, 12)[:, :3]
-    mask = np.zeros(n, np.int64)
-    if model.held is not None:
-        of_row = np.zeros(n, np.int64)
-        of_row[model.held.row] = model.held.mask
-        mask = of_row[pattern.row_of]
+    mask = model.held_mask
     if model.ties is not None:
         mask[model.ties.slave] = 0
     point = np.array([i not in model.numbers_with_rotation for i in range(n)])
