@@ -21,7 +21,7 @@ import numpy as np
 
 from .arguments import number
 from .errors import ResultFileError, SceneError
-from .kernels.step import State
+from .kernels.work import State
 from .model import Model
 
 Array = np.ndarray

@@ -11,11 +11,13 @@ import numpy as np
 from .connections import Connections, connect
 from .errors import SceneError
 from .initial import initial_state
-from .kernels.nodes import Bodies, Held, Ties
+from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
+from .kernels.ties import Ties
 from .model import Model
 from .numbering import NodeList
 from .pattern import Pattern, build_pattern, widen
+from .planar import find_plane
 from .report import describe
 from .scene import RigidBody, Scene
 from .tables import ElementPacker, pack_curves, pack_inner
@@ -24,7 +26,7 @@ Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
 
 
-def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True) -> Model:
+def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto") -> Model:
     """Compile a scene to constant tables.
 
     Parameters
@@ -36,6 +38,10 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     eliminate_inner : bool
         Eliminate the inner nodes of elements in the element loop, so that the solver sees the end nodes only. Same results;
         False is for comparison.
+    planar : {'auto', True, False}
+        Run a scene that lies and moves in a plane with 3 unknowns a node instead of 6: same results to round-off, several times
+        faster. True refuses a scene that does not stay in a plane and says why. With False a planar scene can leave its plane where
+        something disturbs it, and the methods that conserving steps are compared with always run in space.
 
     Raises
     ------
@@ -50,6 +56,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
     if solver not in SOLVERS:
         raise SceneError(f"compile_scene: solver {solver!r} does not exist: choose 'auto', 'chain' or 'sparse'")
+    if not (planar == "auto" or isinstance(planar, bool)):
+        raise SceneError(f"compile_scene: planar must be 'auto', True or False, got {planar!r}")
     scene.check()
     nodes = NodeList(scene)
     n = len(nodes)
@@ -91,6 +99,12 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
+    if planar:
+        model.plane, model.not_planar = find_plane(model)
+    else:
+        model.not_planar = "planar=False"
+    if planar is True and model.plane is None:
+        raise SceneError(f"compile_scene: {scene.label} does not stay in a plane: {model.not_planar}; use planar='auto'")
     model.text = describe(scene, model)
     return model
 

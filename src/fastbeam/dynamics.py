@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.step import OK, SLIDER_END, State
+from .kernels.step import OK, SLIDER_END
+from .kernels.work import State
 from .newton import MEANING, Outcome, Stepper
 
 Array = np.ndarray
@@ -35,9 +36,8 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
     node, size = stepper.worst_node()
     worst = f"{model.node_label(node)} (residual {size:.3g})"
     if model.n_sliders and stepper.contact is not None:
-        gaps = np.abs(stepper.contact.residual[:, :3]).max(axis=1)
-        k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
-        worst += f", slider {model.names['sliders'][k]!r} (gap {gaps[k]:.3g} m, sliding {stepper.contact.residual[k, 3]:.3g} N)"
+        k, gap, slide = stepper.worst_slider()
+        worst += f", slider {model.names['sliders'][k]!r} (gap {gap:.3g} m, sliding {slide:.3g} N)"
     sizes = [float(x) for x in outcome.sizes if x != 0.0]
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     return ConvergenceError(

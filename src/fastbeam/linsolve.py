@@ -45,7 +45,7 @@ def load_mkl() -> Any | None:
 
 
 class Pardiso:
-    """One structure, analysed once: 6 x 6 blocks by rows (0-based BSR), real unsymmetric.
+    """One structure, analysed once: square blocks by rows (0-based BSR), real unsymmetric.
 
     Parameters
     ----------
@@ -53,6 +53,8 @@ class Pardiso:
     indptr, indices : int [n + 1], [n_blocks]
     columns : int
         Right-hand sides of a solve.
+    size : int
+        Of a block.
 
     Raises
     ------
@@ -60,20 +62,20 @@ class Pardiso:
         The analysis fails.
     """
 
-    def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int) -> None:
+    def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int, size: int) -> None:
         n = indptr.size - 1
-        if 6 * n < SMALL:
+        if size * n < SMALL:
             # threads cost more than they bring below
             mkl.MKL_Set_Num_Threads_Local(1)
         iparm = np.zeros(64, np.int32)
         # METIS order, no scaling or matching (they are computed from the values of the analysis), two refinements at most
-        for k, value in {0: 1, 1: 2, 7: 2, 9: 13, 20: 1, 34: 1, 36: 6}.items():
+        for k, value in {0: 1, 1: 2, 7: 2, 9: 13, 20: 1, 34: 1, 36: size}.items():
             iparm[k] = value
         self._call = kernels.call_pardiso
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, 11, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
-            indptr.astype(np.int32), indices.astype(np.int32), np.zeros(36 * indices.size), np.zeros((columns, 6 * n)),
-            np.zeros((columns, 6 * n)), np.zeros((columns, 6 * n)), np.zeros(2, np.int64), np.zeros(1))
+            indptr.astype(np.int32), indices.astype(np.int32), np.zeros(size**2 * indices.size),
+            *(np.zeros((columns, size * n)) for _ in range(3)), np.zeros(2, np.int64), np.zeros(1))
         code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
         if code:
             raise ArithmeticError(f"PARDISO error {code} in the analysis")
@@ -95,22 +97,23 @@ class SuperLU:
         Largest accepted relative residual.
     """
 
-    def __init__(self, rows: Array, columns: Array, n: int) -> None:
-        self.n = n
+    def __init__(self, rows: Array, columns: Array, n: int, size: int) -> None:
+        self.n, self.size = n, size
         self._columns = np.ascontiguousarray(columns)
         self._indptr = np.searchsorted(rows, np.arange(n + 1))
         self.solves = 0
         self.worst_residual = 0.0
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
-        """Solve K x = b for b [m, 6 n]; blocks [n_blocks, 6, 8]. None where no acceptable solution was found."""
+        """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
         from scipy import sparse
         from scipy.sparse.linalg import splu
         if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
             return None
         self.solves += 1
-        data = np.ascontiguousarray(blocks[:, :, :6])
-        matrix = sparse.bsr_matrix((data, self._columns, self._indptr), shape=(6 * self.n, 6 * self.n)).tocsc()
+        k = self.size
+        data = np.ascontiguousarray(blocks[:, :, :k])
+        matrix = sparse.bsr_matrix((data, self._columns, self._indptr), shape=(k * self.n, k * self.n)).tocsc()
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}, {}):
             try:
@@ -145,6 +148,8 @@ class LinearSystem:
         Right-hand sides of a solve.
     backend : {'auto', 'pardiso', 'superlu'}
         For patterns without a plan.
+    size : int
+        Unknowns a node.
 
     Raises
     ------
@@ -152,8 +157,8 @@ class LinearSystem:
         backend='pardiso' without MKL.
     """
 
-    def __init__(self, pattern: Pattern, columns: int, backend: str = "auto") -> None:
-        self.pattern = pattern
+    def __init__(self, pattern: Pattern, columns: int, backend: str = "auto", size: int = 6) -> None:
+        self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
         self._superlu: SuperLU | None = None
@@ -167,7 +172,7 @@ class LinearSystem:
             self._why = "MKL not found"
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
-        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns)
+        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size)
 
     @property
     def is_compiled(self) -> bool:
@@ -183,7 +188,7 @@ class LinearSystem:
     def superlu(self) -> SuperLU:
         """The fallback, made when first needed."""
         if self._superlu is None:
-            self._superlu = SuperLU(self.pattern.rows, self.pattern.columns, self.pattern.n)
+            self._superlu = SuperLU(self.pattern.rows, self.pattern.columns, self.pattern.n, self.size)
         return self._superlu
 
     @property

@@ -10,7 +10,7 @@ from .arguments import number
 from .errors import ConvergenceError, SceneError
 from .kernels import alpha as kernels
 from .kernels.alpha import Alpha
-from .kernels.step import State
+from .kernels.work import State
 from .model import Model
 
 Array = np.ndarray
@@ -248,8 +248,8 @@ def _gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
         p = int(curves.meta[c, 3]) + e
         local = int(curves.first[p]) + np.arange(int(curves.count[p]))
         contact.basis[:3, local] = 0.0
-        for j in range(3):
-            kernels.add_basis(curves, c, e, state.s[k], j, 1.0, contact.legendre, contact.basis, j)
+        for slot, factor in ((0, 1.0), (1, 0.0)):
+            kernels.add_basis(curves, c, e, state.s[k], slot, factor, 1.0, contact.legendre, contact.basis, slot)
         shape = contact.basis[:3, local]
         number = int(curves.meta[c, 0]) + local
         tangent = shape[1] @ x[number]

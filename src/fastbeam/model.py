@@ -11,10 +11,14 @@ import numpy as np
 
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
+from .kernels.blocks import SIX
 from .kernels.inner import Inner
-from .kernels.nodes import Bodies, Held, Ties
-from .kernels.slider import BORDER, Contact, Curves, Sliders
-from .kernels.step import State, Work
+from .kernels.nodes import Bodies, Held
+from .kernels.planar_beam import planar_scratch_size
+from .kernels.planar_nodes import PlanarBodies, PlanarTies
+from .kernels.slider import Contact, Curves, Sliders
+from .kernels.ties import Ties
+from .kernels.work import State, Work
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -43,6 +47,12 @@ class Model:
         Size of the scene, m.
     numbers : numbering.NodeList
         Finds the global number of a node of the scene.
+    size : tuple
+        Of as many numbers as a node has unknowns: 6, in the tables of a planar scene 3.
+    plane : planar.Plane or None
+        Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
+    not_planar : str
+        Why there is no plane.
     """
 
     scene_name: str
@@ -50,8 +60,8 @@ class Model:
     simo: ElementTables | None
     green: ElementTables | None
     inner: Inner | None
-    bodies: Bodies | None
-    ties: Ties | None
+    bodies: Bodies | PlanarBodies | None
+    ties: Ties | PlanarTies | None
     held: Held | None
     curves: Curves | None
     sliders: Sliders | None
@@ -74,6 +84,9 @@ class Model:
     labels: list[str]
     numbers: Any
     text: str = ""
+    size: tuple[int, ...] = SIX
+    plane: Any = None
+    not_planar: str = ""
 
     @property
     def numbers_with_rotation(self) -> set[int]:
@@ -94,15 +107,32 @@ class Model:
         return self.s0.size
 
     @property
+    def dim(self) -> int:
+        """Components of a position: 3, in the tables of a planar scene 2."""
+        return 3 if self.size == SIX else 2
+
+    @property
+    def border(self) -> int:
+        """Border unknowns of a slider: force, s, mean gap."""
+        return 2 * self.dim + 1
+
+    @property
+    def columns(self) -> int:
+        """Right-hand sides of a solve: residual and borders."""
+        return 1 + self.border * self.n_sliders
+
+    @property
     def width(self) -> int:
-        """Columns of the panel of right-hand sides: residual and borders, padded to 8."""
-        return -(-(1 + BORDER * self.n_sliders) // 8) * 8
+        """Columns of the panel of right-hand sides, padded to 8."""
+        return -(-self.columns // 8) * 8
 
     @property
     def n_unknowns(self) -> int:
-        """Free unknowns of the nodes plus 4 a slider."""
+        """Free unknowns of the nodes, and force and position of every slider; those that a run solves for."""
+        if self.plane is not None:
+            return int(self.plane.model.n_unknowns)
         n_held = 0 if self.held is None else int(sum(int(m).bit_count() for m in self.held.mask))
-        return 6 * self.n_nodes - n_held + 4 * self.n_sliders
+        return len(self.size) * self.n_nodes - n_held + (self.dim + 1) * self.n_sliders
 
     @property
     def solver(self) -> str:
@@ -120,7 +150,7 @@ class Model:
                   self.v0, self.s0, self.slider_lengths]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
-        digest.update(str([time is None for time in (*self.load_times, self.gravity_time)]).encode())
+        digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 
     def node_label(self, node: int) -> str:
@@ -129,32 +159,35 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(3 * self.n_sliders))
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.dim * self.n_sliders))
 
     def work(self) -> Work:
         """Work arrays of one run."""
-        n, s = self.n_nodes, self.n_sliders
+        n, s, size = self.n_nodes, self.n_sliders, len(self.size)
+        q = self.q0.size
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
-        scratch = max([scratch_size(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
-        return Work(dq=np.zeros(12 * n), theta=np.zeros(3 * n), q_mid=np.zeros(12 * n), q_end=np.zeros(12 * n),
-                    u=np.zeros(12 * n), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
-                    blocks=_aligned(48 * (self.n_blocks + 1)), pivots=np.zeros(6 * self.pattern.n, np.int64),
-                    panel=_aligned(6 * n * self.width), schur=np.zeros((BORDER * s, BORDER * s)), y=np.zeros(BORDER * s),
-                    scratch=_aligned(scratch), keep_q=np.zeros(12 * n), keep_v=np.zeros(12 * n), keep_s=np.zeros(s),
-                    keep_force=np.zeros(3 * s), past=np.zeros(3 + 2 * (6 * n + 4 * s)),
-                    keep_past=np.zeros(3 + 2 * (6 * n + 4 * s)))
+        room = scratch_size if self.dim == 3 else planar_scratch_size
+        scratch = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
+        past = 3 + 2 * (size * n + (self.dim + 1) * s)
+        border = self.border * s
+        return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
+                    s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
+                    blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
+                    panel=_aligned(size * n * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
+                    scratch=_aligned(scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
+                    keep_force=np.zeros(self.dim * s), past=np.zeros(past), keep_past=np.zeros(past))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""
         if self.sliders is None or self.curves is None:
             return None
-        s = self.n_sliders
+        s, row = self.n_sliders, 8 * len(self.size)
         most = int(self.curves.shape[:, 2].max())
         # every node of the beam and the point, each as often as a tied node passes it on, and the spin of every node
         widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
         entries = (most + 1) * widest + most
         return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
-                       np.zeros((s, entries), np.int64), np.zeros((s, 48 * entries)), np.zeros((s, 48 * entries)),
+                       np.zeros((s, entries), np.int64), np.zeros((s, row * entries)), np.zeros((s, row * entries)),
                        np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64))
 
     def inner_work(self) -> Inner | None:

@@ -9,8 +9,10 @@ from ._jit import announce_first_use
 from .arguments import count
 from .errors import SceneError
 from .kernels import step as kernels
-from .kernels.slider import BORDER
-from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, State, Work
+from .kernels.blocks import SIX, THREE
+from .kernels.space import assemble_rest
+from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from .kernels.work import State, Work
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
 from .model import Model
@@ -74,49 +76,67 @@ class Stepper:
         self.max_iterations = count("max_iterations", max_iterations)
         announce_first_use()
         self.model = model
-        self.weights = np.ascontiguousarray(weights, dtype=float)
-        self.state = model.state() if state is None else _own_state(model, state)
-        self.work = model.work()
-        self.inner = model.inner_work()
-        self.contact = model.contact()
-        self.linear = LinearSystem(model.pattern, 1 + BORDER * model.n_sliders, backend)
+        start = model.state() if state is None else _own_state(model, state)
         self.method = method
+        # the methods for comparison run in space, and so does a state that left the plane of its scene
+        conserving = method.middle is None and method.parameters is None
+        self.plane = model.plane if model.plane is not None and conserving and model.plane.holds(start) else None
+        self.core: Model = model if self.plane is None else self.plane.model
+        self.kind = (SIX, None, SIX) if self.plane is None else (None, THREE, THREE)
+        self.core_state = start if self.plane is None else self.plane.reduce(start)
+        core = self.core
+        self.weights = np.ascontiguousarray(weights, dtype=float)
+        self.work = core.work()
+        self.inner = core.inner_work()
+        self.contact = core.contact()
+        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size))
         self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._timed = any(t is not None for t in model.load_times)
         if not self._timed and model.loads.shape[0]:
-            kernels.external_forces(model.loads, self._factors[0], self.work.f_ext)
+            kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
         if self.alpha is not None:
             if self._timed:
                 kernels.external_forces(model.loads, model.load_factors(np.full(1, t), np.zeros(1))[0], self.work.f_ext)
             if memory is None:
-                start_rates(model, self.alpha, self.state, self._rows_at_rest)
+                start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
         if memory is not None:
             self.memory = memory
 
     @property
+    def state(self) -> State:
+        """The present state: the arrays themselves, or what they mean in space where the run is planar."""
+        return self.core_state if self.plane is None else self.plane.expand(self.core_state)
+
+    @property
     def memory(self) -> Array:
-        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps."""
+        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, and the state as
+        a planar run keeps it."""
         rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
-        return np.concatenate((rates, self.work.past))
+        own = () if self.plane is None else self.core_state
+        return np.concatenate((rates, self.work.past, *own))
 
     @memory.setter
     def memory(self, memory: Array) -> None:
         n = 0 if self.alpha is None else 18 * self.model.n_nodes
-        if memory.size != n + self.work.past.size:
+        own = () if self.plane is None else self.core_state
+        sizes = [n, self.work.past.size, *(x.size for x in own)]
+        if memory.size != sum(sizes):
             raise SceneError(f"start: the checkpoint carries {memory.size} numbers besides the state, method "
-                             f"{self.method.name!r} needs {n + self.work.past.size}; go on with the method that wrote it, or "
+                             f"{self.method.name!r} needs {sum(sizes)}; go on with the method that wrote it, or "
                              "with start=checkpoint.state, t_start=checkpoint.t")
+        parts = np.split(memory, np.cumsum(sizes)[:-1])
         if self.alpha is not None:
-            self.alpha.rates[:n] = memory[:n]
-        self.work.past[:] = memory[n:]
+            self.alpha.rates[:n] = parts[0]
+        self.work.past[:] = parts[1]
+        for mine, other in zip(own, parts[2:]):
+            mine[:] = other
 
     def _rows_at_rest(self, u: Array) -> Array:
         """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
         model, work = self.model, self.work
         work.u[:] = u
-        kernels.assemble_rest(model.simo, model.green, model.bodies, model.ties, model.held, model.pattern.row_of, self.state,
-                              work)
+        assemble_rest(model.simo, model.green, model.bodies, model.ties, model.held, self.core_state, work, SIX)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
     def save(self) -> tuple[State, Array]:
@@ -135,7 +155,7 @@ class Stepper:
     def set_state(self, state: State) -> None:
         """Go (back) to a state, without memory of steps before it."""
         self.work.past[0] = 0.0
-        for mine, other in zip(self.state, state):
+        for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
@@ -148,10 +168,10 @@ class Stepper:
 
     def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
         """Like `advance`, but returns after a step that was repeated."""
-        model = self.model
+        model = self.core
         counts = np.zeros(4, np.int64)
         sizes = np.zeros(self.max_iterations)
-        force = np.zeros((2, 3 * model.n_sliders))
+        force = np.zeros((2, model.dim * model.n_sliders))
         loads, factors = None, self._factors
         if self._timed:
             ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
@@ -162,12 +182,12 @@ class Stepper:
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
         if not self.linear.is_compiled:
             return self._python_run(factors if self._timed else None, h, n)
-        kernels.run(model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves, model.sliders,
+        kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves, model.sliders,
                     self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables, model.pattern.row_of,
-                    model.spinless, loads, factors, self.state, self.work, self.weights, h, n, model.width, model.length,
+                    model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n, model.width, model.length,
                     self.max_iterations, model.slider_lengths, counts, sizes, force)
         reached = int(counts[1])
-        result = Outcome(int(counts[0]), reached, int(counts[2]), int(counts[3]), sizes, force)
+        result = Outcome(int(counts[0]), reached, int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
         # the failed step once more, from a first guess that relies less on the past, at last with pivoting across blocks
@@ -185,15 +205,18 @@ class Stepper:
         self.linear.fallbacks += 1
         return pivoting.after(result)
 
+    def _in_space(self, force: Array) -> Array:
+        return force if self.plane is None else self.plane.forces(force)
+
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""
-        model, state, work = self.model, self.state, self.work
-        force = np.zeros((2, 3 * model.n_sliders))
+        model, state, work = self.core, self.core_state, self.work
+        force = np.zeros((2, model.dim * model.n_sliders))
         iterations = 0
         sizes = np.zeros(0)
         for k in range(n):
             kernels.keep_state(self.alpha, state, work)
-            last = np.zeros(3 * model.n_sliders)
+            last = np.zeros(model.dim * model.n_sliders)
             status, slider = OK, -1
             for m, weight in enumerate(self.weights):
                 if factors is not None:
@@ -202,32 +225,34 @@ class Stepper:
                 iterations += len(sizes)
                 if status != OK:
                     break
-                kernels.finish_step(model.ties, self.alpha, state, work, weight * h)
+                kernels.finish_step(*self.kind[:2], model.ties, self.alpha, state, work, weight * h)
                 last += weight * state.force
             if status == OK:
                 slider = int(kernels.slider_outside(state, model.slider_lengths))
                 status = SLIDER_END if slider >= 0 else OK
             if status != OK:
                 kernels.restore_state(self.alpha, state, work)
-                return Outcome(status, k, iterations, slider, sizes, force)
+                return Outcome(status, k, iterations, slider, sizes, self._in_space(force))
             force[1] = last
             if k == 0:
                 force[0] = last
-        return Outcome(OK, n, iterations, -1, sizes, force)
+        return Outcome(OK, n, iterations, -1, sizes, self._in_space(force))
 
     def _python_step(self, h: float) -> tuple[int, Array]:
-        model, state, work, contact = self.model, self.state, self.work, self.contact
+        model, state, work, contact = self.core, self.core_state, self.work, self.contact
+        kind = self.kind[:2]
         row_of, width = model.pattern.row_of, model.width
-        kernels.start_step(model.ties, model.curves, model.sliders, contact, model.spinless, state, work, h)
+        kernels.start_step(*kind, model.ties, model.curves, model.sliders, contact, model.spinless, state, work, h)
         sizes: list[float] = []
         before = np.inf
         for _ in range(self.max_iterations):
-            kernels.assemble_step(model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
+            kernels.assemble_step(*kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
                                   model.sliders, contact, self.method.middle, self.alpha, row_of, state, work, h)
-            kernels.prepare_panel(self.inner, model.ties, contact, model.held, row_of.shape[0], width, work)
+            kernels.prepare_panel(*kind, self.inner, model.ties, contact, model.held, row_of.shape[0], width, work, model.size)
             if not self.inner_is_regular or not solve_panel(self.linear, model, work):
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
-            size = kernels.update_step(self.inner, model.ties, contact, row_of, state, work, width, model.length)
+            size = kernels.update_step(*kind, self.inner, model.ties, contact, row_of, state, work, width, model.length,
+                                       model.size)
             if size < 0.0:
                 return BORDER_SINGULAR, np.array(sizes)
             sizes.append(size)
@@ -243,18 +268,26 @@ class Stepper:
         """Whether all eliminations of inner nodes went well."""
         return self.inner is None or self.inner.state[0] != 0.0
 
+    def worst_slider(self) -> tuple[int, float, float]:
+        """(slider, gap in m, residual of its sliding equation in N) where the gap of the last iteration is largest."""
+        assert self.contact is not None
+        dim = self.core.dim
+        gaps = np.abs(self.contact.residual[:, :dim]).max(axis=1)
+        k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
+        return k, float(gaps[k]), float(self.contact.residual[k, dim])
+
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""
-        r = np.abs(self.work.r[:8 * self.model.n_nodes].reshape(-1, 8)[:, :6]).max(axis=1)
+        r = np.abs(self.work.r[:8 * self.model.n_nodes].reshape(-1, 8)[:, :len(self.core.size)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(self.model.pattern.row_of == row)[0]), float(r[row])
 
 
 def solve_panel(linear: LinearSystem, model: Model, work: Work) -> bool:
     """Solve the panel of right-hand sides with SuperLU; False where no acceptable solution was found."""
-    columns = 1 + BORDER * model.n_sliders
-    panel = work.panel.reshape(-1, model.width)[:6 * model.pattern.n]
-    blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)
+    columns, size = model.columns, len(model.size)
+    panel = work.panel.reshape(-1, model.width)[:size * model.pattern.n]
+    blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
     x = linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
     if x is None:
         return False

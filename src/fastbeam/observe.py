@@ -8,7 +8,7 @@ import numpy as np
 
 from .errors import SceneError
 from .kernels import observe as kernels
-from .kernels.step import State
+from .kernels.work import State
 from .model import Model
 from .result import ResultHeader
 from .scene import Beam, NodeRef, PointMass, RigidBody

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .kernels.slider import BORDER
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -27,7 +26,9 @@ def describe(scene: Scene, model: Model) -> str:
         what = (f"{family} {degree}" + (f" ({directors})" if directors else "") + f", {strain}"
                 + (", coupled section" if coupled else ""))
         lines.append(f"  conserving step    {_plural(count, 'beam')} of {ne} elements x {nq} points, {what}, "
-                     "spatial, 8 lanes, serial")
+                     f"{'spatial' if model.plane is None else 'planar'}, 8 lanes, serial")
+    if model.plane is not None:
+        lines.append(f"  planar             {model.plane.label}: 3 unknowns a node instead of 6")
     if model.inner is not None:
         lines.append(f"  inner nodes        {model.inner.element.size} of {model.n_nodes} nodes eliminated within their elements")
     if model.bodies is not None:
@@ -35,8 +36,9 @@ def describe(scene: Scene, model: Model) -> str:
                      f"{_plural(len(scene.masses), 'point mass').replace('masss', 'masses')}")
     if model.ties is not None:
         lines.append(f"  ties               {_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections")
-    if model.held is not None:
-        n_held = sum(int(m).bit_count() for m in model.held.mask)
+    run = model if model.plane is None else model.plane.model
+    if run.held is not None:
+        n_held = sum(int(m).bit_count() for m in run.held.mask)
         lines.append(f"  supports           {_plural(n_held, 'unknown')} held, eliminated")
     if model.loads.shape[0]:
         timed = sum(t is not None for t in model.load_times)
@@ -50,17 +52,19 @@ def describe(scene: Scene, model: Model) -> str:
     pattern = model.pattern
     if pattern.plan is not None:
         cost = pattern.plan.target.size / max(pattern.n, 1)
-        border = f", border {BORDER * model.n_sliders} ({_plural(model.n_sliders, 'slider')})" if model.n_sliders else ""
+        border = f", border {run.border * model.n_sliders} ({_plural(model.n_sliders, 'slider')})" if model.n_sliders else ""
         lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{border}, "
                      "in the compiled loop")
     else:
-        lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of 6 x 6, analysed once; SuperLU as fallback")
+        lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of {len(run.size)} x {len(run.size)}, analysed once; SuperLU as fallback")
     lines.append("  left out           " + ", ".join(_left_out(scene, model)))
     return "\n".join(lines)
 
 
 def _left_out(scene: Scene, model: Model) -> list[str]:
     out = []
+    if model.plane is None:
+        out.append(f"planar form ({model.not_planar})")
     if not np.any(scene.gravity):
         out.append("gravity (none)")
     if not (scene.loads or scene.distributed):

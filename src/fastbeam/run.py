@@ -13,7 +13,8 @@ from .arguments import count, number
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
 from .dynamics import StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
-from .kernels.step import OK, SLIDER_END, State
+from .kernels.step import OK, SLIDER_END
+from .kernels.work import State
 from .methods import choose_method
 from .model import Model, check_model
 from .newton import Outcome, Stepper

@@ -11,7 +11,8 @@ from .arguments import count, number
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
 from .kernels import step as kernels
-from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, State
+from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
+from .kernels.work import State
 from .model import Model, check_model
 from .newton import Outcome, Stepper, solve_panel
 from .observe import Observer
@@ -120,45 +121,50 @@ class _StaticSolver:
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str) -> None:
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend)
-        self.model, self.work, self.max_iterations = model, self.stepper.work, max_iterations
-        self.state = self.stepper.state
-        self.state.v[:] = 0.0
+        self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
+        self.stepper.core_state.v[:] = 0.0
         self.history: list[int] = []
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 
+    @property
+    def state(self) -> State:
+        """The present shape."""
+        return self.stepper.state
+
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure the state is the last equilibrium."""
-        model, work = self.model, self.work
+        model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
         work.f_ext[:] = 0.0
         if model.loads.shape[0]:
             kernels.external_forces(model.loads, factors, work.f_ext)
-        before = self.state.q.copy()
+        before = state.q.copy()
         status, sizes = SINGULAR, []
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
-                model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
-                model.pattern.row_of, self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
+                *kind, model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
+                model.pattern.row_of, state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         if status == SINGULAR:
-            self.state.q[:] = before
+            state.q[:] = before
             status, sizes = self._by_superlu()
             self.linear.fallbacks += status == OK and self.linear.is_compiled
         if status != OK:
-            self.state.q[:] = before
+            state.q[:] = before
         return status, sizes
 
     def _by_superlu(self) -> tuple[int, list[float]]:
-        model, work = self.model, self.work
+        model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
         row_of = model.pattern.row_of
         sizes: list[float] = []
         for _ in range(self.max_iterations):
-            kernels.assemble_static(model.simo, model.green, self.inner, model.ties, model.held, row_of, self.state, work)
-            kernels.prepare_panel(self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work)
+            kernels.assemble_static(*kind[:2], model.simo, model.green, self.inner, model.ties, model.held, state, work)
+            kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work, kind[2])
             if not self.stepper.inner_is_regular or not solve_panel(self.linear, model, work):
                 return SINGULAR, sizes
-            size = kernels.update_static(self.inner, model.ties, row_of, self.state, work, model.width, model.length)
+            size = kernels.update_static(*kind[:2], self.inner, model.ties, row_of, state, work, model.width, model.length,
+                                         kind[2])
             sizes.append(size)
             if not size < LARGEST_INCREMENT:
                 return NOT_FINITE, sizes

@@ -116,7 +116,7 @@ names = step.run.py_func.__code__.co_varnames
 print(json.dumps([name for name, kind in zip(names, types) if str(kind) == "none"]))
 """
     # green: the other strain set; None arguments are pruned before the compiler sees what hangs on them
-    assert python(code) == ["green", "bodies", "ties", "held", "curves", "sliders", "contact", "middle", "alpha",
+    assert python(code) == ["plane", "green", "bodies", "ties", "held", "curves", "sliders", "contact", "middle", "alpha",
                             "pardiso", "loads"]
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fastbeam.kernels.chain import factor, multiply, solve
+from fastbeam.kernels.blocks import SIX, THREE
+from fastbeam.kernels.chain import back_substitute, factor, multiply, solve
 from fastbeam.kernels.nodes import Held
-from fastbeam.kernels.slider import BORDER, Contact, clear_held, fill_panel, solve_border, solve_dense
+from fastbeam.kernels.slider import Contact, clear_held, fill_panel, solve_border, solve_dense
 from fastbeam.pattern import Pattern, build_pattern
 
 Array = np.ndarray
+BORDER = 7  # unknowns of a slider: force, position, mean gap
 ACCURATE = 1e-11  # of the solution: matrices below have condition numbers under 1e4
 
 
@@ -43,65 +45,70 @@ def pattern_of(name: str) -> Pattern:
     return pattern
 
 
-def random_blocks(pattern: Pattern, name: str, rng: np.random.Generator, pivoting: bool = False) -> Array:
-    """Blocks [n_blocks, 6, 8] with numbers where nodes are coupled and zeros where elimination fills in."""
+def random_blocks(pattern: Pattern, name: str, rng: np.random.Generator, pivoting: bool = False, k: int = 6) -> Array:
+    """Blocks [n_blocks, k, 8] with numbers where nodes are coupled and zeros where elimination fills in."""
     n, pairs, _ = PATTERNS[name]
-    blocks = np.zeros((pattern.keys.size, 6, 8))
+    blocks = np.zeros((pattern.keys.size, k, 8))
     for a, b in [*pairs, *((b, a) for a, b in pairs)]:
-        blocks[pattern.block(a, b), :, :6] = rng.standard_normal((6, 6))
+        blocks[pattern.block(a, b), :, :k] = rng.standard_normal((k, k))
     for a in range(n):
-        own = rng.standard_normal((6, 6))
+        own = rng.standard_normal((k, k))
         if pivoting:
             # large entries only where no pivot stands: without row exchanges the first pivot is zero
-            own = 12.0 * np.roll(np.eye(6), 1 + a % 4, axis=0) + 0.1 * own
+            own = 12.0 * np.roll(np.eye(k), 1 + a % (k - 2), axis=0) + 0.1 * own
             own[0, 0] = 0.0
         else:
-            own += 12.0 * np.eye(6)
-        blocks[pattern.block(a, a), :, :6] = own
+            own += 12.0 * np.eye(k)
+        blocks[pattern.block(a, a), :, :k] = own
     # the padding must not matter
-    blocks[:, :, 6:] = rng.standard_normal((len(blocks), 6, 2))
+    blocks[:, :, k:] = rng.standard_normal((len(blocks), k, 8 - k))
     return blocks
 
 
 def dense(pattern: Pattern, blocks: Array) -> Array:
-    n = pattern.n
-    a = np.zeros((n, 6, n, 6))
-    a[pattern.rows, :, pattern.columns, :] = blocks[:, :, :6]
-    return a.reshape(6 * n, 6 * n)
+    n, k = pattern.n, blocks.shape[1]
+    a = np.zeros((n, k, n, k))
+    a[pattern.rows, :, pattern.columns, :] = blocks[:, :, :k]
+    return a.reshape(k * n, k * n)
 
 
+@pytest.mark.parametrize("size", [SIX, THREE], ids=["space", "plane"])
 @pytest.mark.parametrize("width", [8, 16])
 @pytest.mark.parametrize("pivoting", [False, True], ids=["plain", "pivoting"])
 @pytest.mark.parametrize("name", PATTERNS)
-def test_elimination_solves_the_system(name: str, pivoting: bool, width: int) -> None:
+def test_elimination_solves_the_system(name: str, pivoting: bool, width: int, size: tuple[int, ...]) -> None:
     pattern = pattern_of(name)
+    k = len(size)
     rng = np.random.default_rng(1)
-    blocks = random_blocks(pattern, name, rng, pivoting)
-    right = rng.standard_normal((6 * pattern.n, width))
+    blocks = random_blocks(pattern, name, rng, pivoting, k)
+    right = rng.standard_normal((k * pattern.n, width))
     expected = np.linalg.solve(dense(pattern, blocks), right)
     panel = right.reshape(-1).copy()
     blocks = blocks.reshape(-1)
-    pivots = np.zeros(6 * pattern.n, np.int64)
-    worst = factor(pattern.plan, blocks, pivots)
-    solve(pattern.plan, blocks, pivots, panel, width)
+    pivots = np.zeros(k * pattern.n, np.int64)
+    worst = factor(pattern.plan, blocks, pivots, panel, width, size)
+    back_substitute(pattern.plan, blocks, panel, width, size)
     assert 1e-4 < worst <= 1.0
     assert np.max(np.abs(panel.reshape(-1, width) - expected)) < ACCURATE * np.max(np.abs(expected))
-    moved = pivots.reshape(-1, 6) != np.arange(6)
-    assert moved[:, 0].all() if pivoting else not moved[:, 0].all()
+    # rows change their places where they have to, and only there
+    assert np.all((pivots.reshape(-1, k)[:, 0] > 0) == pivoting)
 
 
-def test_factors_serve_several_right_hand_sides() -> None:
+@pytest.mark.parametrize("pivoting", [False, True], ids=["plain", "pivoting"])
+@pytest.mark.parametrize("size", [SIX, THREE], ids=["space", "plane"])
+def test_factors_serve_several_right_hand_sides(size: tuple[int, ...], pivoting: bool) -> None:
     pattern = pattern_of("tree")
+    k = len(size)
     rng = np.random.default_rng(2)
-    blocks = random_blocks(pattern, "tree", rng)
+    blocks = random_blocks(pattern, "tree", rng, pivoting, k)
     a = dense(pattern, blocks)
-    blocks, pivots = blocks.reshape(-1), np.zeros(6 * pattern.n, np.int64)
-    factor(pattern.plan, blocks, pivots)
+    blocks, pivots = blocks.reshape(-1), np.zeros(k * pattern.n, np.int64)
+    factor(pattern.plan, blocks, pivots, None, 0, size)
     factors = blocks.copy()
     for _ in range(2):
-        x = rng.standard_normal((6 * pattern.n, 8))
+        x = rng.standard_normal((k * pattern.n, 8))
         panel = (a @ x).reshape(-1)
-        solve(pattern.plan, blocks, pivots, panel, 8)
+        solve(pattern.plan, blocks, pivots, panel, 8, size)
         assert np.max(np.abs(panel.reshape(-1, 8) - x)) < ACCURATE
     assert np.array_equal(blocks, factors)
 
@@ -132,7 +139,7 @@ def test_a_singular_block_is_reported(pairs: list[tuple[int, int]], node: int, d
         # nothing from the neighbours may repair the block
         near = (pattern.rows == pattern.row_of[node]) ^ (pattern.columns == pattern.row_of[node])
         blocks[near] = 0.0
-    worst = factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64))
+    worst = factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64), None, 0, SIX)
     # what the Newton loop tests
     assert not worst > 1e-14
 
@@ -147,8 +154,8 @@ def test_a_matrix_that_is_singular_as_a_whole_is_reported() -> None:
             blocks[pattern.block(i, j), :, :6] += sign * spring
     held = blocks.copy()
     held[pattern.block(0, 0), :, :6] += spring
-    assert not factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64)) > 1e-14
-    assert factor(pattern.plan, held.reshape(-1), np.zeros(54, np.int64)) > 0.01
+    assert not factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64), None, 0, SIX) > 1e-14
+    assert factor(pattern.plan, held.reshape(-1), np.zeros(54, np.int64), None, 0, SIX) > 0.01
 
 
 @pytest.mark.parametrize("name", ["chain", "ladder"])
@@ -240,11 +247,11 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     blocks, panel = blocks.reshape(-1), np.full(6 * n * width, np.nan)
     y = np.zeros(BORDER * sliders)
     pivots = np.zeros(6 * n, np.int64)
-    factor(pattern.plan, blocks, pivots)
-    fill_panel(contact, r.reshape(-1), n, width, panel)
-    clear_held(held, width, panel)
-    solve(pattern.plan, blocks, pivots, panel, width)
-    assert solve_border(contact, panel, n, width, np.zeros((y.size, y.size)), y)
+    factor(pattern.plan, blocks, pivots, None, 0, SIX)
+    fill_panel(contact, r.reshape(-1), n, width, panel, SIX)
+    clear_held(held, width, panel, SIX)
+    solve(pattern.plan, blocks, pivots, panel, width, SIX)
+    assert solve_border(contact, panel, n, width, np.zeros((y.size, y.size)), y, SIX)
     found = np.concatenate((panel.reshape(-1, width)[:, 0], y))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
 
@@ -259,7 +266,7 @@ def test_a_singular_border_is_reported() -> None:
     contact.line[0].reshape(-1, 8)[:, 3] = 0.0
     panel = np.zeros(54 * 8)
     pivots = np.zeros(54, np.int64)
-    factor(pattern.plan, blocks, pivots)
-    fill_panel(contact, np.ones(9 * 8), 9, 8, panel)
-    solve(pattern.plan, blocks, pivots, panel, 8)
-    assert not solve_border(contact, panel, 9, 8, np.zeros((7, 7)), np.zeros(7))
+    factor(pattern.plan, blocks, pivots, None, 0, SIX)
+    fill_panel(contact, np.ones(9 * 8), 9, 8, panel, SIX)
+    solve(pattern.plan, blocks, pivots, panel, 8, SIX)
+    assert not solve_border(contact, panel, 9, 8, np.zeros((7, 7)), np.zeros(7), SIX)

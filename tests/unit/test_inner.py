@@ -1,11 +1,13 @@
 """Inner nodes eliminated within their elements: same steps, same equilibria, safe pivots."""
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels.inner import BLOCK, factor_lanes, solve_lanes
+from fastbeam.kernels.blocks import SIX, THREE, lu_lanes, solve_lanes, subtract_lanes
+from fastbeam.kernels.inner import PIVOT
 
 Array = np.ndarray
 SECTION = fb.Section.circle(radius=0.02, E=5e6, rho=1000.0)
@@ -94,19 +96,49 @@ def lanes(matrices: Array) -> Array:
     return np.ascontiguousarray(matrices.transpose(1, 2, 0)).reshape(-1)
 
 
+@numba.njit
+def factor_lanes(a, out, size):
+    return lu_lanes(a, 0, out, 0, PIVOT, size)
+
+
+@numba.njit
+def solve_columns(lu, b, out, size):
+    n = len(size)
+    for c in range(0, 8 * n, 8):
+        solve_lanes(lu, 0, b, c, 8 * n, out, c, 8 * n, size)
+
+
+@numba.njit
+def minus_product(a, b, c, columns, size):
+    subtract_lanes(a, 0, b, 0, c, 0, columns, size)
+
+
 def solved(a: Array, b: Array) -> Array:
     """A^-1 B of 8 blocks."""
-    lu, out = np.zeros(BLOCK), np.zeros(BLOCK)
-    assert factor_lanes(lanes(a), 0, lu, 0)
-    for c in range(0, 48, 8):
-        solve_lanes(lu, 0, lanes(b), c, 48, out, c, 48)
-    return out.reshape(6, 6, 8).transpose(2, 0, 1)
+    n = a.shape[1]
+    size = SIX if n == 6 else THREE
+    lu, out = np.zeros(8 * n * n), np.zeros(8 * n * n)
+    assert factor_lanes(lanes(a), lu, size)
+    solve_columns(lu, lanes(b), out, size)
+    return out.reshape(n, n, 8).transpose(2, 0, 1)
 
 
-def test_blocks_are_solved_lane_by_lane() -> None:
-    a, b = np.random.default_rng(1).standard_normal((2, 8, 6, 6))
-    a += 6.0 * np.eye(6)
+@pytest.mark.parametrize("n", [6, 3])
+def test_blocks_are_solved_lane_by_lane(n: int) -> None:
+    a, b = np.random.default_rng(1).standard_normal((2, 8, n, n))
+    a += 6.0 * np.eye(n)
     assert np.allclose(solved(a, b), np.linalg.solve(a, b), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("columns", [1, 3, 6])
+@pytest.mark.parametrize("size", [SIX, THREE], ids=["space", "plane"])
+def test_products_are_subtracted_lane_by_lane(size: tuple[int, ...], columns: int) -> None:
+    rng = np.random.default_rng(4)
+    n = len(size)
+    a, b, c = rng.standard_normal((8, n, n)), *rng.standard_normal((2, 8, n, columns))
+    out = lanes(c)
+    minus_product(lanes(a), lanes(b), out, (0,) * columns, size)
+    assert np.allclose(out.reshape(n, columns, 8).transpose(2, 0, 1), c - a @ b, rtol=0, atol=1e-13)
 
 
 def test_stiff_and_soft_directions_leave_a_small_residual() -> None:
@@ -124,4 +156,4 @@ def test_stiff_and_soft_directions_leave_a_small_residual() -> None:
 def test_singular_blocks_are_refused(bad: float) -> None:
     a = np.random.default_rng(3).standard_normal((8, 6, 6)) + 6.0 * np.eye(6)
     a[6, 2] = bad
-    assert not factor_lanes(lanes(a), 0, np.zeros(BLOCK), 0)
+    assert not factor_lanes(lanes(a), np.zeros(288), SIX)

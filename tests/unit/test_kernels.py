@@ -12,8 +12,10 @@ from numpy.polynomial import legendre as np_legendre
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import algebra as al
 from fastbeam.kernels.beam import ElementTables, element_groups, scratch_size
-from fastbeam.kernels.nodes import (add_bodies, advance, predict, set_directors, spread, tie_arm, tie_coordinates, update_nodes)
+from fastbeam.kernels.blocks import SIX
+from fastbeam.kernels.nodes import add_bodies, advance, predict, set_directors, spread, update_nodes
 from fastbeam.kernels.slider import Contact, Curves, contact_basis, find_element, legendre, point_on_curve
+from fastbeam.kernels.ties import tie_arm, tie_coordinates
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
 from fastbeam.tables import pack_curves
@@ -112,7 +114,7 @@ def test_scalar_formulas_equal_numpy() -> None:
 
 @numba.njit
 def scatter(source, offset, index, first, scale, shift, target):
-    al.scatter_rows(source, offset, index, first, scale, shift, target)
+    al.scatter_rows(source, offset, index, first, scale, shift, target, SIX)
 
 
 @numba.njit
@@ -316,7 +318,7 @@ class Elements:
         mid, end, u = rng.standard_normal((3, 12 * self.model.n_nodes))
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
         element_groups(tables, None, mid, end, u if inertia else None, 800.0, None, self.green, None, r.reshape(-1),
-                       blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan))
+                       blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
         return r[:-1], blocks[:-1]
 
 

@@ -14,7 +14,8 @@ import pytest
 
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import step as kernels
-from fastbeam.kernels.slider import BORDER, predict_sliders
+from fastbeam.kernels.blocks import SIX
+from fastbeam.kernels.slider import predict_sliders
 from fastbeam.model import Model
 from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
                             Section, Slider)
@@ -23,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import Step, Twin, cay, cayley_vector, increments  # noqa: E402
 
 Array = np.ndarray
+BORDER = 7  # unknowns of a slider: force, position, mean gap
 H = 0.05  # 2/h^2 times the masses below is about the stiffness: neither hides the other
 ROUND_OFF = 1e-12  # of the norm: a few hundred products of numbers of that size
 NUMERICAL = 1e-7  # of a row's largest entry: central differences reach about 1e-9
@@ -168,7 +170,7 @@ def compiled(name: str) -> tuple[Scene, Model, Twin]:
     """Scene, its model and its twin, made once."""
     scene = SCENES[name]()
     # node by node against the twin
-    model = compile_scene(scene, eliminate_inner=False)
+    model = compile_scene(scene, eliminate_inner=False, planar=False)
     return scene, model, Twin(scene, model)
 
 
@@ -199,14 +201,14 @@ class Kernels:
             work.s_end[:] = trial.s_end
         work.dq[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta)).reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)
-        kernels.assemble_step(*self.tables(), state, work, trial.h)
+        kernels.assemble_step(SIX, None, *self.tables(), state, work, trial.h)
 
     def assemble_static(self, q: Array) -> None:
         """Residual and tangent at rest: no inertia, both ends equal."""
         self.load()
         self.state.q[:] = q.reshape(-1)
         m = self.model
-        kernels.assemble_static(m.simo, m.green, None, m.ties, m.held, m.pattern.row_of, self.state, self.work)
+        kernels.assemble_static(SIX, None, m.simo, m.green, None, m.ties, m.held, self.state, self.work)
 
     def residual(self) -> tuple[Array, Array]:
         """Nodes [N, 6], sliders [S, 4]."""
@@ -381,7 +383,7 @@ def test_loads_follow_their_time_factors() -> None:
                   Load("dead", beam.end, force=(1, 0, 0)), DistributedLoad("gust", beam, force=(0, 0, 1), time=wind),
                   gravity=(0, 0, -9.81), gravity_time=weight)
     # node by node against the twin
-    model = compile_scene(scene, eliminate_inner=False)
+    model = compile_scene(scene, eliminate_inner=False, planar=False)
     twin = Twin(scene, model)
     kernel = Kernels(model)
     kernels.external_forces(model.loads, model.load_factors(np.array([1.0]), np.array([0.5]))[0], kernel.work.f_ext)
@@ -411,7 +413,7 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     # velocities that the contact does not allow: it has to push
     state.v[:] = random_velocity(twin, np.random.default_rng(5)).reshape(-1)
     counts = np.zeros(4, np.int64)
-    kernels.run(*tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state, work,
+    kernels.run(SIX, None, SIX, *tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state, work,
                 np.ones(1), H, 1, model.width, model.length, 30, model.slider_lengths, counts, np.zeros(30),
                 np.zeros((2, 3 * model.n_sliders)))
     status, _, iterations, _ = counts

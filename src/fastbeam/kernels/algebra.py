@@ -1,7 +1,7 @@
 """Small algebra inside compiled code: values that LLVM keeps in registers.
 
-`Vec` is 8 doubles (one per element of a group), `V3` a 3-vector and `M3` a 3 x 3 matrix whose entries are lanes; a lane is
-a float64 or a Vec. The operators are lowered straight to LLVM, one statement a formula, so the same source is readable
+`Vec` is 8 doubles (one per element of a group), `V2`, `V3` are vectors and `M3` is a 3 x 3 matrix whose entries are lanes; a
+lane is a float64 or a Vec. The operators are lowered straight to LLVM, one statement a formula, so the same source is readable
 as theory, runs one element or eight at a time, and leaves numba's front end few statements to type.
 Loads and stores are unchecked: offsets count doubles from the start of a contiguous array.
 """
@@ -35,7 +35,7 @@ f8 = types.float64
 
 
 class SmallType(types.Type):
-    """n lanes: a 3-vector (n = 3) or a 3 x 3 matrix stored by rows (n = 9)."""
+    """n lanes: a vector (n = 2, 3) or a 3 x 3 matrix stored by rows (n = 9)."""
 
     def __init__(self, lane: types.Type, n: int) -> None:
         self.lane, self.n = lane, n
@@ -46,6 +46,7 @@ class SmallType(types.Type):
         return (self.lane, self.n)
 
 
+V2 = {lane: SmallType(lane, 2) for lane in (vec, f8)}
 V3 = {lane: SmallType(lane, 3) for lane in (vec, f8)}
 M3 = {lane: SmallType(lane, 9) for lane in (vec, f8)}
 
@@ -142,7 +143,7 @@ def _elementwise(op, f):
         r = sig.return_type
         return _pack(b, r.lane, [f(b, x, y) for x, y in zip(_parts(b, args[0], r.n), _parts(b, args[1], r.n))])
 
-    _register(op, [signature(t, t, t) for kind in (V3, M3) for t in kind.values()], lower)
+    _register(op, [signature(t, t, t) for kind in (V2, V3, M3) for t in kind.values()], lower)
 
 
 for _op in (operator.add, operator.iadd):
@@ -157,7 +158,7 @@ def _scale(ctx, b, sig, args):
     return _pack(b, r.lane, [_mul(b, s, x) for x in _parts(b, args[1], r.n)])
 
 
-_register(operator.mul, [signature(kind[lane], scalar, kind[lane]) for kind in (V3, M3)
+_register(operator.mul, [signature(kind[lane], scalar, kind[lane]) for kind in (V2, V3, M3)
                          for lane, scalar in ((f8, f8), (vec, vec), (vec, f8))], _scale)
 
 
@@ -166,8 +167,11 @@ _register(operator.mul, [signature(kind[lane], scalar, kind[lane]) for kind in (
 def dot(tc, u, v):
     """u . v"""
     def codegen(ctx, b, sig, args):
-        x, y = _parts(b, args[0], 3), _parts(b, args[1], 3)
-        return _add(b, _add(b, _mul(b, x[0], y[0]), _mul(b, x[1], y[1])), _mul(b, x[2], y[2]))
+        x, y = _parts(b, args[0], u.n), _parts(b, args[1], u.n)
+        out = _mul(b, x[0], y[0])
+        for p, q in zip(x[1:], y[1:]):
+            out = _add(b, out, _mul(b, p, q))
+        return out
     return u.lane(u, v), codegen
 
 
@@ -191,6 +195,25 @@ def cross(tc, u, v):
         return _pack(b, sig.return_type.lane, [
             _sub(b, _mul(b, x[(i + 1) % 3], y[(i + 2) % 3]), _mul(b, x[(i + 2) % 3], y[(i + 1) % 3])) for i in range(3)])
     return u(u, v), codegen
+
+
+@intrinsic
+def cross2(tc, u, v):
+    """Component of u x v normal to the plane, 2-vectors."""
+    def codegen(ctx, b, sig, args):
+        x, y = _parts(b, args[0], 2), _parts(b, args[1], 2)
+        return _sub(b, _mul(b, x[0], y[1]), _mul(b, x[1], y[0]))
+    return u.lane(u, v), codegen
+
+
+@intrinsic
+def perp(tc, u):
+    """A 2-vector turned by a right angle: normal x u."""
+    def codegen(ctx, b, sig, args):
+        x, y = _parts(b, args[0], 2)
+        zero = ir.Constant(y.type, [0.0] * LANES if isinstance(u.lane, VecType) else 0.0)
+        return _pack(b, u.lane, [_sub(b, zero, y), x])
+    return u(u), codegen
 
 
 @intrinsic
@@ -227,7 +250,7 @@ def add_skew(tc, m, z):
 
 # ---------------------------------------------------------------------------------------------------- memory
 def _make_load(lane, n):
-    result = lane if n == 1 else (V3 if n == 3 else M3)[lane]
+    result = lane if n == 1 else {2: V2, 3: V3, 9: M3}[n][lane]
 
     @intrinsic
     def load(tc, array, offset, stride):
@@ -281,7 +304,7 @@ def _make_store_matrix(lane, accumulate):
 
 
 def _make_zero(lane, n):
-    result = lane if n == 1 else (V3 if n == 3 else M3)[lane]
+    result = lane if n == 1 else {2: V2, 3: V3, 9: M3}[n][lane]
 
     @intrinsic
     def zero(tc):
@@ -298,38 +321,29 @@ vst, vst3, vstm = _make_store(vec, 1, False), _make_store(vec, 3, False), _make_
 vadd3 = _make_store(vec, 3, True)
 vst_matrix, vadd_matrix = _make_store_matrix(vec, False), _make_store_matrix(vec, True)
 vzero, vzero3, vzerom = _make_zero(vec, 1), _make_zero(vec, 3), _make_zero(vec, 9)
+vld2, vst2, vadd2, vzero2 = _make_load(vec, 2), _make_store(vec, 2, False), _make_store(vec, 2, True), _make_zero(vec, 2)
 # one lane
+ld2, st2, add2, zero2 = _make_load(f8, 2), _make_store(f8, 2, False), _make_store(f8, 2, True), _make_zero(f8, 2)
 ld3, st3, add3 = _make_load(f8, 3), _make_store(f8, 3, False), _make_store(f8, 3, True)
 add_matrix = _make_store_matrix(f8, True)
 zero3, zerom = _make_zero(f8, 3), _make_zero(f8, 9)
 
 
 @intrinsic
-def flush_rows(tc, array, offset, stride):
-    """Zero for entries below 1e-150 in 6 rows of 8. Columns that decay along a chain would end in denormal numbers, which the
+def flush_rows(tc, array, offset, stride, size):
+    """Zero for entries below 1e-150 in as many rows of 8 as the tuple `size` has numbers. Columns that decay along a chain would end in denormal numbers, which the
     processor handles many times slower; NaN stays."""
     def codegen(ctx, b, sig, args):
         o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
         absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
-        for _ in range(6):
+        for _ in range(size.count):
             p = _pointer(ctx, b, sig.args[0], args[0], o, vec)
             x = b.load(p, align=8)
             tiny = b.fcmp_ordered("<", b.call(absolute, [x]), ir.Constant(_VECTOR, [1e-150] * LANES))
             b.store(b.select(tiny, ir.Constant(_VECTOR, [0.0] * LANES), x), p, align=8)
             o = b.add(o, step)
         return ctx.get_dummy_value()
-    return types.void(array, offset, stride), codegen
-
-
-@intrinsic
-def vdominates(tc, x, y):
-    """Whether |x| >= |y| in all 8 lanes; false where one is NaN."""
-    def codegen(ctx, b, sig, args):
-        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
-        flags = ir.VectorType(ir.IntType(1), LANES)
-        every = cgutils.get_or_insert_function(b.module, ir.FunctionType(ir.IntType(1), [flags]), "llvm.vector.reduce.and.v8i1")
-        return b.call(every, [b.fcmp_ordered(">=", b.call(absolute, [args[0]]), b.call(absolute, [args[1]]))])
-    return types.boolean(x, y), codegen
+    return types.void(array, offset, stride, size), codegen
 
 
 @intrinsic
@@ -345,17 +359,17 @@ def largest_of_row(tc, array, offset):
 
 
 @intrinsic
-def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target):
-    """Add 6 lane columns to 8 rows: for lane l, target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l],
-    c = 0..5. An 8 x 8 transposition in registers; rows are padded to 8 doubles, the last two stay as they are."""
+def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target, size):
+    """Add n lane columns, n the length of the tuple `size`, to 8 rows: for lane l,
+    target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l], c < n. An 8 x 8 transposition in registers; rows are padded to 8 doubles, the rest stays as it is."""
     def codegen(ctx, b, sig, args):
-        src, o, idx, io, scale_, shift_, dst = args
-        t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst = sig.args
+        src, o, idx, io, scale_, shift_, dst, _ = args
+        t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst, t_size = sig.args
         o, io = _int(ctx, b, o, t_o), _int(ctx, b, io, t_io)
         scale_, shift_ = _int(ctx, b, scale_, t_scale), _int(ctx, b, shift_, t_shift)
         p = _pointer(ctx, b, t_src, src, o, vec)
-        rows = [b.load(b.gep(p, [ir.Constant(_I64, c)]), align=8) for c in range(6)]
-        rows += [ir.Constant(_VECTOR, [0.0] * LANES)] * 2
+        rows = [b.load(b.gep(p, [ir.Constant(_I64, c)]), align=8) for c in range(t_size.count)]
+        rows += [ir.Constant(_VECTOR, [0.0] * LANES)] * (LANES - t_size.count)
 
         def mask(m):
             return ir.Constant(ir.VectorType(_I32, LANES), m)
@@ -375,7 +389,7 @@ def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target):
             q = _pointer(ctx, b, t_dst, dst, b.add(b.mul(k, scale_), shift_), vec)
             b.store(_add(b, b.load(q, align=8), rows[lane]), q, align=8)
         return ctx.get_dummy_value()
-    return types.void(source, offset, index, index_offset, scale, shift, target), codegen
+    return types.void(source, offset, index, index_offset, scale, shift, target, size), codegen
 
 
 @intrinsic

@@ -177,10 +177,9 @@ def add_plain_sliders(curves, sliders, contact, ties, row_of, q_mid, q_end, s, s
         for j in range(5):
             for a in range(lo, hi):
                 basis[j, a] = 0.0
-        for j in range(3):
-            add_basis(curves, c, ei, si, j, 1.0, contact.legendre, basis, j)
-        for j in range(2):
-            add_basis(curves, c, e1, s_end[k], j, 1.0, contact.legendre, basis, 3 + j)
+        add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
+        add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
+        add_basis(curves, c, e1, s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
         f = ld3(force, 3 * k, 1)
         end = zero3(); end_s = zero3(); tangent = zero3(); bend = zero3()
         for a in range(lo, hi):

@@ -378,7 +378,7 @@ def project_node(scratch, q, fo, ro, ko):
 
 
 @kernel
-def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch):
+def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of all groups.
 
     q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
@@ -447,11 +447,11 @@ def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middl
         every = 1
         if inner is not None:
             if meta[k, 6] >= 0:
-                eliminate_inner(inner, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out)
+                eliminate_inner(inner, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, size)
                 every = nn - 1
         for a in range(0, nn, every):
-            scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out)
+            scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
             for b in range(0, nn, every):
                 for i in range(6):
                     scatter_rows(scratch, ko + 288 * (nn * a + b) + 48 * i, tables.blocks, bo + 8 * (nn * a + b), 48, 8 * i,
-                                 blocks_out)
+                                 blocks_out, size)

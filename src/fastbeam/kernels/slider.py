@@ -20,9 +20,7 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add3, component0, component1, component2, cross, dot, ld3, st3, zero3
-from .nodes import tie_arm
-
-BORDER = 7
+from .ties import tie_arm
 
 
 class Curves(NamedTuple):
@@ -61,6 +59,12 @@ class Contact(NamedTuple):
 
 
 @kernel
+def border_of(n):
+    """Border unknowns of a slider where nodes have n unknowns: force, s, mean gap."""
+    return 7 if n == 6 else 5
+
+
+@kernel
 def find_element(curves, c, s, hint):
     """Element of arc length s on curve c; ends outside the beam belong to the outer elements."""
     n = curves.meta[c, 1]
@@ -90,20 +94,25 @@ def legendre(xi, n, table_out):
 
 
 @kernel
-def add_basis(curves, c, e, s, derivative, factor, table, basis_out, slot):
-    """basis_out[slot, A] += factor d^k N_A / ds^k at s, from the polynomials of element e."""
+def add_basis(curves, c, e, s, derivative, factor, next_factor, table, basis_out, slot):
+    """basis_out[slot, A] += factor d^k N_A / ds^k at s, from the polynomials of element e, and basis_out[slot + 1, A] +=
+    next_factor d^(k+1) N_A / ds^(k+1); k = 0 or 1."""
     o = curves.meta[c, 2] + e
-    size = curves.ends[o + 1] - curves.ends[o]
+    scale = 2.0 / (curves.ends[o + 1] - curves.ends[o])
     n = curves.shape[c, 1]
-    legendre(2.0 * (s - curves.ends[o]) / size - 1.0, n, table)
-    f = factor * (2.0 / size)**derivative
+    legendre(scale * (s - curves.ends[o]) - 1.0, n, table)
+    f = factor if derivative == 0 else factor * scale
+    g = next_factor * scale if derivative == 0 else next_factor * scale * scale
     p = curves.meta[c, 3] + e
     co = curves.meta[c, 4] + e * curves.shape[c, 0] * n
     for a in range(curves.count[p]):
         x = 0.0
+        y = 0.0
         for k in range(n):
             x += curves.coef[co + a * n + k] * table[derivative, k]
+            y += curves.coef[co + a * n + k] * table[derivative + 1, k]
         basis_out[slot, curves.first[p] + a] += f * x
+        basis_out[slot + 1, curves.first[p] + a] += g * y
 
 
 @kernel
@@ -114,17 +123,15 @@ def contact_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
     for k in range(5):
         for a in range(lo, hi):
             basis[k, a] = 0.0
-    add_basis(curves, c, e0, s0, 0, 1.0, table, basis, 0)
-    add_basis(curves, c, e1, s1, 0, 1.0, table, basis, 1)
-    add_basis(curves, c, e1, s1, 1, 1.0, table, basis, 2)
+    add_basis(curves, c, e0, s0, 0, 1.0, 0.0, table, basis, 0)
+    add_basis(curves, c, e1, s1, 0, 1.0, 1.0, table, basis, 1)
     ng = curves.gauss_x.shape[0]
     if e0 == e1:
         for g in range(ng):
             x = curves.gauss_x[g]
             w = curves.gauss_w[g]
             s = s0 + x * (s1 - s0)
-            add_basis(curves, c, e0, s, 1, w, table, basis, 3)
-            add_basis(curves, c, e0, s, 2, w * x, table, basis, 4)
+            add_basis(curves, c, e0, s, 1, w, w * x, table, basis, 3)
         return
     # crossing element ends: N[a,b] = 1/(b - a) int_a^b N' ds, one Gauss rule a piece
     a_ = min(s0, s1)
@@ -135,7 +142,8 @@ def contact_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
         x1 = b_ if e == max(e0, e1) else curves.ends[o + e + 1]
         share = (x1 - x0) / (b_ - a_) if b_ > a_ else 0.5
         for g in range(ng):
-            add_basis(curves, c, e, x0 + curves.gauss_x[g] * (x1 - x0), 1, share * curves.gauss_w[g], table, basis, 3)
+            add_basis(curves, c, e, x0 + curves.gauss_x[g] * (x1 - x0), 1, share * curves.gauss_w[g], 0.0, table,
+                      basis, 3)
     size = curves.ends[o + e1 + 1] - curves.ends[o + e1]
     if abs(s1 - s0) > 1e-9 * size:
         for a in range(lo, hi):
@@ -150,7 +158,7 @@ def point_on_curve(curves, c, s, q, element, contact, slot_derivative):
     n = curves.count[p]
     for a in range(first, first + n):
         contact.basis[0, a] = 0.0
-    add_basis(curves, c, element, s, slot_derivative, 1.0, contact.legendre, contact.basis, 0)
+    add_basis(curves, c, element, s, slot_derivative, 1.0, 0.0, contact.legendre, contact.basis, 0)
     x = zero3()
     for a in range(first, first + n):
         x += contact.basis[0, a] * ld3(q, 12 * (curves.meta[c, 0] + a), 1)
@@ -325,59 +333,64 @@ def add_sliders(curves, sliders, contact, ties, row_of, q, q_mid, q_end, theta, 
 
 
 @kernel
-def fill_panel(contact, r, n_rows, width, panel_out):
-    """Residual in column 0, the border columns of slider k from column 1 + 7 k on."""
+def fill_panel(contact, r, n_rows, width, panel_out, size):
+    """Residual in column 0, the border columns of slider k behind."""
+    n = len(size)
+    border = border_of(n)
     for i in range(panel_out.shape[0]):
         panel_out[i] = 0.0
     for i in range(n_rows):
-        for c in range(6):
-            panel_out[(6 * i + c) * width] = r[8 * i + c]
+        for c in range(n):
+            panel_out[(n * i + c) * width] = r[8 * i + c]
     if contact is not None:
         for k in range(contact.entries.shape[0]):
             for m in range(contact.entries[k]):
-                for c in range(6):
-                    o = (6 * contact.row[k, m] + c) * width + 1 + BORDER * k
-                    for j in range(BORDER):
-                        panel_out[o + j] += contact.column[k, 48 * m + 8 * c + j]
+                for c in range(n):
+                    o = (n * contact.row[k, m] + c) * width + 1 + border * k
+                    for j in range(border):
+                        panel_out[o + j] += contact.column[k, 8 * (n * m + c) + j]
 
 
 @kernel
-def clear_held(held, width, panel):
+def clear_held(held, width, panel, size):
     """Zero in all columns of held rows."""
+    n = len(size)
     for k in range(held.row.shape[0]):
-        for c in range(6):
+        for c in range(n):
             if (held.mask[k] >> c) & 1:
-                o = (6 * held.row[k] + c) * width
+                o = (n * held.row[k] + c) * width
                 for j in range(width):
                     panel[o + j] = 0.0
 
 
 @kernel
-def solve_border(contact, panel, n_rows, width, schur, y_out):
+def solve_border(contact, panel, n_rows, width, schur, y_out, size):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
     panel and the border unknowns in y_out; returns False where the complement is singular."""
-    n = BORDER * contact.entries.shape[0]
+    nu = len(size)
+    border = border_of(nu)
+    n = border * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
-        for i in range(BORDER):
-            row = BORDER * k + i
+        for i in range(border):
+            row = border * k + i
             for j in range(n):
                 schur[row, j] = 0.0
-            for j in range(BORDER):
-                schur[row, BORDER * k + j] = contact.corner[k, 8 * i + j]
+            for j in range(border):
+                schur[row, border * k + j] = contact.corner[k, 8 * i + j]
             y_out[row] = -contact.residual[k, i]
         for m in range(contact.entries[k]):
-            for c in range(6):
-                o = (6 * contact.row[k, m] + c) * width
-                for i in range(BORDER):
-                    line = contact.line[k, 48 * m + 8 * c + i]
+            for c in range(nu):
+                o = (nu * contact.row[k, m] + c) * width
+                for i in range(border):
+                    line = contact.line[k, 8 * (nu * m + c) + i]
                     if line != 0.0:
-                        row = BORDER * k + i
+                        row = border * k + i
                         y_out[row] += line * panel[o]
                         for j in range(n):
                             schur[row, j] -= line * panel[o + 1 + j]
     if not solve_dense(schur, y_out, n):
         return False
-    for i in range(6 * n_rows):
+    for i in range(nu * n_rows):
         o = i * width
         x = -panel[o]
         for j in range(n):

@@ -18,7 +18,7 @@ REFINE_AT, REFUSE_AT = 1e-12, 1e-8
 
 
 class PardisoTables(NamedTuple):
-    """One analysed structure of 6 x 6 blocks by rows, 0-based; m right-hand sides at most."""
+    """One analysed structure of n x n blocks by rows, 0-based; m right-hand sides at most."""
 
     handle: np.ndarray    # int64 [64]
     iparm: np.ndarray     # int32 [64]
@@ -26,10 +26,10 @@ class PardisoTables(NamedTuple):
     perm: np.ndarray      # int32 [rows]
     indptr: np.ndarray    # int32 [rows + 1]
     indices: np.ndarray   # int32 [blocks]
-    data: np.ndarray      # float64 [36 blocks]
-    b: np.ndarray         # float64 [m, 6 rows]
-    x: np.ndarray         # float64 [m, 6 rows]
-    r: np.ndarray         # float64 [m, 6 rows]: residuals, then corrections
+    data: np.ndarray      # float64 [n n blocks]
+    b: np.ndarray         # float64 [m, n rows]
+    x: np.ndarray         # float64 [m, n rows]
+    r: np.ndarray         # float64 [m, n rows]: residuals, then corrections
     counts: np.ndarray    # int64 [2]: solves, refinements
     worst: np.ndarray     # float64 [1]: largest accepted relative residual
 
@@ -46,40 +46,42 @@ def call_pardiso(t, phase, b, x):
 
 
 @kernel
-def block_residual(t, x, b, r_out):
+def block_residual(t, x, b, r_out, size):
     """r = b - K x for all right-hand sides; returns the largest relative norm, infinity where it is not finite."""
+    n = len(size)
     worst = 0.0
     for m in range(b.shape[0]):
-        size = 0.0
+        whole = 0.0
         error = 0.0
         for i in range(t.indptr.shape[0] - 1):
-            for c in range(6):
-                s = b[m, 6 * i + c]
-                size += s * s
+            for c in range(n):
+                s = b[m, n * i + c]
+                whole += s * s
                 for k in range(t.indptr[i], t.indptr[i + 1]):
-                    o = 36 * k + 6 * c
-                    j = 6 * t.indices[k]
-                    for d in range(6):
+                    o = n * (n * k + c)
+                    j = n * t.indices[k]
+                    for d in range(n):
                         s -= t.data[o + d] * x[m, j + d]
-                r_out[m, 6 * i + c] = s
+                r_out[m, n * i + c] = s
                 error += s * s
         if not error < np.inf:
             return np.inf
-        if size > 0.0:
-            worst = max(worst, np.sqrt(error / size))
+        if whole > 0.0:
+            worst = max(worst, np.sqrt(error / whole))
         elif error > 0.0:
             return np.inf
     return worst
 
 
 @kernel
-def solve_sparse(t, blocks, panel, width):
-    """Solve K X = panel [6 rows, width] in its first m columns, in place. False: no acceptable solution."""
+def solve_sparse(t, blocks, panel, width, size):
+    """Solve K X = panel [n rows, width] in its first m columns, in place. False: no acceptable solution."""
+    nu = len(size)
     for k in range(t.indices.shape[0]):
-        for i in range(6):
-            for j in range(6):
-                t.data[36 * k + 6 * i + j] = blocks[48 * k + 8 * i + j]
-    n = 6 * (t.indptr.shape[0] - 1)
+        for i in range(nu):
+            for j in range(nu):
+                t.data[nu * (nu * k + i) + j] = blocks[8 * (nu * k + i) + j]
+    n = nu * (t.indptr.shape[0] - 1)
     for m in range(t.b.shape[0]):
         for i in range(n):
             t.b[m, i] = panel[i * width + m]
@@ -88,7 +90,7 @@ def solve_sparse(t, blocks, panel, width):
         return False
     if call_pardiso(t, SOLVE, t.b, t.x) != 0:
         return False
-    worst = block_residual(t, t.x, t.b, t.r)
+    worst = block_residual(t, t.x, t.b, t.r, size)
     if worst > REFINE_AT and worst < 1.0:
         # one correction with the same factors; t.b is done with and takes it
         t.counts[1] += 1
@@ -101,7 +103,7 @@ def solve_sparse(t, blocks, panel, width):
             for i in range(n):
                 t.x[m, i] += t.b[m, i]
                 t.b[m, i] = panel[i * width + m]
-        worst = block_residual(t, t.x, t.b, t.r)
+        worst = block_residual(t, t.x, t.b, t.r, size)
     if not worst <= REFUSE_AT:
         return False
     t.worst[0] = max(t.worst[0], worst)

@@ -1,0 +1,226 @@
+"""n x n blocks in registers, n = 6 for nodes in space and 3 for nodes in a plane: LU without row exchange, triangular solutions,
+products. Written out in LLVM: one call is straight-line code, whatever n is.
+
+`size` is a tuple of n numbers: its type carries n. An array holds blocks in lanes (8 blocks, entry r, c at 8 (n r + c)) or by rows
+(one block, entry r, c at 8 r + c, rows padded to a register); `row` and `column` are the distances between entries, in doubles.
+The diagonal of a factored block holds reciprocal pivots.
+"""
+from __future__ import annotations
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _div, _int, _mul, _pointer, _splat, _sub, f8, vec
+
+SIX = (0, 0, 0, 0, 0, 0)
+THREE = (0, 0, 0)
+ONE = (0,)
+_TRUE = ir.IntType(1)(1)
+
+
+def _at(b, o, *terms):
+    """Offset o + sum of factor * distance, distances as values or numbers."""
+    for factor, distance in terms:
+        d = distance if isinstance(distance, ir.Value) else ir.Constant(_I64, distance)
+        o = b.add(o, b.mul(d, ir.Constant(_I64, factor)))
+    return o
+
+
+class _Memory:
+    """Loads and stores of one array at offsets in doubles."""
+
+    def __init__(self, ctx, b, array_type, array, offset, offset_type):
+        self.b = b
+        self.data = ctx.make_array(array_type)(ctx, b, array).data
+        self.offset = _int(ctx, b, offset, offset_type)
+
+    def _pointer(self, kind, terms):
+        return self.b.bitcast(self.b.gep(self.data, [_at(self.b, self.offset, *terms)]), kind.as_pointer())
+
+    def vector(self, *terms):
+        return self.b.load(self._pointer(_VECTOR, terms), align=8)
+
+    def put_vector(self, x, *terms):
+        self.b.store(x, self._pointer(_VECTOR, terms), align=8)
+
+    def number(self, *terms):
+        return self.b.load(self._pointer(_DOUBLE, terms), align=8)
+
+    def put_number(self, x, *terms):
+        self.b.store(x, self._pointer(_DOUBLE, terms), align=8)
+
+
+def _lu(b, a, n, one):
+    """LU in place of a list of lists of values, reciprocal pivots on the diagonal; returns the pivots."""
+    pivots = []
+    for k in range(n):
+        pivots.append(a[k][k])
+        a[k][k] = _div(b, one, a[k][k])
+        for i in range(k + 1, n):
+            a[i][k] = _mul(b, a[i][k], a[k][k])
+            for j in range(k + 1, n):
+                a[i][j] = _sub(b, a[i][j], _mul(b, a[i][k], a[k][j]))
+    return pivots
+
+
+def _triangular(b, entry, w, n):
+    """w <- (LU)^-1 w for values w; entry(i, j) gives a value that multiplies a w."""
+    for i in range(n):
+        for j in range(i):
+            w[i] = _sub(b, w[i], _mul(b, entry(i, j), w[j]))
+    for i in reversed(range(n)):
+        for j in reversed(range(i + 1, n)):
+            w[i] = _sub(b, w[i], _mul(b, entry(i, j), w[j]))
+        w[i] = _mul(b, entry(i, i), w[i])
+
+
+def _absolute(b, x, kind, name):
+    return b.call(cgutils.get_or_insert_function(b.module, ir.FunctionType(kind, [kind]), f"llvm.fabs.{name}"), [x])
+
+
+@intrinsic
+def lu_lanes(tc, a, offset, out, out_offset, smallest, size):
+    """LU of 8 blocks in lanes; False where a pivot is below `smallest` times its diagonal entry, or NaN."""
+    n = size.count
+
+    def codegen(ctx, b, sig, args):
+        source = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        target = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
+        x = [[source.vector((8 * (n * i + j), 1)) for j in range(n)] for i in range(n)]
+        before = [x[i][i] for i in range(n)]
+        pivots = _lu(b, x, n, ir.Constant(_VECTOR, [1.0] * LANES))
+        limit = _splat(b, ctx.cast(b, args[4], sig.args[4], f8))
+        good = None
+        for p, q in zip(pivots, before):
+            low = _mul(b, limit, _absolute(b, q, _VECTOR, "v8f64"))
+            fine = b.fcmp_ordered(">=", _absolute(b, p, _VECTOR, "v8f64"), low)
+            fine = b.and_(fine, b.fcmp_ordered(">", _absolute(b, p, _VECTOR, "v8f64"), ir.Constant(_VECTOR, [0.0] * LANES)))
+            good = fine if good is None else b.and_(good, fine)
+        for i in range(n):
+            for j in range(n):
+                target.put_vector(x[i][j], (8 * (n * i + j), 1))
+        flags = ir.VectorType(ir.IntType(1), LANES)
+        every = cgutils.get_or_insert_function(b.module, ir.FunctionType(ir.IntType(1), [flags]), "llvm.vector.reduce.and.v8i1")
+        return b.call(every, [good])
+    return types.boolean(a, offset, out, out_offset, smallest, size), codegen
+
+
+@intrinsic
+def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, size):
+    """out = A^-1 x for 8 factored blocks in lanes and n lanes each, x_row and out_row doubles apart."""
+    n = size.count
+
+    def codegen(ctx, b, sig, args):
+        factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        source = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
+        target = _Memory(ctx, b, sig.args[5], args[5], args[6], sig.args[6])
+        rows, out_rows = _int(ctx, b, args[4], sig.args[4]), _int(ctx, b, args[7], sig.args[7])
+        w = [source.vector((i, rows)) for i in range(n)]
+        _triangular(b, lambda i, j: factors.vector((8 * (n * i + j), 1)), w, n)
+        for i in range(n):
+            target.put_vector(w[i], (i, out_rows))
+        return ctx.get_dummy_value()
+    return types.void(lu, offset, x, x_offset, x_row, out, out_offset, out_row, size), codegen
+
+
+@intrinsic
+def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
+    """Y -= A X for 8 blocks A in lanes; X, Y: n rows of as many lanes as the tuple `columns` has numbers."""
+    n, m = size.count, columns.count
+
+    def codegen(ctx, b, sig, args):
+        matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        source = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
+        target = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+        # three columns at a time: 3 n values stay in registers, every entry of A is loaded once for three products
+        for c0 in range(0, m, 3):
+            some = range(c0, min(c0 + 3, m))
+            w = {(k, c): source.vector((8 * (m * k + c), 1)) for c in some for k in range(n)}
+            for i in range(n):
+                z = {c: target.vector((8 * (m * i + c), 1)) for c in some}
+                for k in range(n):
+                    f = matrix.vector((8 * (n * i + k), 1))
+                    for c in some:
+                        z[c] = _sub(b, z[c], _mul(b, f, w[k, c]))
+                for c in some:
+                    target.put_vector(z[c], (8 * (m * i + c), 1))
+        return ctx.get_dummy_value()
+    return types.void(a, offset, x, x_offset, y, y_offset, columns, size), codegen
+
+
+@intrinsic
+def lu_rows(tc, a, offset, low, high, size):
+    """LU in place of one block stored by rows. False, and nothing is changed, where a pivot lies outside [low, high] times its
+    diagonal entry, or is NaN: then rows have to be exchanged."""
+    n = size.count
+
+    def codegen(ctx, b, sig, args):
+        block = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        x = [[block.number((8 * i + j, 1)) for j in range(n)] for i in range(n)]
+        before = [x[i][i] for i in range(n)]
+        pivots = _lu(b, x, n, ir.Constant(_DOUBLE, 1.0))
+        least, most = (ctx.cast(b, args[k], sig.args[k], f8) for k in (2, 3))
+        good = _TRUE
+        for p, q in zip(pivots, before):
+            size_p, size_q = (_absolute(b, v, _DOUBLE, "f64") for v in (p, q))
+            good = b.and_(good, b.fcmp_ordered(">=", size_p, _mul(b, least, size_q)))
+            good = b.and_(good, b.fcmp_ordered("<=", size_p, _mul(b, most, size_q)))
+            good = b.and_(good, b.fcmp_ordered(">", size_p, ir.Constant(_DOUBLE, 0.0)))
+        with b.if_then(good, likely=True):
+            for i in range(n):
+                for j in range(n):
+                    block.put_number(x[i][j], (8 * i + j, 1))
+        return good
+    return types.boolean(a, offset, low, high, size), codegen
+
+
+@intrinsic
+def solve_rows(tc, lu, offset, row, column, x, x_offset, x_row, size):
+    """X <- A^-1 X for one factored block and n rows of 8 numbers, x_row doubles apart."""
+    n = size.count
+
+    def codegen(ctx, b, sig, args):
+        factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        rows, columns = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
+        panel = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+        step = _int(ctx, b, args[6], sig.args[6])
+        w = [panel.vector((i, step)) for i in range(n)]
+        _triangular(b, lambda i, j: _splat(b, factors.number((i, rows), (j, columns))), w, n)
+        for i in range(n):
+            panel.put_vector(w[i], (i, step))
+        return ctx.get_dummy_value()
+    return types.void(lu, offset, row, column, x, x_offset, x_row, size), codegen
+
+
+@intrinsic
+def subtract_rows(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
+    """Y -= A X for one block and n rows of 8 numbers of X and Y."""
+    n = size.count
+
+    def codegen(ctx, b, sig, args):
+        matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        rows, columns = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
+        source = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+        target = _Memory(ctx, b, sig.args[7], args[7], args[8], sig.args[8])
+        x_step, y_step = _int(ctx, b, args[6], sig.args[6]), _int(ctx, b, args[9], sig.args[9])
+        w = [source.vector((k, x_step)) for k in range(n)]
+        half = (n + 1) // 2
+        out = []
+        for i in range(n):
+            # two sums of half the length: the latency of a chain of products counts
+            f = [_splat(b, matrix.number((i, rows), (k, columns))) for k in range(n)]
+            z = target.vector((i, y_step))
+            for k in range(half):
+                z = _sub(b, z, _mul(b, f[k], w[k]))
+            t = _mul(b, f[half], w[half])
+            for k in range(half + 1, n):
+                t = _add(b, t, _mul(b, f[k], w[k]))
+            out.append(_sub(b, z, t))
+        for i in range(n):
+            target.put_vector(out[i], (i, y_step))
+        return ctx.get_dummy_value()
+    return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
+
+
+__all__ = ["ONE", "SIX", "THREE", "lu_lanes", "lu_rows", "solve_lanes", "solve_rows", "subtract_lanes", "subtract_rows", "vec"]

@@ -1,0 +1,57 @@
+"""Start and assembly of a step whose nodes have 3 unknowns: position in a plane and turn about its normal (theory.md 10)."""
+from __future__ import annotations
+
+from .._jit import kernel
+from .nodes import apply_held, extrapolation, spread
+from .planar_beam import planar_groups
+from .planar_nodes import add_planar_bodies, apply_planar_ties, planar_predict, tie_planar
+from .planar_slider import add_planar_sliders, predict_planar_sliders
+from .work import clear, copy
+
+
+@kernel
+def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
+    """First guess of everything."""
+    c = extrapolation(work.past, h)
+    planar_predict(state.q, state.v, h, c, work.past, spinless, work.theta, work.dq)
+    if ties is not None:
+        tie_planar(ties, work.dq)
+    if sliders is not None:
+        predict_planar_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
+
+
+@kernel
+def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
+    """Residual and tangent of the conserving step."""
+    clear(inner, work)
+    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+    rate = 2.0 / (h * h)
+    if sliders is not None:
+        add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s, work.s_end,
+                           state.force, work.r)
+    if simo is not None:
+        planar_groups(simo, inner, work.q_mid, work.q_end, work.u, rate, None, work.r, work.blocks, work.scratch, size)
+    if green is not None:
+        planar_groups(green, inner, work.q_mid, work.q_end, work.u, rate, 1, work.r, work.blocks, work.scratch, size)
+    if bodies is not None:
+        add_planar_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+    if ties is not None:
+        apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)
+
+
+@kernel
+def planar_static(simo, green, inner, ties, held, state, work, size):
+    """Residual f_int - f_ext and half the static tangent at the present configuration: a step of equal ends."""
+    copy(state.q, work.q_mid)
+    copy(state.q, work.q_end)
+    clear(inner, work)
+    if simo is not None:
+        planar_groups(simo, inner, work.q_mid, work.q_end, None, None, None, work.r, work.blocks, work.scratch, size)
+    if green is not None:
+        planar_groups(green, inner, work.q_mid, work.q_end, None, None, 1, work.r, work.blocks, work.scratch, size)
+    if ties is not None:
+        apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)

@@ -1,0 +1,227 @@
+"""Element loops of beams in a plane: what kernels/beam.py computes, with 3 unknowns a node.
+
+A node has 4 coordinates: its position x, y in the plane and the director u = d1 in it. The other director of the plane is
+J u, u turned by a right angle, the third is the constant normal. The strains that remain are (theory.md 10)
+
+    stretch  f . u  or  1/2 f . f,     shear  u x f,     curvature  u x u'  or  f x u'          (f = phi', x: normal component)
+
+where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
+director, columns with the spin at the end.
+
+Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 9; per point: weight, (phi_s, dir, dir_s) of every node, 3
+reference strains; rhoA, rhoI; position masses nn*nn; director masses nn*nn.
+"""
+from __future__ import annotations
+
+from .._jit import kernel
+from .algebra import (component0, component1, cross2, dot, gather_lanes, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero,
+                      vzero2)
+from .inner import eliminate_inner
+
+
+def planar_point_size(nn: int) -> int:
+    """Doubles per quadrature point in `tab`."""
+    return 8 * (4 + 3 * nn)
+
+
+def planar_group_size(nn: int, nq: int) -> int:
+    """Doubles per group in `tab`."""
+    return 8 * (9 + 2 + 2 * nn * nn) + nq * planar_point_size(nn)
+
+
+def planar_scratch_size(nn: int, nq: int) -> int:
+    """Doubles of scratch that a group needs."""
+    return 8 * (nn * (8 + 4 + 4 + 3) + nn * nn * 9 + nq * (7 + 10 * nn))
+
+
+@kernel
+def planar_point(tab, co, to, nn, scratch, fo, po, green):
+    """One quadrature point: internal forces on the coordinates of every node (fo), and from po on what node pairs share: stresses
+    times weight 3, TT 4, then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns
+    rotation-translation 2 and translation-rotation 2."""
+    f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        q = 64 * a
+        dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
+        f += dp * vld2(scratch, q, 8); u += n * x; k += dn * x
+        fe += dp * vld2(scratch, q + 32, 8); ue += n * y; ke += dn * y
+    # mean strains: quadratic forms, so those of the midpoint plus those of half the increment
+    df = fe - f; du = ue - u; dk = ke - k
+    g = cross2(u, f) + cross2(du, df)
+    if green is None:
+        e = dot(f, u) + dot(df, du)
+        c = cross2(u, k) + cross2(du, dk)
+    else:
+        e = 0.5 * (dot(f, f) + dot(df, df))
+        c = cross2(f, k) + cross2(df, dk)
+    w = vld(tab, to, 0)
+    e0 = to + 8 + 24 * nn
+    e -= vld(tab, e0, 0); g -= vld(tab, e0 + 8, 0); c -= vld(tab, e0 + 16, 0)
+    c00 = w * vld(tab, co, 0); c01 = w * vld(tab, co + 8, 0); c02 = w * vld(tab, co + 16, 0)
+    c11 = w * vld(tab, co + 32, 0); c12 = w * vld(tab, co + 40, 0); c22 = w * vld(tab, co + 64, 0)
+    s1 = c00 * e + c01 * g + c02 * c
+    s2 = c01 * e + c11 * g + c12 * c
+    s3 = c02 * e + c12 * g + c22 * c
+    vst(scratch, po, 0, s1); vst(scratch, po + 8, 0, s2); vst(scratch, po + 16, 0, s3)
+    # rows of the position: t_i phi', of the midpoint and of the end
+    if green is None:
+        t1 = u; t3 = vzero2(); t1e = ue; t3e = vzero2()
+        x1 = s1 * f - s2 * perp(f) - s3 * perp(k)
+        y1 = s3 * perp(u)
+    else:
+        t1 = f; t3 = vzero2() - perp(k); t1e = fe; t3e = vzero2() - perp(ke)
+        x1 = vzero2() - s2 * perp(f)
+        y1 = s3 * perp(f)
+    t2 = perp(u); t2e = perp(ue)
+    x0 = s1 * t1 + s2 * t2 + s3 * t3
+    # half the stiffness times the rows of the end, shared by all nodes
+    v1 = 0.5 * (c00 * t1e + c01 * t2e + c02 * t3e)
+    v2 = 0.5 * (c01 * t1e + c11 * t2e + c12 * t3e)
+    v3 = 0.5 * (c02 * t1e + c12 * t2e + c22 * t3e)
+    # TT by columns: sum_i t_i v_i^T
+    vst2(scratch, po + 24, 8, component0(v1) * t1 + component0(v2) * t2 + component0(v3) * t3)
+    vst2(scratch, po + 40, 8, component1(v1) * t1 + component1(v2) * t2 + component1(v3) * t3)
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        q = 64 * a
+        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        o = fo + 32 * a
+        vadd2(scratch, o, 8, vld(tab, t, 0) * x0)
+        vadd2(scratch, o + 16, 8, n * x1 + dn * y1)
+        # rotation rows: a node's director moves with J u
+        z = perp(vld2(scratch, q + 16, 8)); ze = perp(vld2(scratch, q + 48, 8))
+        r2 = n * cross2(z, f)
+        q2 = n * cross2(ze, fe)
+        if green is None:
+            r1 = n * dot(z, f)
+            r3 = n * cross2(z, k) + dn * cross2(u, z)
+            q1 = n * dot(ze, fe)
+            q3 = n * cross2(ze, ke) + dn * cross2(ue, ze)
+        else:
+            r1 = vzero(); q1 = vzero()
+            r3 = dn * cross2(f, z)
+            q3 = dn * cross2(fe, ze)
+        p1 = 0.5 * (c00 * q1 + c01 * q2 + c02 * q3)
+        p2 = 0.5 * (c01 * q1 + c11 * q2 + c12 * q3)
+        p3 = 0.5 * (c02 * q1 + c12 * q2 + c22 * q3)
+        b = po + 56 + 80 * a
+        vst(scratch, b, 0, r1); vst(scratch, b + 8, 0, r2); vst(scratch, b + 16, 0, r3)
+        vst(scratch, b + 24, 0, p1); vst(scratch, b + 32, 0, p2); vst(scratch, b + 40, 0, p3)
+        vst2(scratch, b + 48, 8, r1 * v1 + r2 * v2 + r3 * v3)
+        vst2(scratch, b + 64, 8, p1 * t1 + p2 * t2 + p3 * t3)
+
+
+@kernel
+def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko):
+    """The 3 x 3 block of nodes a, b."""
+    t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
+    rr = vzero(); rt = vzero2(); tr = vzero2()
+    h1 = vzero(); h2 = vzero(); g1 = vzero(); g2 = vzero(); e3 = vzero()
+    for g in range(nq):
+        t = to0 + pt * g + 8
+        po = po0 + ps * g
+        ba = po + 56 + 80 * a
+        bb = po + 56 + 80 * b
+        pa = vld(tab, t + 24 * a, 0); na = vld(tab, t + 24 * a + 8, 0); da = vld(tab, t + 24 * a + 16, 0)
+        pb = vld(tab, t + 24 * b, 0); nb = vld(tab, t + 24 * b + 8, 0); db = vld(tab, t + 24 * b + 16, 0)
+        pp = pa * pb
+        t00 += pp * vld(scratch, po + 24, 0); t10 += pp * vld(scratch, po + 32, 0)
+        t01 += pp * vld(scratch, po + 40, 0); t11 += pp * vld(scratch, po + 48, 0)
+        rt += pb * vld2(scratch, ba + 48, 8)
+        tr += pa * vld2(scratch, bb + 64, 8)
+        rr += vld(scratch, ba, 0) * vld(scratch, bb + 24, 0)
+        rr += vld(scratch, ba + 8, 0) * vld(scratch, bb + 32, 0)
+        rr += vld(scratch, ba + 16, 0) * vld(scratch, bb + 40, 0)
+        s1 = vld(scratch, po, 0); s2 = vld(scratch, po + 8, 0); s3 = vld(scratch, po + 16, 0)
+        if green is None:
+            h1 += (pa * nb) * s1; h2 += (pa * nb) * s2
+            g1 += (na * pb) * s1; g2 += (na * pb) * s2
+            e3 += (na * db - da * nb) * s3
+        else:
+            iso = (0.5 * pp) * s1
+            t00 += iso; t11 += iso
+            h2 += pa * (nb * s2 - db * s3)
+            g2 += pb * (na * s2 - da * s3)
+    ua = vld2(scratch, 64 * a + 16, 8)
+    ub = vld2(scratch, 64 * b + 48, 8)
+    tr -= (0.5 * h2) * ub
+    rt -= (0.5 * g2) * ua
+    if green is None:
+        tr += (0.5 * h1) * perp(ub)
+        rt += (0.5 * g1) * perp(ua)
+        rr += (0.5 * e3) * cross2(ua, ub)
+    if rate is not None:
+        m = rate * vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld(tab, mo, 0)
+        md = rate * vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld(tab, mo + 8, 0)
+        t00 += m; t11 += m
+        rr += md * dot(ua, ub)
+    vst(scratch, ko, 0, t00); vst(scratch, ko + 8, 0, t01); vst2(scratch, ko + 16, 24, tr)
+    vst(scratch, ko + 24, 0, t10); vst(scratch, ko + 32, 0, t11)
+    vst2(scratch, ko + 48, 8, rt); vst(scratch, ko + 64, 0, rr)
+
+
+@kernel
+def planar_groups(tables, inner, q_mid, q_end, u, rate, green, r_out, blocks_out, scratch, size):
+    """Add residual rows and tangent blocks of all groups.
+
+    q_mid, q_end, u: [4 N]; u is None in statics. rate: 2/h^2, None in statics. green: None for strain set (2.2), else (2.1).
+    inner: None, else inner nodes are eliminated where the tables say so. r_out [8 rows], blocks_out [24 blocks].
+    """
+    meta = tables.meta
+    tab = tables.tab
+    for k in range(meta.shape[0]):
+        nn = meta[k, 0]
+        nq = meta[k, 1]
+        co = meta[k, 2]
+        no = meta[k, 3]
+        bo = meta[k, 4]
+        pt = 8 * (4 + 3 * nn)
+        to0 = co + 72
+        mo = to0 + nq * pt
+        # scratch: coordinates of the midpoint and the end, inertia, forces, residual, tangent, then the points
+        uo = 64 * nn
+        fo = uo + 32 * nn
+        ro = fo + 32 * nn
+        ko = ro + 24 * nn
+        po0 = ko + 72 * nn * nn
+        ps = 8 * (7 + 10 * nn)
+        for a in range(nn):
+            gather_lanes(q_mid, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a)
+            gather_lanes(q_end, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a + 32)
+        for i in range(fo, ro):
+            scratch[i] = 0.0
+        if u is not None:
+            for a in range(nn):
+                gather_lanes(u, tables.nodes, no + 8 * a, 4, 4, scratch, uo + 32 * a)
+            rho = vld(tab, mo, 0); j = vld(tab, mo + 8, 0)
+            for a in range(nn):
+                p = vzero2(); d = vzero2()
+                for b in range(nn):
+                    p += vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld2(scratch, uo + 32 * b, 8)
+                    d += vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld2(scratch, uo + 32 * b + 16, 8)
+                vst2(scratch, fo + 32 * a, 8, rho * p)
+                vst2(scratch, fo + 32 * a + 16, 8, j * d)
+        for g in range(nq):
+            planar_point(tab, co, to0 + pt * g, nn, scratch, fo, po0 + ps * g, green)
+        for a in range(nn):
+            for b in range(nn):
+                planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))
+            f = vld2(scratch, fo + 32 * a + 16, 8)
+            vst2(scratch, ro + 24 * a, 8, vld2(scratch, fo + 32 * a, 8))
+            vst(scratch, ro + 24 * a + 16, 0, cross2(vld2(scratch, 64 * a + 16, 8), f))
+            # moving the mean director: J u_end x f / 2
+            kaa = ko + 72 * (nn * a + a) + 64
+            vst(scratch, kaa, 0, vld(scratch, kaa, 0) - 0.5 * dot(vld2(scratch, 64 * a + 48, 8), f))
+        every = 1
+        if inner is not None:
+            if meta[k, 6] >= 0:
+                eliminate_inner(inner, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, size)
+                every = nn - 1
+        for a in range(0, nn, every):
+            scatter_rows(scratch, ro + 24 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
+            for b in range(0, nn, every):
+                for i in range(3):
+                    scatter_rows(scratch, ko + 72 * (nn * a + b) + 24 * i, tables.blocks, bo + 8 * (nn * a + b), 24, 8 * i,
+                                 blocks_out, size)

@@ -1,0 +1,244 @@
+"""Node loops in a plane: 4 coordinates a node, position and director u; a turn is one number, its Cayley number theta."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
+
+
+class PlanarBodies(NamedTuple):
+    """Nodes with an inertia of their own."""
+
+    node: np.ndarray     # int64 [B]
+    row: np.ndarray      # int64 [B]
+    block: np.ndarray    # int64 [B]: diagonal block
+    inertia: np.ndarray  # float64 [2 B]: mass, moment of inertia about the normal
+
+
+class PlanarTies(NamedTuple):
+    """Nodes that follow others; entries as in `ties.Ties`, with offsets and rotations as complex numbers: (a, b) stands for
+    a u + b J u of the target."""
+
+    slave: np.ndarray      # int64 [K]: node
+    row: np.ndarray        # int64 [K]
+    start: np.ndarray      # int64 [N + 1]: entries of every node; none for a free node
+    target: np.ndarray     # int64 [M]: node
+    target_row: np.ndarray  # int64 [M]
+    diagonal: np.ndarray   # int64 [M]: diagonal block of the target
+    kind: np.ndarray       # int64 [M]
+    factor: np.ndarray     # float64 [2 M]: offset (kind 1) or rotation (kind 2)
+    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to
+
+
+@kernel
+def set_director(q, theta, dq_out, i):
+    """Increment of the director of node i: cay(theta) u - u without cancellation."""
+    t = theta[i]
+    u = ld2(q, 4 * i + 2, 1)
+    st2(dq_out, 4 * i + 2, 1, (t / (1.0 + 0.25 * t * t)) * (perp(u) - (0.5 * t) * u))
+
+
+@kernel
+def planar_predict(q, v, h, c, past, held_theta, theta_out, dq_out):
+    """As `nodes.predict`."""
+    n = q.shape[0] // 4
+    m = (past.shape[0] - 3) // 2
+    for i in range(n):
+        if c == c:
+            o = 3 + 3 * i
+            st2(dq_out, 4 * i, 1, h * ((1.0 + c) * ld2(past, o, 1) - c * ld2(past, o + m, 1)))
+            theta_out[i] = h * ((1.0 + c) * past[o + 2] - c * past[o + 2 + m])
+        else:
+            st2(dq_out, 4 * i, 1, h * ld2(v, 4 * i, 1))
+            theta_out[i] = 0.0 if held_theta[i] else h * cross2(ld2(q, 4 * i + 2, 1), ld2(v, 4 * i + 2, 1))
+        set_director(q, theta_out, dq_out, i)
+
+
+@kernel
+def planar_remember(theta, dq, s, s_end, force, h, past):
+    """As `nodes.remember`: (position and Cayley number of every node, s and force of every slider), two times."""
+    n = dq.shape[0] // 4
+    m = (past.shape[0] - 3) // 2
+    for k in range(3, 3 + m):
+        past[k + m] = past[k]
+    past[2] = past[1] - h
+    past[1] = -0.5 * h
+    past[0] = min(past[0] + 1.0, 2.0)
+    for i in range(n):
+        st2(past, 3 + 3 * i, 1, (1.0 / h) * ld2(dq, 4 * i, 1))
+        past[5 + 3 * i] = (1.0 / h) * theta[i]
+    o = 3 + 3 * n
+    for k in range(s.shape[0]):
+        past[o + 3 * k] = (s_end[k] - s[k]) / h
+        st2(past, o + 3 * k + 1, 1, ld2(force, 2 * k, 1))
+
+
+@kernel
+def planar_update(ties, row_of, x, width, q, theta, dq):
+    """Add the solution x [rows, 3, width] (column 0) to the increments of a step. Returns the largest position increment and the
+    largest spin."""
+    largest = 0.0
+    spin = 0.0
+    for i in range(row_of.shape[0]):
+        o = 3 * width * row_of[i]
+        for c in range(2):
+            z = x[o + c * width]
+            dq[4 * i + c] += z
+            if abs(z) > largest or z != z:  # NaN stays: nothing is larger
+                largest = abs(z)
+        p = x[o + 2 * width]
+        theta[i] += (1.0 + 0.25 * theta[i] * theta[i]) * p
+        if abs(p) > spin or p != p:
+            spin = abs(p)
+        set_director(q, theta, dq, i)
+    if ties is not None:
+        tie_planar(ties, dq)
+        for k in range(ties.slave.shape[0]):
+            i = ties.slave[k]
+            for e in range(ties.start[i], ties.start[i + 1]):
+                if ties.kind[e] == 2:
+                    theta[i] = theta[ties.target[e]]
+    return largest, spin
+
+
+@kernel
+def add_planar_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
+    """Inertia of point masses and rigid bodies; rate: 2/h^2."""
+    for k in range(bodies.node.shape[0]):
+        q = 4 * bodies.node[k]
+        ro = 8 * bodies.row[k]
+        ko = 24 * bodies.block[k]
+        m = bodies.inertia[2 * k]
+        j = bodies.inertia[2 * k + 1]
+        f = j * ld2(u, q + 2, 1)
+        x = ld2(q_mid, q + 2, 1)
+        y = ld2(q_end, q + 2, 1)
+        add2(r_out, ro, 1, m * ld2(u, q, 1))
+        r_out[ro + 2] += cross2(x, f)
+        blocks_out[ko] += rate * m
+        blocks_out[ko + 9] += rate * m
+        blocks_out[ko + 18] += rate * j * dot(x, y) - 0.5 * dot(y, f)
+
+
+@kernel
+def turned(ties, e, u):
+    """a u + b J u of an entry."""
+    return ties.factor[2 * e] * u + ties.factor[2 * e + 1] * perp(u)
+
+
+@kernel
+def planar_arm(ties, e, q):
+    """Offset of an entry of kind 1."""
+    return turned(ties, e, ld2(q, 4 * ties.target[e] + 2, 1))
+
+
+@kernel
+def tie_planar(ties, x_out):
+    """Coordinates (or their increments or rates) of the tied nodes from those of their targets."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        x = zero2()
+        for e in range(ties.start[i], ties.start[i + 1]):
+            if ties.kind[e] == 2:
+                if ties.target[e] != i:
+                    st2(x_out, 4 * i + 2, 1, turned(ties, e, ld2(x_out, 4 * ties.target[e] + 2, 1)))
+            elif ties.kind[e] == 0:
+                x += ld2(x_out, 4 * ties.target[e], 1)
+            else:
+                x += planar_arm(ties, e, x_out)
+        st2(x_out, 4 * i, 1, x)
+
+
+@kernel
+def apply_planar_ties(ties, q_mid, q_end, r, blocks, scratch):
+    """As `ties.apply_ties`: rows and blocks of tied nodes to their targets."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 8 * ties.row[k]
+        f = ld2(r, o, 1)
+        m = r[o + 2]
+        for c in range(3):
+            r[o + c] = 0.0
+        for e in range(ties.start[i], ties.start[i + 1]):
+            t = 8 * ties.target_row[e]
+            if ties.kind[e] == 0:
+                add2(r, t, 1, f)
+            elif ties.kind[e] == 1:
+                r[t + 2] += cross2(planar_arm(ties, e, q_mid), f)
+                blocks[24 * ties.diagonal[e] + 18] -= 0.5 * dot(planar_arm(ties, e, q_end), f)
+            else:
+                r[t + 2] += m
+    for p in range(ties.moves.shape[0]):
+        source = 24 * ties.moves[p, 0]
+        ea = ties.moves[p, 1]
+        eb = ties.moves[p, 2]
+        to = 24 * ties.moves[p, 3]
+        # columns: scratch = K L_b
+        for i in range(3):
+            s = source + 8 * i
+            o = 8 * i
+            for j in range(3):
+                scratch[o + j] = 0.0
+            if eb < 0:
+                for j in range(3):
+                    scratch[o + j] = blocks[s + j]
+            elif ties.kind[eb] == 0:
+                st2(scratch, o, 1, ld2(blocks, s, 1))
+            elif ties.kind[eb] == 1:
+                scratch[o + 2] = cross2(planar_arm(ties, eb, q_end), ld2(blocks, s, 1))
+            else:
+                scratch[o + 2] = blocks[s + 2]
+        # rows: add L_a^T scratch
+        for j in range(3):
+            if ea < 0:
+                for i in range(3):
+                    blocks[to + 8 * i + j] += scratch[8 * i + j]
+            elif ties.kind[ea] == 0:
+                add2(blocks, to + j, 8, ld2(scratch, j, 8))
+            elif ties.kind[ea] == 1:
+                blocks[to + 16 + j] += cross2(planar_arm(ties, ea, q_mid), ld2(scratch, j, 8))
+            else:
+                blocks[to + 16 + j] += scratch[16 + j]
+
+
+@kernel
+def planar_pull(ties, q_mid, panel, width):
+    """Border columns on rows of tied nodes go to their targets."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 3 * width * ties.row[k]
+        for c in range(1, width):
+            f = ld2(panel, o + c, width)
+            m = panel[o + 2 * width + c]
+            for e in range(ties.start[i], ties.start[i + 1]):
+                t = 3 * width * ties.target_row[e] + c
+                if ties.kind[e] == 0:
+                    st2(panel, o + c, width, 0.0 * f)
+                    st2(panel, t, width, ld2(panel, t, width) + f)
+                elif ties.kind[e] == 1:
+                    panel[t + 2 * width] += cross2(planar_arm(ties, e, q_mid), f)
+                elif ties.target[e] != i:
+                    panel[o + 2 * width + c] = 0.0
+                    panel[t + 2 * width] += m
+
+
+@kernel
+def planar_push(ties, q_end, panel, width):
+    """Solutions on rows of tied nodes from their targets, all columns."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 3 * width * ties.row[k]
+        for c in range(width):
+            x = zero2()
+            for e in range(ties.start[i], ties.start[i + 1]):
+                t = 3 * width * ties.target_row[e] + c
+                if ties.kind[e] == 0:
+                    x += ld2(panel, t, width)
+                elif ties.kind[e] == 1:
+                    x += panel[t + 2 * width] * perp(planar_arm(ties, e, q_end))
+                elif ties.target[e] != i:
+                    panel[o + 2 * width + c] = panel[t + 2 * width]
+            st2(panel, o + c, width, x)

@@ -1,0 +1,161 @@
+"""Ties between nodes in space: coordinates of tied nodes, and their rows, columns and blocks brought to those they follow."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import add3, add_iso, add_matrix, cross, dot, ld3, outer, st3, zero3
+
+
+class Ties(NamedTuple):
+    """Nodes whose coordinates are linear in those of others: rigid and ball connections.
+
+    The position or the triad of slave k is the sum of its entries: kind 0, position of the target; kind 1, offset c
+    in the triad of the target; kind 2, triad of the target turned by a constant matrix.
+    """
+
+    slave: np.ndarray      # int64 [K]: node
+    row: np.ndarray        # int64 [K]
+    start: np.ndarray      # int64 [N + 1]: entries of every node; none for a free node
+    target: np.ndarray     # int64 [M]: node
+    target_row: np.ndarray  # int64 [M]
+    diagonal: np.ndarray   # int64 [M]: diagonal block of the target
+    kind: np.ndarray       # int64 [M]
+    offset: np.ndarray     # float64 [3 M]
+    rotation: np.ndarray   # float64 [9 M]: d_i = sum_j R_ij d_j of the target
+    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to
+
+
+@kernel
+def tie_coordinates(ties, x_out):
+    """Coordinates (or their increments or rates) of the tied nodes from those of their targets; linear, so one function
+    serves all three."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        e0 = ties.start[i]
+        e1 = ties.start[i + 1]
+        for e in range(e0, e1):
+            t = 12 * ties.target[e]
+            if ties.kind[e] == 2 and ties.target[e] != i:
+                for a in range(3):
+                    x = zero3()
+                    for b in range(3):
+                        x += ties.rotation[9 * e + 3 * a + b] * ld3(x_out, t + 3 + 3 * b, 1)
+                    st3(x_out, 12 * i + 3 + 3 * a, 1, x)
+        x = zero3()
+        for e in range(e0, e1):
+            t = 12 * ties.target[e]
+            if ties.kind[e] == 0:
+                x += ld3(x_out, t, 1)
+            elif ties.kind[e] == 1:
+                for b in range(3):
+                    x += ties.offset[3 * e + b] * ld3(x_out, t + 3 + 3 * b, 1)
+        st3(x_out, 12 * i, 1, x)
+
+
+@kernel
+def tie_arm(ties, e, q):
+    """Offset of an entry of kind 1 in space."""
+    t = 12 * ties.target[e]
+    x = zero3()
+    for b in range(3):
+        x += ties.offset[3 * e + b] * ld3(q, t + 3 + 3 * b, 1)
+    return x
+
+
+@kernel
+def apply_ties(ties, q_mid, q_end, r, blocks, scratch):
+    """Move residual rows and tangent blocks of tied nodes to their targets: r <- L(q_mid)^T r, K <- L(q_mid)^T K L(q_end),
+    plus the change of L with the target's spin."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 8 * ties.row[k]
+        f = ld3(r, o, 1)
+        m = ld3(r, o + 3, 1)
+        st3(r, o, 1, zero3())
+        st3(r, o + 3, 1, zero3())
+        for e in range(ties.start[i], ties.start[i + 1]):
+            t = 8 * ties.target_row[e]
+            if ties.kind[e] == 0:
+                add3(r, t, 1, f)
+            elif ties.kind[e] == 1:
+                add3(r, t + 3, 1, cross(tie_arm(ties, e, q_mid), f))
+                d = tie_arm(ties, e, q_end)
+                add_matrix(blocks, 48 * ties.diagonal[e] + 27, 8, 1, 0.5 * add_iso(outer(d, f), -dot(d, f)))
+            else:
+                add3(r, t + 3, 1, m)
+    for p in range(ties.moves.shape[0]):
+        source = 48 * ties.moves[p, 0]
+        ea = ties.moves[p, 1]
+        eb = ties.moves[p, 2]
+        to = 48 * ties.moves[p, 3]
+        # columns: scratch = K L_b
+        for i in range(6):
+            for j in range(6):
+                scratch[8 * i + j] = 0.0
+            s = source + 8 * i
+            if eb < 0:
+                for j in range(6):
+                    scratch[8 * i + j] = blocks[s + j]
+            elif ties.kind[eb] == 0:
+                st3(scratch, 8 * i, 1, ld3(blocks, s, 1))
+            elif ties.kind[eb] == 1:
+                st3(scratch, 8 * i + 3, 1, cross(tie_arm(ties, eb, q_end), ld3(blocks, s, 1)))
+            else:
+                st3(scratch, 8 * i + 3, 1, ld3(blocks, s + 3, 1))
+        # rows: add L_a^T scratch
+        for j in range(6):
+            if ea < 0:
+                for i in range(6):
+                    blocks[to + 8 * i + j] += scratch[8 * i + j]
+            elif ties.kind[ea] == 0:
+                add3(blocks, to + j, 8, ld3(scratch, j, 8))
+            elif ties.kind[ea] == 1:
+                add3(blocks, to + 24 + j, 8, cross(tie_arm(ties, ea, q_mid), ld3(scratch, j, 8)))
+            else:
+                add3(blocks, to + 24 + j, 8, ld3(scratch, j + 24, 8))
+
+
+@kernel
+def pull_tied_columns(ties, q_mid, panel, width):
+    """Border columns on rows of tied nodes go to their targets."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 6 * width * ties.row[k]
+        for c in range(1, width):
+            f = ld3(panel, o + c, width)
+            m = ld3(panel, o + 3 * width + c, width)
+            for e in range(ties.start[i], ties.start[i + 1]):
+                t = 6 * width * ties.target_row[e] + c
+                if ties.kind[e] == 0:
+                    st3(panel, o + c, width, 0.0 * f)
+                    st3(panel, t, width, ld3(panel, t, width) + f)
+                elif ties.kind[e] == 1:
+                    st3(panel, t + 3 * width, width, ld3(panel, t + 3 * width, width) + cross(tie_arm(ties, e, q_mid), f))
+                elif ties.target[e] != i:
+                    st3(panel, o + 3 * width + c, width, 0.0 * m)
+                    st3(panel, t + 3 * width, width, ld3(panel, t + 3 * width, width) + m)
+
+
+@kernel
+def push_tied_columns(ties, q_end, panel, width):
+    """Solutions on rows of tied nodes from their targets, all columns."""
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        o = 6 * width * ties.row[k]
+        for c in range(width):
+            for e in range(ties.start[i], ties.start[i + 1]):
+                t = 6 * width * ties.target_row[e] + c
+                if ties.kind[e] == 2 and ties.target[e] != i:
+                    st3(panel, o + 3 * width + c, width, ld3(panel, t + 3 * width, width))
+            x = ld3(panel, o + c, width)
+            x = x - x
+            for e in range(ties.start[i], ties.start[i + 1]):
+                t = 6 * width * ties.target_row[e] + c
+                if ties.kind[e] == 0:
+                    x += ld3(panel, t, width)
+                elif ties.kind[e] == 1:
+                    x -= cross(tie_arm(ties, e, q_end), ld3(panel, t + 3 * width, width))
+            st3(panel, o + c, width, x)

@@ -1,0 +1,308 @@
+"""Scenes that stay in a plane: found from the compiled tables, and the same tables with 3 unknowns a node (theory.md 10)."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .kernels.beam import ElementTables
+from .kernels.blocks import THREE
+from .kernels.inner import Inner
+from .kernels.nodes import Bodies, Held
+from .kernels.planar_beam import planar_group_size
+from .kernels.planar_nodes import PlanarBodies, PlanarTies
+from .kernels.ties import Ties
+from .kernels.work import State
+
+if TYPE_CHECKING:
+    from .model import Model
+
+Array = np.ndarray
+# what may point out of the plane, relative to everything of its kind
+TOLERANCE = 1e-12
+AXES = "xyz"
+
+
+class NotPlanar(Exception):
+    """Why a scene has to be run in space."""
+
+
+@dataclass
+class Plane:
+    """The plane of a scene and its tables.
+
+    Attributes
+    ----------
+    axes : float64 [3, 3]
+        Two axes in the plane and its normal, by rows.
+    height : float
+        Of all nodes along the normal, m.
+    factor : complex128 [N, 3]
+        Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
+    normal : float64 [N, 3]
+        Constant component of the directors along the normal.
+    model : Model
+        With 4 coordinates a node, x, y and u, and 3 unknowns.
+    """
+
+    axes: Array
+    height: float
+    factor: Array
+    normal: Array
+    model: Any = None
+
+    @property
+    def label(self) -> str:
+        """Text for `print(model)`."""
+        k = np.flatnonzero(self.axes[2] == 1.0)
+        if k.size:
+            return "plane normal to " + AXES[k[0]]
+        return "plane with normal (" + ", ".join(f"{x:.3g}" for x in self.axes[2]) + ")"
+
+    def reduce(self, state: State) -> State:
+        """Coordinates in the plane."""
+        n = len(self.factor)
+        flat = [_complex(x.reshape(n, 4, 3), self.axes) for x in (state.q, state.v)]
+        # u from the director that lies best in the plane
+        k = np.argmax(np.abs(self.factor), axis=1)
+        at = np.arange(n)
+        q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
+        force = _complex(state.force.reshape(-1, 3), self.axes)
+        return State(_numbers(q), _numbers(v), state.s.copy(), _numbers(force))
+
+    def expand(self, flat: State) -> State:
+        """Coordinates in space."""
+        n = len(self.factor)
+        out = []
+        for x, height, normal in ((flat.q, self.height, self.normal), (flat.v, 0.0, 0.0 * self.normal)):
+            z = x.reshape(n, 2, 2) @ np.array([1.0, 1j])
+            place = np.concatenate((z[:, :1], self.factor * z[:, 1:]), axis=1)
+            up = np.concatenate((np.full((n, 1), height), normal), axis=1)
+            out.append((_vectors(place, self.axes) + up[:, :, None] * self.axes[2]).reshape(-1))
+        return State(out[0], out[1], flat.s.copy(), self.forces(flat.force))
+
+    def forces(self, force: Array) -> Array:
+        """Contact forces [..., 2 S] in space, [..., 3 S]."""
+        z = force.reshape(*force.shape[:-1], -1, 2) @ np.array([1.0, 1j])
+        return _vectors(z, self.axes).reshape(*force.shape[:-1], -1)
+
+    def holds(self, state: State) -> bool:
+        """Whether a state lies in the plane."""
+        try:
+            _check_state(state.q, state.v, self, float(np.max(np.abs(self.model.length))))
+        except NotPlanar:
+            return False
+        force = state.force.reshape(-1, 3)
+        return bool(np.all(np.abs(force @ self.axes[2]) <= TOLERANCE * np.max(np.abs(force), initial=1e-300)))
+
+
+def _complex(x: Array, axes: Array) -> Array:
+    return x @ axes[0] + 1j * (x @ axes[1])
+
+
+def _numbers(z: Array) -> Array:
+    return np.stack((z.real, z.imag), axis=-1).reshape(-1)
+
+
+def _vectors(z: Array, axes: Array) -> Array:
+    return z.real[..., None] * axes[0] + z.imag[..., None] * axes[1]
+
+
+def find_plane(model: Model) -> tuple[Plane | None, str]:
+    """The plane in which a model stays, with its tables; or None and the reason."""
+    try:
+        plane = _plane_of(model)
+        plane.model = _reduced(model, plane)
+    except NotPlanar as reason:
+        return None, str(reason)
+    return plane, ""
+
+
+def _plane_of(model: Model) -> Plane:
+    q, v = model.q0.reshape(-1, 4, 3), model.v0.reshape(-1, 4, 3)
+    rows = model.loads.reshape(-1, model.n_nodes + 1, 8)
+    within = [q[1:, 0] - q[0, 0], v[:, 0], model.gravity[None], *rows[:, :, :3]]
+    across = [np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), *rows[:, :, 3:6]]
+    normal = _normal(within, across, q[0, 1:])
+    axes = _axes(normal)
+    normal = axes[2]
+    names = ["a load"] * (len(within) - 3)
+    for x, what in zip(within, ["the nodes", "initial velocities", "gravity", *names]):
+        if np.any(np.abs(x @ normal) > TOLERANCE * np.max(np.linalg.norm(x, axis=1), initial=0.0)):
+            raise NotPlanar(f"{what} not in one plane")
+    for x, what in zip(across, ["initial spins", *["the moment of a load"] * len(rows)]):
+        if np.any(np.abs(x - (x @ normal)[:, None] * normal) > TOLERANCE * np.max(np.linalg.norm(x, axis=1), initial=0.0)):
+            raise NotPlanar(f"{what} not about the normal")
+    flat = _complex(q[:, 1:], axes)
+    # u is the director that lies best in the plane, the first of equals: d1 of a beam
+    k = np.argmax(np.round(np.abs(flat), 9), axis=1)
+    u = flat[np.arange(len(q)), k]
+    factor = flat * (np.conj(u) / np.abs(u))[:, None]
+    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal))
+    _check_state(model.q0, model.v0, plane, model.length)
+    beam = model.numbers.rank == 3
+    if np.any(k[beam] != 0) or np.any(np.abs(plane.normal[beam, 0]) > TOLERANCE):
+        raise NotPlanar("a section does not stand upright on the plane")
+    return plane
+
+
+def _snapped(x: Array) -> Array:
+    """0, 1 and -1 where round-off is all that is missing."""
+    if np.iscomplexobj(x):
+        return _snapped(x.real) + 1j * _snapped(x.imag)
+    near = np.round(x)
+    return np.where(np.abs(x - near) < 1e-14, near, x)
+
+
+def _normal(within: list[Array], across: list[Array], triad: Array) -> Array:
+    """Of the plane that holds the vectors `within`, whose normal has the direction of those `across`."""
+    for x in across:
+        size = np.linalg.norm(x, axis=1)
+        if np.any(size > 0.0):
+            return x[np.argmax(size)] / np.max(size)
+    scaled = [x / np.max(np.linalg.norm(x, axis=1)) for x in within if np.any(x)]
+    if not scaled:
+        raise NotPlanar("a single point")
+    _, size, directions = np.linalg.svd(np.concatenate(scaled), full_matrices=True)
+    if size.size > 1 and size[1] > 1e-9 * size[0]:
+        return directions[2]
+    # everything on one line: any plane through it that the first triad allows
+    for d in triad[::-1]:
+        if abs(d @ directions[0]) < TOLERANCE:
+            return d
+    raise NotPlanar("a section does not stand upright on the plane")
+
+
+def _axes(normal: Array) -> Array:
+    """Two axes and the normal; coordinate axes where the normal is one."""
+    k = int(np.argmax(np.abs(normal)))
+    if abs(abs(normal[k]) - 1.0) < 1e-14:
+        return np.eye(3)[[(k + 1) % 3, (k + 2) % 3, k]]
+    first = np.eye(3)[np.argmin(np.abs(normal))]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.stack((first, np.cross(normal, first), normal))
+
+
+def _check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
+    n = plane.axes[2]
+    q, v = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
+    size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))
+    speed = float(np.max(np.abs(v), initial=0.0))
+    if np.any(np.abs(q[:, 0] @ n - plane.height) > TOLERANCE * size) or np.any(np.abs(v @ n) > TOLERANCE * speed):
+        raise NotPlanar("a node leaves the plane")
+    if np.any(np.abs(q[:, 1:] @ n - plane.normal) > TOLERANCE):
+        raise NotPlanar("a triad is turned out of the plane")
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+def _reduced(model: Model, plane: Plane) -> Model:
+    axes = plane.axes
+    state = plane.reduce(model.state())
+    loads = np.zeros_like(model.loads)
+    if loads.size:
+        rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
+        out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
+    return replace(
+        model, simo=_elements(model.simo, plane), green=_elements(model.green, plane), inner=_inner(model.inner),
+        bodies=_bodies(model.bodies, plane), ties=_ties(model.ties, plane, state), held=_held(model.held), loads=loads, q0=state.q,
+        v0=state.v, size=THREE, plane=None)
+
+
+def _elements(tables: ElementTables | None, plane: Plane) -> ElementTables | None:
+    """With the angle t of d2 against J d1 the strains of space are T (stretch, shear, curvature)."""
+    if tables is None:
+        return None
+    meta = tables.meta.copy()
+    tab, at = [], 0
+    for nn, nq in np.unique(meta[:, :2], axis=0).tolist():
+        some = np.flatnonzero((meta[:, 0] == nn) & (meta[:, 1] == nq))
+        old = 8 * (36 + 3 + 2 * nn * nn) + nq * 8 * (7 + 3 * nn)
+        lanes = tables.tab[meta[some, 2, None] + np.arange(old)].reshape(len(some), -1, 8)
+        nodes = tables.nodes[meta[some, 3, None] + np.arange(8 * nn)].reshape(-1, nn, 8)
+        # [group, node, lane]: d2 = cos J u + sin n
+        cos, sin = plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
+        if np.any(np.abs(cos - cos[:, :1]) > TOLERANCE) or np.any(np.abs(sin - sin[:, :1]) > TOLERANCE):
+            raise NotPlanar("a twisted beam")
+        c, s = cos[:, 0], sin[:, 0]
+        zero, one = np.zeros_like(c), np.ones_like(c)
+        within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
+                           [zero, zero, c]]).transpose(2, 3, 0, 1)
+        beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
+                           [zero, zero, -s]]).transpose(2, 3, 0, 1)
+        C = lanes[:, :36].reshape(-1, 6, 6, 8).transpose(0, 3, 1, 2)
+        inner, outer, cross = (np.einsum("glia,glij,gljb->glab", x, C, y)
+                               for x, y in ((within, within), (beyond, beyond), (beyond, within)))
+        scale = np.einsum("glaa,glbb->glab", outer, inner)
+        if np.any(cross**2 > TOLERANCE**2 * scale):
+            raise NotPlanar("a section couples strains in the plane with others")
+        points = lanes[:, 36:36 + nq * (7 + 3 * nn)].reshape(-1, nq, 7 + 3 * nn, 8)
+        e0 = points[:, :, 1 + 3 * nn:].transpose(0, 1, 3, 2)
+        if np.any(np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))):
+            raise NotPlanar("a beam that is curved or twisted out of the plane")
+        rho, i2, i3 = (lanes[:, 36 + nq * (7 + 3 * nn) + k] for k in range(3))
+        if np.any(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3)):
+            raise NotPlanar("section inertia that is oblique to the plane")
+        strains = np.einsum("glia,gpli->gpla", within, e0).transpose(0, 1, 3, 2)
+        fresh = np.concatenate((points[:, :, :1 + 3 * nn], strains), axis=2).reshape(len(some), -1, 8)
+        inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
+        masses = lanes[:, 36 + nq * (7 + 3 * nn) + 3:]
+        flat = np.concatenate((inner.reshape(-1, 8, 9).transpose(0, 2, 1), fresh, inertia, masses), axis=1).reshape(len(some), -1)
+        size = planar_group_size(nn, nq)
+        assert flat.shape[1] == size
+        meta[some, 2] = at + size * np.arange(len(some))
+        tab.append(flat.reshape(-1))
+        at += flat.size
+    meta[:, 6] = np.where(meta[:, 6] >= 0, meta[:, 6] // 4, -1)
+    return ElementTables(meta, np.concatenate(tab), tables.nodes, tables.rows, tables.blocks)
+
+
+def _inner(inner: Inner | None) -> Inner | None:
+    """Factors take a quarter of the room."""
+    if inner is None:
+        return None
+    where = inner.where.copy()
+    lane = where[:, 0] % 8
+    where[:, 0] = (where[:, 0] - lane) // 4 + lane
+    return inner._replace(store=np.zeros(inner.store.size // 4), where=where)
+
+
+def _bodies(bodies: Bodies | None, plane: Plane) -> PlanarBodies | None:
+    if bodies is None:
+        return None
+    tensor = bodies.inertia.reshape(-1, 4, 4)
+    factor, normal = plane.factor[bodies.node], plane.normal[bodies.node]
+    own = tensor[:, 1:, 1:]
+    about = np.einsum("ki,kij,kj->k", factor, own, factor.conj()).real
+    tilt = np.abs(np.einsum("ki,kij,kj->k", normal, own, factor))
+    if np.any(tilt > TOLERANCE * np.trace(own, axis1=1, axis2=2)):
+        raise NotPlanar("a rigid body whose principal axes are oblique to the plane")
+    return PlanarBodies(bodies.node, bodies.row, bodies.block, np.stack((tensor[:, 0, 0], about), axis=1).reshape(-1))
+
+
+def _ties(ties: Ties | None, plane: Plane, state: State) -> PlanarTies | None:
+    if ties is None:
+        return None
+    offset = ties.offset.reshape(-1, 3)
+    arm = np.einsum("ei,ei->e", offset, plane.factor[ties.target])
+    up = np.einsum("ei,ei->e", offset, plane.normal[ties.target])
+    if np.any(np.abs(up) > TOLERANCE * max(float(np.max(np.abs(offset), initial=0.0)), 1e-300)):
+        raise NotPlanar("a connection with an offset out of the plane")
+    u = state.q.reshape(-1, 2, 2)[:, 1] @ np.array([1.0, 1j])
+    slave = np.repeat(np.arange(len(ties.start) - 1), np.diff(ties.start))
+    turn = _snapped(u[slave] * np.conj(u[ties.target]))
+    factor = np.where(ties.kind == 2, turn, arm)
+    return PlanarTies(ties.slave, ties.row, ties.start, ties.target, ties.target_row, ties.diagonal, ties.kind, _numbers(factor),
+                      ties.moves)
+
+
+def _held(held: Held | None) -> Held | None:
+    """Positions are held whole, and so are triads."""
+    if held is None:
+        return None
+
+    def flat(mask: Array) -> Array:
+        return (mask & 3) | ((mask >> 3) & 4)
+
+    return Held(held.row, flat(held.mask), held.diagonal, held.block, flat(held.row_mask), flat(held.column_mask))
