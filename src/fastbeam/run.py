@@ -4,6 +4,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from os import PathLike
 from typing import Any
 
@@ -154,7 +155,7 @@ class _Run:
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
-            "conserved": _conserved(model), "unknowns": model.n_unknowns, "versions": _versions()}
+            "conserved": _conserved(model), "unknowns": model.n_unknowns, "versions": dict(_versions())}
         header = observer.header(self.info)
         self.memory = ResultBuffer(header)
         self.writer: Any = None
@@ -348,6 +349,7 @@ def _tied_rows(model: Model) -> Array:
     return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
 
 
+@cache
 def _versions() -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, version
     out = {"python": sys.version.split()[0]}
