@@ -203,105 +203,84 @@ def point_stiffness(tab, co, to, nn, coupled, green, scratch, z_mid, z_end, qo, 
     """Everything of one point that the node pairs share, from po on: TT (9), per node rows of the midpoint (18), stiffness times
     rows of the end (18), rotation-translation RT (9) and translation-rotation TR (9)."""
     nt = 3 if green is None else 6
+    nc = 6 if coupled else nt
     tm = po + 8 * (9 + 54 * nn)
     te = tm + 144
+    # room behind z_mid and z_end: rows of the end of one node, stiffness times translation rows of the end
+    re = z_mid + 504
+    ct = re + 144
     translation_rows(scratch, z_mid, green, tm)
     translation_rows(scratch, z_end, green, te)
     half_w = 0.5 * vld(tab, to, 0)
-    tt = vzerom()
-    # C t_end, kept in place of z_end which is no longer needed after the rotation rows
+    if coupled:
+        multiply_rows(tab, co, half_w, nt, scratch, te, ct)
+    else:
+        for i in range(nt):
+            vst3(scratch, ct + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, te + 24 * i, 8))
     for a in range(nn):
         t = to + 8 + 24 * a
         n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
         b = po + 72 + 432 * a
+        cb = b + 144
         rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, green, b)
-        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, green, z_mid + 504)
-        for i in range(6):
-            j0 = 0 if coupled else i
-            j1 = 6 if coupled else i + 1
-            x = vzero3()
-            for j in range(j0, j1):
-                x += (half_w * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, z_mid + 504 + 24 * j, 8)
-            vst3(scratch, b + 144 + 24 * i, 8, x)
-    for a in range(nn):
-        b = po + 72 + 432 * a
-        rt = vzerom()
+        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, green, re)
+        if coupled:
+            multiply_rows(tab, co, half_w, 6, scratch, re, cb)
+        else:
+            for i in range(6):
+                vst3(scratch, cb + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, re + 24 * i, 8))
         tr = vzerom()
-        for i in range(6):
-            if i < nt:
-                tr += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, b + 144 + 24 * i, 8))
-        for i in range(6):
-            j0 = 0 if coupled else i
-            j1 = nt if coupled else min(i + 1, nt)
-            for j in range(j0, j1):
-                c = half_w * vld(tab, co + 48 * i + 8 * j, 0)
-                rt += outer(c * vld3(scratch, b + 24 * i, 8), vld3(scratch, te + 24 * j, 8))
-        vstm(scratch, b + 288, 8, rt)
+        for i in range(nt):
+            tr += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, cb + 24 * i, 8))
         vstm(scratch, b + 360, 8, tr)
+        rt = vzerom()
+        for i in range(nc):
+            rt += outer(vld3(scratch, b + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
+        vstm(scratch, b + 288, 8, rt)
+    tt = vzerom()
     for i in range(nt):
-        j0 = 0 if coupled else i
-        j1 = nt if coupled else i + 1
-        for j in range(j0, j1):
-            c = half_w * vld(tab, co + 48 * i + 8 * j, 0)
-            tt += outer(c * vld3(scratch, tm + 24 * i, 8), vld3(scratch, te + 24 * j, 8))
+        tt += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
     if green is not None:
         tt = add_iso(tt, 0.5 * vld(scratch, so, 0))
     vstm(scratch, po, 8, tt)
 
 
 @kernel
+def multiply_rows(tab, co, factor, n, scratch, rows, out):
+    """factor times C times n vectors (those behind are zero) for a coupled section: six vectors."""
+    for i in range(6):
+        x = vzero3()
+        for j in range(n):
+            x += (factor * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
+        vst3(scratch, out + 24 * i, 8, x)
+
+
+@kernel
 def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, qa, qb, green, ko):
     """The 6 x 6 block of nodes a, b: material part from the shared matrices, geometric part from the stresses, `rate` (2/h^2 or
     None) times the projected mass, theory.md (4.1), (4.2); qa, qb: mid coordinates of a and end coordinates of b."""
-    # three passes over the points: more than 9 accumulators of 8 lanes at a time do not stay in registers
+    # a pass over the points for each quarter: more than 12 accumulators of 8 lanes and their factors do not stay in registers
+    a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
+    b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
     krr = vzerom()
+    e4 = vzero(); e5 = vzero(); e6 = vzero()
     for g in range(nq):
+        t = to0 + pt * g + 8
+        so = so0 + ps * g
         ba = po0 + ps * g + 72 + 432 * a
         bb = po0 + ps * g + 216 + 432 * b
         for i in range(6):
             krr += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 24 * i, 8))
-    ktt = vzerom(); ktr = vzerom(); krt = vzerom()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        po = po0 + ps * g
-        pa = vld(tab, t + 24 * a, 0)
-        pb = vld(tab, t + 24 * b, 0)
-        ktt += (pa * pb) * vldm(scratch, po, 8)
-        krt += pb * vldm(scratch, po + 360 + 432 * a, 8)
-        ktr += pa * vldm(scratch, po + 432 + 432 * b, 8)
-    # geometric part: sums of stress times basis products over the points
-    h1 = vzero(); h2 = vzero(); h3 = vzero(); g1 = vzero(); g2 = vzero(); g3 = vzero()
-    e4 = vzero(); e5 = vzero(); e6 = vzero()
-    for g in range(nq):
-        t = to0 + pt * g
-        ta = t + 8 + 24 * a
-        tb = t + 8 + 24 * b
-        so = so0 + ps * g
-        pa = vld(tab, ta, 0); na = vld(tab, ta + 8, 0); da = vld(tab, ta + 16, 0)
-        pb = vld(tab, tb, 0); nb = vld(tab, tb + 8, 0); db = vld(tab, tb + 16, 0)
-        s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
-        twist = da * nb - na * db
+        twist = vld(tab, t + 24 * a + 16, 0) * vld(tab, t + 24 * b + 8, 0)
+        twist -= vld(tab, t + 24 * a + 8, 0) * vld(tab, t + 24 * b + 16, 0)
         e4 += vld(scratch, so + 24, 0) * twist
         if green is None:
-            s1 = vld(scratch, so, 0)
-            h1 += (pa * nb) * s1; h2 += (pa * nb) * s2; h3 += (pa * nb) * s3
-            g1 += (na * pb) * s1; g2 += (na * pb) * s2; g3 += (na * pb) * s3
             e5 += vld(scratch, so + 32, 0) * twist
             e6 += vld(scratch, so + 40, 0) * twist
-        else:
-            s5 = vld(scratch, so + 32, 0); s6 = vld(scratch, so + 40, 0)
-            h2 += pa * (nb * s2 - db * s6); h3 += pa * (nb * s3 + db * s5)
-            g2 += pb * (na * s2 - da * s6); g3 += pb * (na * s3 + da * s5)
-    a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
-    b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
-    v = h2 * b2 + h3 * b3
-    u = g2 * a2 + g3 * a3
     # directors against directors: sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal
     q4 = 0.25 * e4
     if green is None:
         a1 = vld3(scratch, qa + 24, 8); b1 = vld3(scratch, qb + 24, 8)
-        v += h1 * b1
-        u += g1 * a1
         q5 = 0.25 * e5; q6 = 0.25 * e6
         w1 = q6 * a2 - q5 * a3
         w2 = q4 * a3 - q6 * a1
@@ -313,17 +292,59 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
         w3 = -1.0 * (q4 * a2)
         iso = vzero()
     if rate is not None:
-        m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
         md = rate * vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
-        ktt = add_iso(ktt, m * vld(tab, mo, 0))
         w2 -= (md * vld(tab, mo + 8, 0)) * a2
         w3 -= (md * vld(tab, mo + 16, 0)) * a3
-    krr += outer(b2, w2) + outer(b3, w3)
+    krr += outer(b2, w2)
+    krr += outer(b3, w3)
     iso += dot(b2, w2) + dot(b3, w3)
-    vst_matrix(scratch, ko, 48, 8, ktt)
-    vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
-    vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
     vst_matrix(scratch, ko + 168, 48, 8, add_iso(krr, -1.0 * iso))
+    # position against rotation, with the sums of stress times basis products
+    ktr = vzerom()
+    h1 = vzero(); h2 = vzero(); h3 = vzero()
+    for g in range(nq):
+        t = to0 + pt * g + 8
+        so = so0 + ps * g
+        pa = vld(tab, t + 24 * a, 0); nb = vld(tab, t + 24 * b + 8, 0)
+        ktr += pa * vldm(scratch, po0 + ps * g + 432 + 432 * b, 8)
+        pn = pa * nb
+        h2 += pn * vld(scratch, so + 8, 0); h3 += pn * vld(scratch, so + 16, 0)
+        if green is None:
+            h1 += pn * vld(scratch, so, 0)
+        else:
+            pd = pa * vld(tab, t + 24 * b + 16, 0)
+            h2 -= pd * vld(scratch, so + 40, 0); h3 += pd * vld(scratch, so + 32, 0)
+    v = h2 * b2 + h3 * b3
+    if green is None:
+        v += h1 * vld3(scratch, qb + 24, 8)
+    vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
+    # rotation against position
+    krt = vzerom()
+    g1 = vzero(); g2 = vzero(); g3 = vzero()
+    for g in range(nq):
+        t = to0 + pt * g + 8
+        so = so0 + ps * g
+        na = vld(tab, t + 24 * a + 8, 0); pb = vld(tab, t + 24 * b, 0)
+        krt += pb * vldm(scratch, po0 + ps * g + 360 + 432 * a, 8)
+        pn = na * pb
+        g2 += pn * vld(scratch, so + 8, 0); g3 += pn * vld(scratch, so + 16, 0)
+        if green is None:
+            g1 += pn * vld(scratch, so, 0)
+        else:
+            dp = vld(tab, t + 24 * a + 16, 0) * pb
+            g2 -= dp * vld(scratch, so + 40, 0); g3 += dp * vld(scratch, so + 32, 0)
+    u = g2 * a2 + g3 * a3
+    if green is None:
+        u += g1 * vld3(scratch, qa + 24, 8)
+    vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
+    # position against position
+    ktt = vzerom()
+    for g in range(nq):
+        t = to0 + pt * g + 8
+        ktt += (vld(tab, t + 24 * a, 0) * vld(tab, t + 24 * b, 0)) * vldm(scratch, po0 + ps * g, 8)
+    if rate is not None:
+        ktt = add_iso(ktt, rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0) * vld(tab, mo, 0))
+    vst_matrix(scratch, ko, 48, 8, ktt)
 
 
 @kernel
