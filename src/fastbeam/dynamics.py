@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.step import OK, SLIDER_END, State
+from .kernels.step import BORDER_SINGULAR, OK, SLIDER_END, State
 from .newton import MEANING, Outcome, Stepper
 
 Array = np.ndarray
@@ -38,10 +38,15 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
         gaps = np.abs(stepper.contact.residual[:, :3]).max(axis=1)
         k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
         worst += f", slider {model.names['sliders'][k]!r} (gap {gaps[k]:.3g} m, sliding {stepper.contact.residual[k, 3]:.3g} N)"
-    sizes = [float(x) for x in outcome.sizes if x != 0.0]
+    sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
+    meaning = MEANING.get(outcome.status, "failed")
+    if outcome.status == BORDER_SINGULAR:
+        # a negative size stands for the slider
+        slider = int(-min(outcome.sizes)) - 1
+        meaning = meaning.replace("a slider", f"slider {model.names['sliders'][slider]!r}")
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     return ConvergenceError(
-        f"step {step} at t = {t:.6g} s: {MEANING.get(outcome.status, 'failed')}; increments {shown or 'none'}; "
+        f"step {step} at t = {t:.6g} s: {meaning}; increments {shown or 'none'}; "
         f"largest at {worst}; the last good state is in .state, everything computed in .result. Try a smaller step, or step "
         "control with tolerance=...",
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())

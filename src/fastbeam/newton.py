@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ._jit import announce_first_use
-from .arguments import count
+from .arguments import count, number
 from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.slider import BORDER
@@ -16,9 +16,12 @@ from .methods import Method, empty_rates, start_rates
 from .model import Model
 
 Array = np.ndarray
+# of theory.md (5.5), chosen by docs/stress.md
+AUGMENTATION = 1e6
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
-           BORDER_SINGULAR: "the equations of a slider are singular", NOT_FINITE: "the Newton iteration diverged"}
+           BORDER_SINGULAR: "the equations of a slider are singular: supports, connections or other sliders hold it already",
+           NOT_FINITE: "the Newton iteration diverged"}
 
 
 @dataclass
@@ -60,15 +63,18 @@ class Stepper:
         Time of the state, s; some methods need the loads there.
     memory : float64, optional
         As `memory` gave it; default: consistent with the state.
+    augmentation : float
+        Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
 
     Raises
     ------
     SceneError
-        The state is not one of this model, or max_iterations or backend is not usable.
+        The state is not one of this model, or max_iterations, backend or augmentation is not usable.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
-                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None) -> None:
+                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
+                 augmentation: float = AUGMENTATION) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
@@ -79,6 +85,10 @@ class Stepper:
         self.work = model.work()
         self.inner = model.inner_work()
         self.contact = model.contact()
+        self.augmentation = number("augmentation", augmentation)
+        if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
+            raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
+                             f"is {AUGMENTATION:g}")
         self.linear = LinearSystem(model.pattern, 1 + BORDER * model.n_sliders, backend)
         self.method = method
         self.alpha = empty_rates(method, model.n_nodes)
@@ -149,6 +159,7 @@ class Stepper:
     def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.model
+        self._augment(h)
         counts = np.zeros(4, np.int64)
         sizes = np.zeros(self.max_iterations)
         force = np.zeros((2, 3 * model.n_sliders))
@@ -184,6 +195,17 @@ class Stepper:
             return result if pivoting.status != SLIDER_END else pivoting.after(result)
         self.linear.fallbacks += 1
         return pivoting.after(result)
+
+    def _augment(self, h: float) -> None:
+        """Settings of the augmented Lagrangian for steps of size h."""
+        if self.contact is None:
+            return
+        model = self.model
+        least = 1e-14 * (h * float(np.min(np.abs(self.weights))))**2 / max(float(model.gravity_weight.sum()), 1e-300)
+        # a gap is a difference of coordinates: their last digits remain
+        allowed = 1e-14 * model.length + 1e-15 * float(np.max(np.abs(self.state.q)))
+        share = 1.0 / self.augmentation if self.augmentation else 0.0
+        self.contact.augmented[:] = share, least, allowed, 0.0
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""
@@ -228,12 +250,12 @@ class Stepper:
             if not self.inner_is_regular or not solve_panel(self.linear, model, work):
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
             size = kernels.update_step(self.inner, model.ties, contact, row_of, state, work, width, model.length)
+            sizes.append(size)
             if size < 0.0:
                 return BORDER_SINGULAR, np.array(sizes)
-            sizes.append(size)
             if not size < 1e6:
                 return NOT_FINITE, np.array(sizes)
-            if kernels.has_converged(size, before, 1e-9):
+            if kernels.has_converged(size, before, 1e-9) and kernels.gaps_are_closed(contact):
                 return OK, np.array(sizes)
             before = size
         return NOT_CONVERGED, np.array(sizes)

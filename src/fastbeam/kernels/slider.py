@@ -58,6 +58,8 @@ class Contact(NamedTuple):
     corner: np.ndarray      # float64 [S, 64]
     residual: np.ndarray    # float64 [S, 8]
     element: np.ndarray     # int64 [S]: element of s_n, a hint
+    compliance: np.ndarray  # float64 [S]: 1/r of the augmented Lagrangian in the last iteration, theory.md (5.5)
+    augmented: np.ndarray   # float64 [4]: 1/factor, least compliance of the parts, gap that is allowed to remain, gap that remains
 
 
 @kernel
@@ -353,9 +355,29 @@ def clear_held(held, width, panel):
 
 
 @kernel
+def augment(contact, k, schur):
+    """Add 1/r to the compliance of the parts that slider k joins, theory.md (5.5); False where its force moves neither."""
+    o = BORDER * k
+    share = contact.augmented[0]
+    largest = max(abs(schur[o, o]), abs(schur[o + 1, o + 1]), abs(schur[o + 2, o + 2]))
+    contact.compliance[k] = share * largest
+    for i in range(o, o + 3):
+        schur[i, i] += contact.compliance[k]
+    return share == 0.0 or largest > contact.augmented[1]
+
+
+@kernel
+def gaps_are_closed(contact):
+    """Whether the augmented Lagrangian of the last iteration leaves no gap."""
+    if contact is not None:
+        return contact.augmented[3] <= contact.augmented[2]
+    return True
+
+
+@kernel
 def solve_border(contact, panel, n_rows, width, schur, y_out):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
-    panel and the border unknowns in y_out; returns False where the complement is singular."""
+    panel and the border unknowns in y_out; returns -1, or a slider that makes the complement singular."""
     n = BORDER * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
         for i in range(BORDER):
@@ -375,26 +397,33 @@ def solve_border(contact, panel, n_rows, width, schur, y_out):
                         y_out[row] += line * panel[o]
                         for j in range(n):
                             schur[row, j] -= line * panel[o + 1 + j]
-    if not solve_dense(schur, y_out, n):
-        return False
+        if not augment(contact, k, schur):
+            return k
+    singular = solve_dense(schur, y_out, n)
+    if singular >= 0:
+        return singular // BORDER
+    contact.augmented[3] = 0.0
+    for k in range(contact.entries.shape[0]):
+        for i in range(BORDER * k, BORDER * k + 3):
+            contact.augmented[3] = max(contact.augmented[3], contact.compliance[k] * abs(y_out[i]))
     for i in range(6 * n_rows):
         o = i * width
         x = -panel[o]
         for j in range(n):
             x -= panel[o + 1 + j] * y_out[j]
         panel[o] = x
-    return True
+    return -1
 
 
 @kernel
 def solve_dense(a, y, n):
-    """Gauss elimination with row scaling and row exchange; False where a pivot vanishes."""
+    """Gauss elimination with row scaling and row exchange. Returns -1, or the number of the row or unknown whose pivot vanishes."""
     for i in range(n):
         t = 0.0
         for j in range(n):
             t = max(t, abs(a[i, j]))
         if not t > 0.0:
-            return False
+            return i
         for j in range(n):
             a[i, j] /= t
         y[i] /= t
@@ -404,7 +433,7 @@ def solve_dense(a, y, n):
             if abs(a[i, k]) > abs(a[m, k]):
                 m = i
         if not abs(a[m, k]) > 1e-300:
-            return False
+            return k
         if m != k:
             for j in range(n):
                 t = a[k, j]; a[k, j] = a[m, j]; a[m, j] = t
@@ -419,4 +448,4 @@ def solve_dense(a, y, n):
         for j in range(i + 1, n):
             y[i] -= a[i, j] * y[j]
         y[i] /= a[i, i]
-    return True
+    return -1

@@ -15,7 +15,7 @@ from .chain import factor, solve
 from .inner import eliminate_columns, pull_tied_columns, push_tied_columns, put_inner_rhs, recover_inner
 from .nodes import (add_bodies, advance, apply_held, apply_ties, extrapolation, predict, remember, spread, tie_coordinates,
                     update_nodes)
-from .slider import add_sliders, clear_held, fill_panel, predict_sliders, solve_border
+from .slider import add_sliders, clear_held, fill_panel, gaps_are_closed, predict_sliders, solve_border
 from .sparse import solve_sparse
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
@@ -167,12 +167,13 @@ def complete_panel(inner, ties, width, work):
 @kernel
 def update_step(inner, ties, contact, row_of, state, work, width, length):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
-    increment relative to `length`, or -1 where the border is singular."""
+    increment relative to `length`, or -1 - k where slider k makes the border singular."""
     slide = 0.0
     complete_panel(inner, ties, width, work)
     if contact is not None:
-        if not solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y):
-            return -1.0
+        singular = solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y)
+        if singular >= 0:
+            return -1.0 - singular
         for k in range(state.s.shape[0]):
             for c in range(3):
                 state.force[3 * k + c] += work.y[7 * k + c]
@@ -325,7 +326,7 @@ def run(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle
                 if not size < 1e6:
                     status = NOT_FINITE
                     break
-                if has_converged(size, before, 1e-9):
+                if has_converged(size, before, 1e-9) and gaps_are_closed(contact):
                     status = OK
                     break
                 before = size
