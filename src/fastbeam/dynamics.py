@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.step import BORDER_SINGULAR, OK, SLIDER_END, State
+from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, OK, SLIDER_END, State
 from .newton import MEANING, Outcome, Stepper
 
 Array = np.ndarray
@@ -39,17 +39,27 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
         k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
         worst += f", slider {model.names['sliders'][k]!r} (gap {gaps[k]:.3g} m, sliding {stepper.contact.residual[k, 3]:.3g} N)"
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
-    meaning = MEANING.get(outcome.status, "failed")
-    if outcome.status == BORDER_SINGULAR:
-        # a negative size stands for the slider
-        slider = int(-min(outcome.sizes)) - 1
-        meaning = meaning.replace("a slider", f"slider {model.names['sliders'][slider]!r}")
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     return ConvergenceError(
-        f"step {step} at t = {t:.6g} s: {meaning}; increments {shown or 'none'}; "
+        f"step {step} at t = {t:.6g} s: {_meaning(stepper, outcome)}; increments {shown or 'none'}; "
         f"largest at {worst}; the last good state is in .state, everything computed in .result. Try a smaller step, or step "
         "control with tolerance=...",
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
+
+
+def _meaning(stepper: Stepper, outcome: Outcome) -> str:
+    """Why a step failed."""
+    names, contact = stepper.model.names["sliders"], stepper.contact
+    others = "supports, connections or other sliders hold"
+    if outcome.status == BORDER_SINGULAR:
+        # a negative size stands for the slider
+        return f"the equations of slider {names[int(-min(outcome.sizes)) - 1]!r} are singular: {others} it already"
+    still = [x for x in outcome.sizes if x > 0.0][-1:]
+    if outcome.status == NOT_CONVERGED and contact is not None and still and still[0] < 1e-9:
+        k = int(np.argmax(contact.remaining))
+        return (f"the gap of slider {names[k]!r} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
+                "motion; move them apart or raise augmentation")
+    return MEANING.get(outcome.status, "failed")
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
@@ -64,7 +74,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
         """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
         beyond the end."""
         s = stepper.work.s_end
-        for k in np.flatnonzero(~((s >= 0.0) & (s <= lengths))):
+        for k in np.flatnonzero(~((s >= -END_SLACK * lengths) & (s <= (1.0 + END_SLACK) * lengths))):
             leaving.setdefault(int(k), 0.0 if s[k] < 0.0 else 1.0)
         return way(s)[0]
 

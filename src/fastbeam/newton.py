@@ -10,17 +10,18 @@ from .arguments import count, number
 from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.slider import BORDER
-from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, State, Work
+from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, State, Work
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
 from .model import Model
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
-AUGMENTATION = 1e6
+AUGMENTATION = 1e7
+# a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
+LEAST_COMPLIANCE = 1e-14
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
-           BORDER_SINGULAR: "the equations of a slider are singular: supports, connections or other sliders hold it already",
            NOT_FINITE: "the Newton iteration diverged"}
 
 
@@ -200,12 +201,9 @@ class Stepper:
         """Settings of the augmented Lagrangian for steps of size h."""
         if self.contact is None:
             return
-        model = self.model
-        least = 1e-14 * (h * float(np.min(np.abs(self.weights))))**2 / max(float(model.gravity_weight.sum()), 1e-300)
-        # a gap is a difference of coordinates: their last digits remain
-        allowed = 1e-14 * model.length + 1e-15 * float(np.max(np.abs(self.state.q)))
-        share = 1.0 / self.augmentation if self.augmentation else 0.0
-        self.contact.augmented[:] = share, least, allowed, 0.0
+        shortest = h * float(np.min(np.abs(self.weights)))
+        least = LEAST_COMPLIANCE * shortest**2 / max(float(self.model.gravity_weight.sum()), 1e-300)
+        self.contact.augmented[:] = 1.0 / self.augmentation if self.augmentation else 0.0, least
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""
@@ -255,7 +253,8 @@ class Stepper:
                 return BORDER_SINGULAR, np.array(sizes)
             if not size < 1e6:
                 return NOT_FINITE, np.array(sizes)
-            if kernels.has_converged(size, before, 1e-9) and kernels.gaps_are_closed(contact):
+            closed = kernels.gaps_are_closed(contact, model.sliders, state.q, model.length)
+            if closed and kernels.has_converged(size, before, 1e-9):
                 return OK, np.array(sizes)
             before = size
         return NOT_CONVERGED, np.array(sizes)
@@ -300,6 +299,6 @@ def _own_state(model: Model, state: State) -> State:
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
     for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
-        if not 0.0 <= s <= length:
+        if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
     return own

@@ -23,6 +23,8 @@ from .algebra import add3, component0, component1, component2, cross, dot, ld3, 
 from .nodes import tie_arm
 
 BORDER = 7
+# of the scaled border: below it stands round-off
+LEAST_PIVOT = 1e-14
 
 
 class Curves(NamedTuple):
@@ -58,8 +60,9 @@ class Contact(NamedTuple):
     corner: np.ndarray      # float64 [S, 64]
     residual: np.ndarray    # float64 [S, 8]
     element: np.ndarray     # int64 [S]: element of s_n, a hint
-    compliance: np.ndarray  # float64 [S]: 1/r of the augmented Lagrangian in the last iteration, theory.md (5.5)
-    augmented: np.ndarray   # float64 [4]: 1/factor, least compliance of the parts, gap that is allowed to remain, gap that remains
+    compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
+    remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
+    augmented: np.ndarray   # float64 [2]: 1/factor of theory.md (5.5), least compliance of the parts
 
 
 @kernel
@@ -355,22 +358,32 @@ def clear_held(held, width, panel):
 
 
 @kernel
-def augment(contact, k, schur):
-    """Add 1/r to the compliance of the parts that slider k joins, theory.md (5.5); False where its force moves neither."""
-    o = BORDER * k
-    share = contact.augmented[0]
-    largest = max(abs(schur[o, o]), abs(schur[o + 1, o + 1]), abs(schur[o + 2, o + 2]))
-    contact.compliance[k] = share * largest
-    for i in range(o, o + 3):
-        schur[i, i] += contact.compliance[k]
-    return share == 0.0 or largest > contact.augmented[1]
+def augment(contact, schur):
+    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance. Returns
+    -1, or a slider whose force moves nothing."""
+    n = BORDER * contact.entries.shape[0]
+    for k in range(contact.entries.shape[0]):
+        o = BORDER * k
+        largest = max(abs(schur[o, o]), abs(schur[o + 1, o + 1]), abs(schur[o + 2, o + 2]))
+        if not largest > contact.augmented[1]:
+            return k
+        contact.compliance[k] = largest
+        for j in range(o, o + 3):
+            schur[j, j] += contact.augmented[0] * largest
+            for i in range(n):
+                schur[i, j] /= largest
+    return -1
 
 
 @kernel
-def gaps_are_closed(contact):
-    """Whether the augmented Lagrangian of the last iteration leaves no gap."""
+def gaps_are_closed(contact, sliders, q, length):
+    """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
     if contact is not None:
-        return contact.augmented[3] <= contact.augmented[2]
+        for k in range(contact.remaining.shape[0]):
+            p = 12 * sliders.point[k]
+            reach = max(abs(q[p]), abs(q[p + 1]), abs(q[p + 2]))
+            if not contact.remaining[k] <= 1e-15 * (length + reach):
+                return False
     return True
 
 
@@ -397,15 +410,17 @@ def solve_border(contact, panel, n_rows, width, schur, y_out):
                         y_out[row] += line * panel[o]
                         for j in range(n):
                             schur[row, j] -= line * panel[o + 1 + j]
-        if not augment(contact, k, schur):
-            return k
+    singular = augment(contact, schur)
+    if singular >= 0:
+        return singular
     singular = solve_dense(schur, y_out, n)
     if singular >= 0:
         return singular // BORDER
-    contact.augmented[3] = 0.0
     for k in range(contact.entries.shape[0]):
-        for i in range(BORDER * k, BORDER * k + 3):
-            contact.augmented[3] = max(contact.augmented[3], contact.compliance[k] * abs(y_out[i]))
+        o = BORDER * k
+        contact.remaining[k] = contact.augmented[0] * max(abs(y_out[o]), abs(y_out[o + 1]), abs(y_out[o + 2]))
+        for i in range(o, o + 3):
+            y_out[i] /= contact.compliance[k]
     for i in range(6 * n_rows):
         o = i * width
         x = -panel[o]
@@ -432,7 +447,7 @@ def solve_dense(a, y, n):
         for i in range(k + 1, n):
             if abs(a[i, k]) > abs(a[m, k]):
                 m = i
-        if not abs(a[m, k]) > 1e-300:
+        if not abs(a[m, k]) > LEAST_PIVOT:
             return k
         if m != k:
             for j in range(n):

@@ -19,6 +19,7 @@ from .slider import add_sliders, clear_held, fill_panel, gaps_are_closed, predic
 from .sparse import solve_sparse
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
+END_SLACK = 1e-12
 
 
 class Work(NamedTuple):
@@ -249,9 +250,10 @@ def restore_state(alpha, state, work):
 
 @kernel
 def slider_outside(state, lengths):
-    """The first slider beyond the end of its beam, or -1."""
+    """The first slider beyond the end of its beam, or -1; the last digits of one that rests there do not count."""
     for k in range(state.s.shape[0]):
-        if not (state.s[k] >= 0.0 and state.s[k] <= lengths[k]):
+        slack = END_SLACK * lengths[k]
+        if not (state.s[k] >= -slack and state.s[k] <= lengths[k] + slack):
             return k
     return -1
 
@@ -326,7 +328,7 @@ def run(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle
                 if not size < 1e6:
                     status = NOT_FINITE
                     break
-                if has_converged(size, before, 1e-9) and gaps_are_closed(contact):
+                if has_converged(size, before, 1e-9) and gaps_are_closed(contact, sliders, state.q, length):
                     status = OK
                     break
                 before = size
