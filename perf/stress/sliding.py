@@ -1,7 +1,7 @@
 """Corners of sliding contact, each with plain multipliers and with the augmented Lagrangian (theory.md 5.5).
 
-A case is right where it follows an exact law or converges to a run in small steps of order 4, with invariants and gap at round-off.
-Where that cannot be, the error has to name the slider.
+A case is right where it follows an exact law or converges to a run in small steps of order 4, with invariants and gap at
+round-off. Where that cannot be, the error has to name the slider.
 """
 from __future__ import annotations
 
@@ -135,7 +135,8 @@ def rail(**changes: Any) -> fb.Beam:
     return straight("rail", (0, 0, 0), (3, 0, 0), **{"elements": 6, "section": SOFT, **changes})
 
 
-def on(beam: fb.Beam, at: float, rate: float | None = 0.0, *, name: str = "bead", mass: float = 0.5, curve: str = "c1") -> list[Any]:
+def on(beam: fb.Beam, at: float, rate: float | None = 0.0, *, name: str = "bead", mass: float = 0.5,
+       curve: str = "c1") -> list[Any]:
     """A mass on a slider."""
     bead = fb.PointMass(name, mass=mass)
     return [bead, fb.Slider(f"run of {name}", bead, beam, at=at, rate=rate, curve=curve)]
@@ -182,26 +183,30 @@ def ends_of_elements() -> Iterator[Case]:
         for degree in (1, 2, 3):
             yield Case(f"starts on an element end, {curve}, degree {degree}",
                        lambda c=curve, d=degree: on_rail(1.0, 0.4, curve=c, degree=d), speed(1.0, 0.4))
-        yield Case(f"meets element ends at the end of steps, {curve}", lambda c=curve: on_rail(0.98, 0.4, curve=c), speed(0.98, 0.4))
+        yield Case(f"meets element ends at the end of steps, {curve}",
+                   lambda c=curve: on_rail(0.98, 0.4, curve=c), speed(0.98, 0.4))
         yield Case(f"rests on an element end of a swinging beam, {curve}",
                    lambda c=curve: on_rail(1.0, 0.0, curve=c, moving=True), refines(2e-5))
         yield Case(f"crosses element ends of a swinging beam, {curve}",
                    lambda c=curve: on_rail(0.98, 0.4, curve=c, moving=True), refines(2e-5))
     for at in (0.0, 0.1):
         yield Case(f"starts at s = {at:g} at the clamp and leaves", lambda a=at: on_rail(a, 0.4), speed(at, 0.4))
-        yield Case(f"rests at s = {at:g} at the clamp of a swinging beam", lambda a=at: on_rail(a, 0.0, moving=True), refines(2e-5))
+        yield Case(f"rests at s = {at:g} at the clamp of a swinging beam",
+                   lambda a=at: on_rail(a, 0.0, moving=True), refines(2e-5))
         yield Case(f"moves to the clamp from s = {at:g}", lambda a=at: on_rail(a, -0.4), ends("start", at / 0.4))
     yield Case("arrives at the free end", lambda: on_rail(2.9, 0.4), ends("end", 0.25))
     yield Case("arrives at the free end of a swinging beam", lambda: on_rail(2.9, 0.4, moving=True), ends("end"))
     yield Case("rests at the free end", lambda: on_rail(3.0, 0.0), speed(3.0, 0.0))
     yield Case("starts at the free end and leaves it", lambda: on_rail(3.0, -0.4), speed(3.0, -0.4))
     yield Case("starts at the free end outwards", lambda: on_rail(3.0, 0.4), ends("end", 0.0))
+    def incline(at: float, rate: float) -> fb.Scene:
+        beam = fb.Beam.straight("rail", (0, 0, 0), (12.0**0.5, 0, 2), section=STIFF, elements=8)
+        return wire(beam, at, rate, gravity=(0, 0, -10))
+
     # deceleration 5 m/s^2 on a wire that gives way by 3e-8 m; elements are 0.5 m long
     for what, at, rate in (("inside a step", 1.3, 1.2), ("at the end of a step", 1.3, 1.0), ("on an element end", 1.9, 1.0),
                            ("on an element end inside a step", 2.0 - 0.144, 1.2), ("1e-6 m before the end", 3.9 - 1e-6, 1.0)):
-        yield Case(f"reverses {what}",
-                   lambda a=at, r=rate: wire(fb.Beam.straight("rail", (0, 0, 0), (12.0**0.5, 0, 2), section=STIFF, elements=8), a, r,
-                                             gravity=(0, 0, -10)),
+        yield Case(f"reverses {what}", lambda a=at, r=rate: incline(a, r),
                    follows(lambda t, a=at, r=rate: a + r * t - 2.5 * t * t, 1e-7), step=0.02)
 
 
@@ -237,7 +242,8 @@ def several() -> Iterator[Case]:
         return clamped(beam, rod, fb.Slider("run", rod.start, beam, at=1.5), project=True)
 
     for degrees in (30.0, 0.5, 0.0):
-        yield Case(f"end of a beam slides on another at {degrees:g} degrees", lambda d=degrees: towed(np.radians(d)), refines(1e-3))
+        yield Case(f"end of a beam slides on another at {degrees:g} degrees",
+                   lambda d=degrees: towed(np.radians(d)), refines(1e-3))
 
 
 def redundant() -> Iterator[Case]:
@@ -280,7 +286,8 @@ def redundant() -> Iterator[Case]:
 
     def tied(at: float, lift: float) -> fb.Scene:
         beam, part = rail(), fb.PointMass("part", mass=0.5, position=(at, 0, 0))
-        return clamped(beam, part, fb.RigidConnection(beam.at(at + lift), part), fb.Slider("run", part, beam, at=at), project=True)
+        return clamped(beam, part, fb.RigidConnection(beam.at(at + lift), part), fb.Slider("run", part, beam, at=at),
+                       project=True)
 
     yield Case("mass tied to the node of its own beam where it slides", lambda: tied(1.0, 0.0), fails, may_fail=True)
     yield Case("mass tied to a node of its own beam 0.5 m away", lambda: tied(1.0, 0.5), refines(1e-4))
@@ -313,7 +320,8 @@ def paths() -> Iterator[Case]:
                    refines(1e-3) if moving else speed(0.1, 40.0), t_end=0.07, step=2.5e-3)
 
     def helix(elements: int) -> fb.Scene:
-        return wire(fb.Beam.helix("rail", radius=0.1, pitch=0.05, turns=3.0, section=STIFF, elements=elements, degree=4), 0.2, 1.0)
+        beam = fb.Beam.helix("rail", radius=0.1, pitch=0.05, turns=3.0, section=STIFF, elements=elements, degree=4)
+        return wire(beam, 0.2, 1.0)
 
     for elements, bar in ((36, 5e-5), (12, 1e-3)):
         yield Case(f"tight helix, {elements // 3} elements a turn", lambda n=elements: helix(n), follows(lambda t: 0.2 + t, bar),
@@ -326,7 +334,8 @@ def paths() -> Iterator[Case]:
                                 degree=degree), 0.1, 1.0, curve)
 
     for degree, curve in ((1, "c1"), (2, "c1"), (2, "own")):
-        yield Case(f"half circle of 4 elements of degree {degree}, {curve}", lambda d=degree, c=curve: arc(d, c), refines(2e-4), t_end=1.0)
+        yield Case(f"half circle of 4 elements of degree {degree}, {curve}",
+                   lambda d=degree, c=curve: arc(d, c), refines(2e-4), t_end=1.0)
     # a kink of 45 degrees is an impact, which no step resolves
     yield Case("half circle of 4 elements of degree 1, own", lambda: arc(1, "own"), runs, t_end=1.0, may_fail=True)
 
@@ -335,8 +344,8 @@ def paths() -> Iterator[Case]:
         return fb.Scene(beam, *on(beam, 1.5 + 1e-3, None), fb.RigidMotion(spin=(0, 0, spin), about=(1.5, 0, 0)))
 
     for turn in (0.5, 2.0, 6.0):
-        yield Case(f"frame turns by {2 * np.arctan(0.5 * turn):.2f} rad a step", lambda w=turn: spinning(w / 0.05), runs, step=0.05,
-                   may_fail=True)
+        yield Case(f"frame turns by {2 * np.arctan(0.5 * turn):.2f} rad a step",
+                   lambda w=turn: spinning(w / 0.05), runs, step=0.05, may_fail=True)
 
 
 PARTS = (forces, ends_of_elements, several, redundant, paths)

@@ -39,27 +39,28 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
         k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
         worst += f", slider {model.names['sliders'][k]!r} (gap {gaps[k]:.3g} m, sliding {stepper.contact.residual[k, 3]:.3g} N)"
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
+    cause, advice = _cause(stepper, outcome)
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     return ConvergenceError(
-        f"step {step} at t = {t:.6g} s: {_meaning(stepper, outcome)}; increments {shown or 'none'}; "
-        f"largest at {worst}; the last good state is in .state, everything computed in .result. Try a smaller step, or step "
-        "control with tolerance=...",
+        f"step {step} at t = {t:.6g} s: {cause}; increments {shown or 'none'}; largest at {worst}; the last good state is in "
+        f".state, everything computed in .result. {advice}",
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
 
 
-def _meaning(stepper: Stepper, outcome: Outcome) -> str:
-    """Why a step failed."""
+def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
+    """Why a step failed, and what to do."""
     names, contact = stepper.model.names["sliders"], stepper.contact
     others = "supports, connections or other sliders hold"
     if outcome.status == BORDER_SINGULAR:
         # a negative size stands for the slider
-        return f"the equations of slider {names[int(-min(outcome.sizes)) - 1]!r} are singular: {others} it already"
-    still = [x for x in outcome.sizes if x > 0.0][-1:]
-    if outcome.status == NOT_CONVERGED and contact is not None and still and still[0] < 1e-9:
+        name = names[int(-min(outcome.sizes)) - 1]
+        return f"the equations of slider {name!r} are singular: {others} it already", "Leave out one of what holds it."
+    last = [x for x in outcome.sizes if x > 0.0][-1:]
+    if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
         k = int(np.argmax(contact.remaining))
         return (f"the gap of slider {names[k]!r} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
-                "motion; move them apart or raise augmentation")
-    return MEANING.get(outcome.status, "failed")
+                "motion", "Move them apart, or raise augmentation=...")
+    return MEANING.get(outcome.status, "failed"), "Try a smaller step, or step control with tolerance=..."
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:

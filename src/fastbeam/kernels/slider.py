@@ -432,7 +432,7 @@ def solve_border(contact, panel, n_rows, width, schur, y_out):
 
 @kernel
 def solve_dense(a, y, n):
-    """Gauss elimination with row scaling and row exchange. Returns -1, or the number of the row or unknown whose pivot vanishes."""
+    """Gauss elimination with row scaling and row exchange. Returns -1, or the row or unknown whose pivot vanishes."""
     for i in range(n):
         t = 0.0
         for j in range(n):
