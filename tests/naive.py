@@ -152,6 +152,25 @@ def gap_components(d: Array, n: Array, point: Array, phi: Array) -> Array:
     return n @ ((point - phi) @ d.T)
 
 
+def augmented_increment(tangent: Array, residual: Array, r: Array) -> tuple[Array, Array]:
+    """Newton increment of the augmented Lagrangian with r [S], theory.md (5.5), and the gaps [S, 3] that it leaves in the linear
+    equations; unknowns and rows are those of the free nodes, then F and s, gap and sliding, of every slider."""
+    n = len(tangent) - 4 * len(r)
+    augmented = tangent.copy()
+    for k in range(len(r)):
+        at = n + 4 * k + np.arange(3)
+        augmented[at, at] += 1.0 / r[k]
+    x = np.linalg.solve(augmented, -residual)
+    return x, (residual + tangent @ x)[n:].reshape(-1, 4)[:, :3]
+
+
+def compliances(tangent: Array, sliders: int) -> Array:
+    """Largest diagonal entry of the gaps' change by their own forces, [S]."""
+    n = len(tangent) - 4 * sliders
+    c = tangent[n:, n:] - tangent[n:, :n] @ np.linalg.solve(tangent[:n, :n], tangent[:n, n:])
+    return np.array([np.max(np.abs(np.diag(c)[4 * k:4 * k + 3])) for k in range(sliders)])
+
+
 # -------------------------------------------------------------------------------------------------------- the whole scene
 class Twin:
     """All equations of one scene; `model` only numbers the nodes and says which connected coordinates are dependent."""

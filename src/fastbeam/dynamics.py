@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.step import OK, SLIDER_END
+from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .newton import MEANING, Outcome, Stepper
 
@@ -38,13 +38,29 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
     if model.n_sliders and stepper.contact is not None:
         k, gap, slide = stepper.worst_slider()
         worst += f", slider {model.names['sliders'][k]!r} (gap {gap:.3g} m, sliding {slide:.3g} N)"
-    sizes = [float(x) for x in outcome.sizes if x != 0.0]
+    sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
+    cause, advice = _cause(stepper, outcome)
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     return ConvergenceError(
-        f"step {step} at t = {t:.6g} s: {MEANING.get(outcome.status, 'failed')}; increments {shown or 'none'}; "
-        f"largest at {worst}; the last good state is in .state, everything computed in .result. Try a smaller step, or step "
-        "control with tolerance=...",
+        f"step {step} at t = {t:.6g} s: {cause}; increments {shown or 'none'}; largest at {worst}; the last good state is in "
+        f".state, everything computed in .result. {advice}",
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
+
+
+def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
+    """Why a step failed, and what to do."""
+    names, contact = stepper.model.names["sliders"], stepper.contact
+    others = "supports, connections or other sliders hold"
+    if outcome.status == BORDER_SINGULAR:
+        # a negative size stands for the slider
+        name = names[int(-min(outcome.sizes)) - 1]
+        return f"the equations of slider {name!r} are singular: {others} it already", "Leave out one of what holds it."
+    last = [x for x in outcome.sizes if x > 0.0][-1:]
+    if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
+        k = int(np.argmax(contact.remaining))
+        return (f"the gap of slider {names[k]!r} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
+                "motion", "Move them apart, or raise augmentation=...")
+    return MEANING.get(outcome.status, "failed"), "Try a smaller step, or step control with tolerance=..."
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
@@ -59,7 +75,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
         """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
         beyond the end."""
         s = stepper.work.s_end
-        for k in np.flatnonzero(~((s >= 0.0) & (s <= lengths))):
+        for k in np.flatnonzero(~((s >= -END_SLACK * lengths) & (s <= (1.0 + END_SLACK) * lengths))):
             leaving.setdefault(int(k), 0.0 if s[k] < 0.0 else 1.0)
         return way(s)[0]
 

@@ -124,7 +124,10 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
         points, tangents, convective = _gap_rates(model, state)
         gap = points @ lift
         along = sparse.block_diag([t[:, None] for t in tangents])
-        system = sparse.bmat([[mass, -gap.T, None], [gap, None, -along], [None, along.T, None]]).tocsc()
+        # sliders that hold the same motion twice share its force, as in theory.md (5.5)
+        with np.errstate(divide="ignore"):
+            soft = sparse.diags(1e-12 * (gap.power(2) @ (1.0 / mass.diagonal())))
+        system = sparse.bmat([[mass, -gap.T, None], [gap, soft, -along], [None, along.T, None]]).tocsc()
         right = np.concatenate((right, convective - points @ bias, np.zeros(s)))
     try:
         x = splu(system).solve(right)

@@ -6,21 +6,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ._jit import announce_first_use
-from .arguments import count
+from .arguments import count, number
 from .errors import SceneError
 from .kernels import step as kernels
 from .kernels.blocks import SIX, THREE
 from .kernels.space import assemble_rest
-from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State, Work
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
 from .model import Model
 
 Array = np.ndarray
+# of theory.md (5.5), chosen by docs/stress.md
+AUGMENTATION = 1e7
+# a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
+LEAST_COMPLIANCE = 1e-14
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
-           BORDER_SINGULAR: "the equations of a slider are singular", NOT_FINITE: "the Newton iteration diverged"}
+           NOT_FINITE: "the Newton iteration diverged"}
 
 
 @dataclass
@@ -62,21 +66,28 @@ class Stepper:
         Time of the state, s; some methods need the loads there.
     memory : float64, optional
         As `memory` gave it; default: consistent with the state.
+    augmentation : float
+        Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
 
     Raises
     ------
     SceneError
-        The state is not one of this model, or max_iterations or backend is not usable.
+        The state is not one of this model, or max_iterations, backend or augmentation is not usable.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
-                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None) -> None:
+                 backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
+                 augmentation: float = AUGMENTATION) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
         announce_first_use()
         self.model = model
         start = model.state() if state is None else _own_state(model, state)
+        self.augmentation = number("augmentation", augmentation)
+        if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
+            raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
+                             f"is {AUGMENTATION:g}")
         self.method = method
         # the methods for comparison run in space, and so does a state that left the plane of its scene
         conserving = method.middle is None and method.parameters is None
@@ -169,6 +180,7 @@ class Stepper:
     def _run(self, t: float, h: float, n: int, done: int) -> Outcome:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.core
+        self._augment(h)
         counts = np.zeros(4, np.int64)
         sizes = np.zeros(self.max_iterations)
         force = np.zeros((2, model.dim * model.n_sliders))
@@ -207,6 +219,14 @@ class Stepper:
 
     def _in_space(self, force: Array) -> Array:
         return force if self.plane is None else self.plane.forces(force)
+
+    def _augment(self, h: float) -> None:
+        """Settings of the augmented Lagrangian for steps of size h."""
+        if self.contact is None:
+            return
+        shortest = h * float(np.min(np.abs(self.weights)))
+        least = LEAST_COMPLIANCE * shortest**2 / max(float(self.model.gravity_weight.sum()), 1e-300)
+        self.contact.augmented[:] = 1.0 / self.augmentation if self.augmentation else 0.0, least
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""
@@ -253,12 +273,13 @@ class Stepper:
                 return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
             size = kernels.update_step(*kind, self.inner, model.ties, contact, row_of, state, work, width, model.length,
                                        model.size)
+            sizes.append(size)
             if size < 0.0:
                 return BORDER_SINGULAR, np.array(sizes)
-            sizes.append(size)
             if not size < 1e6:
                 return NOT_FINITE, np.array(sizes)
-            if kernels.has_converged(size, before, 1e-9):
+            closed = kernels.gaps_are_closed(contact, model.sliders, state.q, model.length, model.size)
+            if closed and kernels.has_converged(size, before, 1e-9):
                 return OK, np.array(sizes)
             before = size
         return NOT_CONVERGED, np.array(sizes)
@@ -311,6 +332,6 @@ def _own_state(model: Model, state: State) -> State:
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
     for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
-        if not 0.0 <= s <= length:
+        if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
     return own

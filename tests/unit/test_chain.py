@@ -182,7 +182,7 @@ def test_dense_solve_scales_and_exchanges_rows(n: int) -> None:
     a, y = a * 10.0 ** (6 * np.arange(n) % 13)[:, None], y * 10.0 ** (6 * np.arange(n) % 13)
     expected = np.linalg.solve(a, y)
     found = y.copy()
-    assert solve_dense(a.copy(), found, n)
+    assert solve_dense(a.copy(), found, n) == -1
     assert np.max(np.abs(found - expected)) < ACCURATE * np.max(np.abs(expected))
 
 
@@ -191,8 +191,8 @@ def test_dense_solve_refuses_singular_matrices() -> None:
     for change in (lambda a: a[1].fill(0.0), lambda a: a[:, 2].fill(0.0), lambda a: a[2].fill(np.nan), lambda a: a.fill(0.0)):
         a = regular.copy()
         change(a)
-        assert not solve_dense(a, np.ones(3), 3)
-    assert solve_dense(regular.copy(), np.ones(3), 3)
+        assert solve_dense(a, np.ones(3), 3) in range(3)
+    assert solve_dense(regular.copy(), np.ones(3), 3) == -1
 
 
 def random_contact(n_rows: int, sliders: int, rng: np.random.Generator) -> Contact:
@@ -205,7 +205,8 @@ def random_contact(n_rows: int, sliders: int, rng: np.random.Generator) -> Conta
     residual = rng.standard_normal((sliders, 8))
     # the last entry is one too many: only `entries` of them count
     return Contact(np.zeros((5, 1)), np.zeros((3, 2)), np.full(sliders, count - 1), row, column.reshape(sliders, -1),
-                   line.reshape(sliders, -1), corner.reshape(sliders, -1), residual, np.zeros(sliders, np.int64))
+                   line.reshape(sliders, -1), corner.reshape(sliders, -1), residual, np.zeros(sliders, np.int64),
+                   np.zeros(sliders), np.zeros(sliders), np.zeros(2))
 
 
 @pytest.mark.parametrize("sliders", [1, 3])
@@ -251,7 +252,7 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     fill_panel(contact, r.reshape(-1), n, width, panel, SIX)
     clear_held(held, width, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, width, SIX)
-    assert solve_border(contact, panel, n, width, np.zeros((y.size, y.size)), y, SIX)
+    assert solve_border(contact, panel, n, width, np.zeros((y.size, y.size)), y, SIX) == -1
     found = np.concatenate((panel.reshape(-1, width)[:, 0], y))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
 
@@ -269,4 +270,4 @@ def test_a_singular_border_is_reported() -> None:
     factor(pattern.plan, blocks, pivots, None, 0, SIX)
     fill_panel(contact, np.ones(9 * 8), 9, 8, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, 8, SIX)
-    assert not solve_border(contact, panel, 9, 8, np.zeros((7, 7)), np.zeros(7), SIX)
+    assert solve_border(contact, panel, 9, 8, np.zeros((7, 7)), np.zeros(7), SIX) == 0

@@ -15,13 +15,13 @@ import pytest
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.slider import predict_sliders
+from fastbeam.kernels.slider import predict_sliders, solve_border
 from fastbeam.model import Model
 from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
                             Section, Slider)
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import Step, Twin, cay, cayley_vector, increments  # noqa: E402
+from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, increments  # noqa: E402
 
 Array = np.ndarray
 BORDER = 7  # unknowns of a slider: force, position, mean gap
@@ -333,6 +333,33 @@ def test_tangent_equals_differences_of_the_twin(name: str, ends: tuple) -> None:
     kernel = Kernels(model)
     kernel.assemble(twin, trial)
     assert_same_rows(free_block(twin, kernel.tangent()), numerical_tangent(twin, trial))
+
+
+@pytest.mark.parametrize(("name", "ends"), [("mass on c1 curve", ((0.40, 0.45),)), ("tied point on tied rail", ((0.1, 0.9),)),
+                                            ("body and mass on rail", ((0.47, 0.55), (0.67, 0.62)))])
+@pytest.mark.parametrize("factor", [3.0, 1e7])
+def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: float) -> None:
+    scene, model, twin = compiled(name)
+    trial = trial_step(scene, twin, ends)
+    kernel = Kernels(model)
+    kernel.assemble(twin, trial)
+    # this tangent equals differences of the twin, see above; theirs would lose digits in the solution
+    tangent = free_block(twin, kernel.tangent())
+    kernel.contact.augmented[0] = 1.0 / factor
+    n_rows, work, m = model.n_nodes, kernel.work, model
+    kernels.prepare_panel(None, m.ties, kernel.contact, m.held, n_rows, m.width, work)
+    assert kernels.solve_nodes(None, m.pattern.plan, None, work, m.width)
+    assert solve_border(kernel.contact, work.panel, n_rows, m.width, work.schur, work.y, SIX) == -1
+    # the kernel's compliance leaves out the moment of the frame
+    np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
+    expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), factor / kernel.contact.compliance)
+    nodes = work.panel.reshape(-1, m.width)[:6 * n_rows, 0].reshape(n_rows, 6)[m.pattern.row_of]
+    found = np.concatenate((nodes[twin.free], work.y.reshape(-1, BORDER)[:, :4].reshape(-1)))
+    assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
+    assert np.min(np.abs(left)) > 0.0
+    np.testing.assert_allclose(kernel.contact.remaining, np.max(np.abs(left), axis=1), rtol=1e-9, atol=1e-13)
+    closed = kernels.gaps_are_closed(kernel.contact, m.sliders, kernel.state.q, m.length)
+    assert closed == (np.max(kernel.contact.remaining) < 1e-14)
 
 
 @pytest.mark.parametrize("name", ["mass on own curve", "beams at an angle", "ball chain", "tied point on tied rail"])

@@ -22,6 +22,9 @@ from .._jit import kernel
 from .algebra import add3, component0, component1, component2, cross, dot, ld3, st3, zero3
 from .ties import tie_arm
 
+# of the scaled border: below it stands round-off
+LEAST_PIVOT = 1e-14
+
 
 class Curves(NamedTuple):
     """Piecewise polynomial curves of all beams that carry a slider."""
@@ -56,12 +59,21 @@ class Contact(NamedTuple):
     corner: np.ndarray      # float64 [S, 64]
     residual: np.ndarray    # float64 [S, 8]
     element: np.ndarray     # int64 [S]: element of s_n, a hint
+    compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
+    remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
+    augmented: np.ndarray   # float64 [2]: 1/factor of theory.md (5.5), least compliance of the parts
 
 
 @kernel
 def border_of(n):
     """Border unknowns of a slider where nodes have n unknowns: force, s, mean gap."""
     return 7 if n == 6 else 5
+
+
+@kernel
+def dim_of(n):
+    """Components of a position where nodes have n unknowns."""
+    return 3 if n == 6 else 2
 
 
 @kernel
@@ -364,10 +376,48 @@ def clear_held(held, width, panel, size):
 
 
 @kernel
+def augment(contact, schur, size):
+    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance. Returns
+    -1, or a slider whose force moves nothing."""
+    d = dim_of(len(size))
+    border = border_of(len(size))
+    n = border * contact.entries.shape[0]
+    for k in range(contact.entries.shape[0]):
+        o = border * k
+        largest = 0.0
+        for j in range(o, o + d):
+            largest = max(largest, abs(schur[j, j]))
+        if not largest > contact.augmented[1]:
+            return k
+        contact.compliance[k] = largest
+        for j in range(o, o + d):
+            schur[j, j] += contact.augmented[0] * largest
+            for i in range(n):
+                schur[i, j] /= largest
+    return -1
+
+
+@kernel
+def gaps_are_closed(contact, sliders, q, length, size):
+    """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
+    if contact is not None:
+        d = dim_of(len(size))
+        for k in range(contact.remaining.shape[0]):
+            p = sliders.point[k] * (12 if d == 3 else 4)
+            reach = 0.0
+            for c in range(d):
+                reach = max(reach, abs(q[p + c]))
+            if not contact.remaining[k] <= 1e-15 * (length + reach):
+                return False
+    return True
+
+
+@kernel
 def solve_border(contact, panel, n_rows, width, schur, y_out, size):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
-    panel and the border unknowns in y_out; returns False where the complement is singular."""
+    panel and the border unknowns in y_out; returns -1, or a slider that makes the complement singular."""
     nu = len(size)
+    d = dim_of(nu)
     border = border_of(nu)
     n = border * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
@@ -388,26 +438,37 @@ def solve_border(contact, panel, n_rows, width, schur, y_out, size):
                         y_out[row] += line * panel[o]
                         for j in range(n):
                             schur[row, j] -= line * panel[o + 1 + j]
-    if not solve_dense(schur, y_out, n):
-        return False
+    singular = augment(contact, schur, size)
+    if singular >= 0:
+        return singular
+    singular = solve_dense(schur, y_out, n)
+    if singular >= 0:
+        return singular // border
+    for k in range(contact.entries.shape[0]):
+        o = border * k
+        largest = 0.0
+        for i in range(o, o + d):
+            largest = max(largest, abs(y_out[i]))
+            y_out[i] /= contact.compliance[k]
+        contact.remaining[k] = contact.augmented[0] * largest
     for i in range(nu * n_rows):
         o = i * width
         x = -panel[o]
         for j in range(n):
             x -= panel[o + 1 + j] * y_out[j]
         panel[o] = x
-    return True
+    return -1
 
 
 @kernel
 def solve_dense(a, y, n):
-    """Gauss elimination with row scaling and row exchange; False where a pivot vanishes."""
+    """Gauss elimination with row scaling and row exchange. Returns -1, or the row or unknown whose pivot vanishes."""
     for i in range(n):
         t = 0.0
         for j in range(n):
             t = max(t, abs(a[i, j]))
         if not t > 0.0:
-            return False
+            return i
         for j in range(n):
             a[i, j] /= t
         y[i] /= t
@@ -416,8 +477,8 @@ def solve_dense(a, y, n):
         for i in range(k + 1, n):
             if abs(a[i, k]) > abs(a[m, k]):
                 m = i
-        if not abs(a[m, k]) > 1e-300:
-            return False
+        if not abs(a[m, k]) > LEAST_PIVOT:
+            return k
         if m != k:
             for j in range(n):
                 t = a[k, j]; a[k, j] = a[m, j]; a[m, j] = t
@@ -432,4 +493,4 @@ def solve_dense(a, y, n):
         for j in range(i + 1, n):
             y[i] -= a[i, j] * y[j]
         y[i] /= a[i, i]
-    return True
+    return -1

@@ -15,12 +15,14 @@ from .inner import eliminate_columns, put_inner_rhs, recover_inner
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update
-from .slider import border_of, clear_held, fill_panel, solve_border
+from .slider import border_of, clear_held, dim_of, fill_panel, gaps_are_closed, solve_border
 from .space import space_assemble, space_start, space_static
+from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates
 from .work import copy
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
+END_SLACK = 1e-12
 
 
 @kernel
@@ -79,13 +81,14 @@ def complete_panel(space, plane, inner, ties, width, work, size):
 @kernel
 def update_step(space, plane, inner, ties, contact, row_of, state, work, width, length, size):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
-    increment relative to `length`, or -1 where the border is singular."""
+    increment relative to `length`, or -1 - k where slider k makes the border singular."""
     slide = 0.0
     complete_panel(space, plane, inner, ties, width, work, size)
     if contact is not None:
-        if not solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y, size):
-            return -1.0
-        d = 3 if len(size) == 6 else 2
+        singular = solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y, size)
+        if singular >= 0:
+            return -1.0 - singular
+        d = dim_of(len(size))
         border = border_of(len(size))
         for k in range(state.s.shape[0]):
             for c in range(d):
@@ -168,9 +171,10 @@ def restore_state(alpha, state, work):
 
 @kernel
 def slider_outside(state, lengths):
-    """The first slider beyond the end of its beam, or -1."""
+    """The first slider beyond the end of its beam, or -1; the last digits of one that rests there do not count."""
     for k in range(state.s.shape[0]):
-        if not (state.s[k] >= 0.0 and state.s[k] <= lengths[k]):
+        slack = END_SLACK * lengths[k]
+        if not (state.s[k] >= -slack and state.s[k] <= lengths[k] + slack):
             return k
     return -1
 
@@ -248,7 +252,7 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 if not moved < 1e6:
                     status = NOT_FINITE
                     break
-                if has_converged(moved, before, 1e-9):
+                if has_converged(moved, before, 1e-9) and gaps_are_closed(contact, sliders, state.q, length, size):
                     status = OK
                     break
                 before = moved
