@@ -347,8 +347,8 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     tangent = free_block(twin, kernel.tangent())
     kernel.contact.augmented[0] = 1.0 / factor
     n_rows, work, m = model.n_nodes, kernel.work, model
-    kernels.prepare_panel(None, m.ties, kernel.contact, m.held, n_rows, m.width, work)
-    assert kernels.solve_nodes(None, m.pattern.plan, None, work, m.width)
+    kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, n_rows, m.width, work, SIX)
+    assert kernels.solve_nodes(None, m.pattern.plan, None, work, m.width, SIX)
     assert solve_border(kernel.contact, work.panel, n_rows, m.width, work.schur, work.y, SIX) == -1
     # the kernel's compliance leaves out the moment of the frame
     np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
@@ -358,7 +358,7 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
     assert np.min(np.abs(left)) > 0.0
     np.testing.assert_allclose(kernel.contact.remaining, np.max(np.abs(left), axis=1), rtol=1e-9, atol=1e-13)
-    closed = kernels.gaps_are_closed(kernel.contact, m.sliders, kernel.state.q, m.length)
+    closed = kernels.gaps_are_closed(kernel.contact, m.sliders, kernel.state.q, m.length, SIX)
     assert closed == (np.max(kernel.contact.remaining) < 1e-14)
 
 
