@@ -62,7 +62,7 @@ class Contact(NamedTuple):
     element: np.ndarray     # int64 [S]: element of s_n, a hint
     compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
     remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
-    augmented: np.ndarray   # float64 [2]: 1/factor of theory.md (5.5), least compliance of the parts
+    augmented: np.ndarray   # float64 [3]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration
 
 
 @kernel
@@ -358,9 +358,9 @@ def clear_held(held, width, panel):
 
 
 @kernel
-def augment(contact, schur):
-    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance. Returns
-    -1, or a slider whose force moves nothing."""
+def augment(contact, force, schur, y):
+    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
+    first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
     n = BORDER * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
         o = BORDER * k
@@ -368,6 +368,9 @@ def augment(contact, schur):
         if not largest > contact.augmented[1]:
             return k
         contact.compliance[k] = largest
+        first = contact.augmented[2] * contact.augmented[0] * largest
+        for j in range(3):
+            y[o + j] -= first * force[3 * k + j]
         for j in range(o, o + 3):
             schur[j, j] += contact.augmented[0] * largest
             for i in range(n):
@@ -388,7 +391,7 @@ def gaps_are_closed(contact, sliders, q, length):
 
 
 @kernel
-def solve_border(contact, panel, n_rows, width, schur, y_out):
+def solve_border(contact, force, panel, n_rows, width, schur, y_out):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
     panel and the border unknowns in y_out; returns -1, or a slider that makes the complement singular."""
     n = BORDER * contact.entries.shape[0]
@@ -410,7 +413,7 @@ def solve_border(contact, panel, n_rows, width, schur, y_out):
                         y_out[row] += line * panel[o]
                         for j in range(n):
                             schur[row, j] -= line * panel[o + 1 + j]
-    singular = augment(contact, schur)
+    singular = augment(contact, force, schur, y_out)
     if singular >= 0:
         return singular
     singular = solve_dense(schur, y_out, n)
@@ -418,9 +421,12 @@ def solve_border(contact, panel, n_rows, width, schur, y_out):
         return singular // BORDER
     for k in range(contact.entries.shape[0]):
         o = BORDER * k
-        contact.remaining[k] = contact.augmented[0] * max(abs(y_out[o]), abs(y_out[o + 1]), abs(y_out[o + 2]))
-        for i in range(o, o + 3):
-            y_out[i] /= contact.compliance[k]
+        contact.remaining[k] = 0.0
+        for i in range(3):
+            y_out[o + i] /= contact.compliance[k]
+            left = contact.augmented[0] * contact.compliance[k] * (y_out[o + i] + contact.augmented[2] * force[3 * k + i])
+            contact.remaining[k] = max(contact.remaining[k], abs(left))
+    contact.augmented[2] = 0.0
     for i in range(6 * n_rows):
         o = i * width
         x = -panel[o]

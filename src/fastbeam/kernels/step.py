@@ -83,6 +83,7 @@ def start_step(ties, curves, sliders, contact, spinless, state, work, h):
     if ties is not None:
         tie_coordinates(ties, work.dq)
     if sliders is not None:
+        contact.augmented[2] = 1.0
         predict_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
 
 
@@ -172,7 +173,7 @@ def update_step(inner, ties, contact, row_of, state, work, width, length):
     slide = 0.0
     complete_panel(inner, ties, width, work)
     if contact is not None:
-        singular = solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y)
+        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.schur, work.y)
         if singular >= 0:
             return -1.0 - singular
         for k in range(state.s.shape[0]):
