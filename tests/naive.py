@@ -154,8 +154,8 @@ def gap_components(d: Array, n: Array, point: Array, phi: Array) -> Array:
 
 def augmented_increment(tangent: Array, residual: Array, force: Array, r: Array) -> tuple[Array, Array]:
     """Newton increment of the augmented Lagrangian with r [S], theory.md (5.5), and the gaps [S, 3] that it leaves in the linear
-    equations; unknowns and rows are those of the free nodes, then F and s, gap and sliding, of every slider. `force` [S, 3] is
-    that which answers no gap: zero in the first iteration, then F itself; here given as the difference to F."""
+    equations; unknowns and rows are those of the free nodes, then F and s, gap and sliding, of every slider. `force` [S, 3]
+    answers the gap together with its increment: F in the first iteration of a step, then zero."""
     n = len(tangent) - 4 * len(r)
     augmented, right = tangent.copy(), -residual
     for k in range(len(r)):
