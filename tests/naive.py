@@ -152,15 +152,17 @@ def gap_components(d: Array, n: Array, point: Array, phi: Array) -> Array:
     return n @ ((point - phi) @ d.T)
 
 
-def augmented_increment(tangent: Array, residual: Array, r: Array) -> tuple[Array, Array]:
+def augmented_increment(tangent: Array, residual: Array, force: Array, r: Array) -> tuple[Array, Array]:
     """Newton increment of the augmented Lagrangian with r [S], theory.md (5.5), and the gaps [S, 3] that it leaves in the linear
-    equations; unknowns and rows are those of the free nodes, then F and s, gap and sliding, of every slider."""
+    equations; unknowns and rows are those of the free nodes, then F and s, gap and sliding, of every slider. `force` [S, 3]
+    answers the gap together with its increment: F in the first iteration of a step, then zero."""
     n = len(tangent) - 4 * len(r)
-    augmented = tangent.copy()
+    augmented, right = tangent.copy(), -residual
     for k in range(len(r)):
         at = n + 4 * k + np.arange(3)
         augmented[at, at] += 1.0 / r[k]
-    x = np.linalg.solve(augmented, -residual)
+        right[at] -= force[k] / r[k]
+    x = np.linalg.solve(augmented, right)
     return x, (residual + tangent @ x)[n:].reshape(-1, 4)[:, :3]
 
 

@@ -50,17 +50,20 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
 def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
     """Why a step failed, and what to do."""
     names, contact = stepper.model.names["sliders"], stepper.contact
-    others = "supports, connections or other sliders hold"
+    others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
         # a negative size stands for the slider
-        name = names[int(-min(outcome.sizes)) - 1]
-        return f"the equations of slider {name!r} are singular: {others} it already", "Leave out one of what holds it."
+        cause = f"the equations of slider {names[int(-min(outcome.sizes)) - 1]!r} are singular"
+        if max(outcome.sizes) > 0.1:
+            # far from any solution that says nothing about the scene
+            return cause, smaller
+        return f"{cause}: {others} it already", "Leave out one of what holds it."
     last = [x for x in outcome.sizes if x > 0.0][-1:]
     if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
         k = int(np.argmax(contact.remaining))
         return (f"the gap of slider {names[k]!r} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
                 "motion", "Move them apart, or raise augmentation=...")
-    return MEANING.get(outcome.status, "failed"), "Try a smaller step, or step control with tolerance=..."
+    return MEANING.get(outcome.status, "failed"), smaller
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:

@@ -188,7 +188,7 @@ class Model:
         entries = (most + 1) * widest + most
         return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
                        np.zeros((s, entries), np.int64), np.zeros((s, row * entries)), np.zeros((s, row * entries)),
-                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s), np.zeros(s), np.zeros(2))
+                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s), np.zeros(s), np.zeros(3))
 
     def inner_work(self) -> Inner | None:
         """The eliminated nodes with work arrays of one run."""

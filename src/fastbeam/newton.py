@@ -225,8 +225,8 @@ class Stepper:
         if self.contact is None:
             return
         shortest = h * float(np.min(np.abs(self.weights)))
-        least = LEAST_COMPLIANCE * shortest**2 / max(float(self.model.gravity_weight.sum()), 1e-300)
-        self.contact.augmented[:] = 1.0 / self.augmentation if self.augmentation else 0.0, least
+        least = LEAST_COMPLIANCE * shortest**2 / float(self.model.gravity_weight.sum())
+        self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, least
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""

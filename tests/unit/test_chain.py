@@ -206,7 +206,7 @@ def random_contact(n_rows: int, sliders: int, rng: np.random.Generator) -> Conta
     # the last entry is one too many: only `entries` of them count
     return Contact(np.zeros((5, 1)), np.zeros((3, 2)), np.full(sliders, count - 1), row, column.reshape(sliders, -1),
                    line.reshape(sliders, -1), corner.reshape(sliders, -1), residual, np.zeros(sliders, np.int64),
-                   np.zeros(sliders), np.zeros(sliders), np.zeros(2))
+                   np.zeros(sliders), np.zeros(sliders), np.zeros(3))
 
 
 @pytest.mark.parametrize("sliders", [1, 3])
@@ -252,7 +252,7 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     fill_panel(contact, r.reshape(-1), n, width, panel, SIX)
     clear_held(held, width, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, width, SIX)
-    assert solve_border(contact, panel, n, width, np.zeros((y.size, y.size)), y, SIX) == -1
+    assert solve_border(contact, np.zeros(3 * sliders), panel, n, width, np.zeros((y.size, y.size)), y, SIX) == -1
     found = np.concatenate((panel.reshape(-1, width)[:, 0], y))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
 
@@ -270,4 +270,4 @@ def test_a_singular_border_is_reported() -> None:
     factor(pattern.plan, blocks, pivots, None, 0, SIX)
     fill_panel(contact, np.ones(9 * 8), 9, 8, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, 8, SIX)
-    assert solve_border(contact, panel, 9, 8, np.zeros((7, 7)), np.zeros(7), SIX) == 0
+    assert solve_border(contact, np.zeros(3), panel, 9, 8, np.zeros((7, 7)), np.zeros(7), SIX) == 0

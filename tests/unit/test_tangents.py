@@ -338,21 +338,23 @@ def test_tangent_equals_differences_of_the_twin(name: str, ends: tuple) -> None:
 @pytest.mark.parametrize(("name", "ends"), [("mass on c1 curve", ((0.40, 0.45),)), ("tied point on tied rail", ((0.1, 0.9),)),
                                             ("body and mass on rail", ((0.47, 0.55), (0.67, 0.62)))])
 @pytest.mark.parametrize("factor", [3.0, 1e7])
-def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: float) -> None:
+@pytest.mark.parametrize("first", [0.0, 1.0])
+def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: float, first: float) -> None:
     scene, model, twin = compiled(name)
     trial = trial_step(scene, twin, ends)
     kernel = Kernels(model)
     kernel.assemble(twin, trial)
     # this tangent equals differences of the twin, see above; theirs would lose digits in the solution
     tangent = free_block(twin, kernel.tangent())
-    kernel.contact.augmented[0] = 1.0 / factor
+    kernel.contact.augmented[:] = 1.0 / factor, 0.0, first
     n_rows, work, m = model.n_nodes, kernel.work, model
     kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, n_rows, m.width, work, SIX)
     assert kernels.solve_nodes(None, m.pattern.plan, None, work, m.width, SIX)
-    assert solve_border(kernel.contact, work.panel, n_rows, m.width, work.schur, work.y, SIX) == -1
+    assert solve_border(kernel.contact, kernel.state.force, work.panel, n_rows, m.width, work.schur, work.y, SIX) == -1
     # the kernel's compliance leaves out the moment of the frame
     np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
-    expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), factor / kernel.contact.compliance)
+    expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), first * trial.force,
+                                         factor / kernel.contact.compliance)
     nodes = work.panel.reshape(-1, m.width)[:6 * n_rows, 0].reshape(n_rows, 6)[m.pattern.row_of]
     found = np.concatenate((nodes[twin.free], work.y.reshape(-1, BORDER)[:, :4].reshape(-1)))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))

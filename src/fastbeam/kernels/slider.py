@@ -61,7 +61,7 @@ class Contact(NamedTuple):
     element: np.ndarray     # int64 [S]: element of s_n, a hint
     compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
     remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
-    augmented: np.ndarray   # float64 [2]: 1/factor of theory.md (5.5), least compliance of the parts
+    augmented: np.ndarray   # float64 [3]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration
 
 
 @kernel
@@ -376,9 +376,9 @@ def clear_held(held, width, panel, size):
 
 
 @kernel
-def augment(contact, schur, size):
-    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance. Returns
-    -1, or a slider whose force moves nothing."""
+def augment(contact, force, schur, y, size):
+    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
+    first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
     d = dim_of(len(size))
     border = border_of(len(size))
     n = border * contact.entries.shape[0]
@@ -390,6 +390,9 @@ def augment(contact, schur, size):
         if not largest > contact.augmented[1]:
             return k
         contact.compliance[k] = largest
+        first = contact.augmented[2] * contact.augmented[0] * largest
+        for j in range(d):
+            y[o + j] -= first * force[d * k + j]
         for j in range(o, o + d):
             schur[j, j] += contact.augmented[0] * largest
             for i in range(n):
@@ -413,7 +416,7 @@ def gaps_are_closed(contact, sliders, q, length, size):
 
 
 @kernel
-def solve_border(contact, panel, n_rows, width, schur, y_out, size):
+def solve_border(contact, force, panel, n_rows, width, schur, y_out, size):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
     panel and the border unknowns in y_out; returns -1, or a slider that makes the complement singular."""
     nu = len(size)
@@ -438,7 +441,7 @@ def solve_border(contact, panel, n_rows, width, schur, y_out, size):
                         y_out[row] += line * panel[o]
                         for j in range(n):
                             schur[row, j] -= line * panel[o + 1 + j]
-    singular = augment(contact, schur, size)
+    singular = augment(contact, force, schur, y_out, size)
     if singular >= 0:
         return singular
     singular = solve_dense(schur, y_out, n)
@@ -446,11 +449,12 @@ def solve_border(contact, panel, n_rows, width, schur, y_out, size):
         return singular // border
     for k in range(contact.entries.shape[0]):
         o = border * k
-        largest = 0.0
-        for i in range(o, o + d):
-            largest = max(largest, abs(y_out[i]))
-            y_out[i] /= contact.compliance[k]
-        contact.remaining[k] = contact.augmented[0] * largest
+        contact.remaining[k] = 0.0
+        for i in range(d):
+            y_out[o + i] /= contact.compliance[k]
+            left = contact.augmented[0] * contact.compliance[k] * (y_out[o + i] + contact.augmented[2] * force[d * k + i])
+            contact.remaining[k] = max(contact.remaining[k], abs(left))
+    contact.augmented[2] = 0.0
     for i in range(nu * n_rows):
         o = i * width
         x = -panel[o]

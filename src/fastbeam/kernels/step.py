@@ -28,6 +28,8 @@ END_SLACK = 1e-12
 @kernel
 def start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
+    if contact is not None:
+        contact.augmented[2] = 1.0
     if space is not None:
         space_start(ties, curves, sliders, contact, spinless, state, work, h)
     if plane is not None:
@@ -85,7 +87,7 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
     slide = 0.0
     complete_panel(space, plane, inner, ties, width, work, size)
     if contact is not None:
-        singular = solve_border(contact, work.panel, row_of.shape[0], width, work.schur, work.y, size)
+        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.schur, work.y, size)
         if singular >= 0:
             return -1.0 - singular
         d = dim_of(len(size))
