@@ -2,8 +2,8 @@
 
     python perf/stress/drift.py [steps] [picture.png]     all scenes, with a picture of the growth
 
-Two exponents: of the largest drift up to step n, and of the root mean square of the change over n steps, taken over all windows of
-the run, which is the sharper one.
+Two exponents: of the largest drift up to step n, and of the root mean square of the change over n steps, taken over all
+windows of the run, which is the sharper one.
 """
 from __future__ import annotations
 

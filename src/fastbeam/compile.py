@@ -4,6 +4,8 @@ Whatever a scene lacks gets no table, no rows, no unknowns and, because its argu
 """
 from __future__ import annotations
 
+from copy import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -92,6 +94,10 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
     model.text = describe(scene, model)
+    # the scene as it is now: parts may be added to it later
+    as_compiled = copy(scene)
+    as_compiled.parts = list(scene.parts)
+    model.plain = partial(compile_scene, as_compiled, solver="sparse", eliminate_inner=False)
     return model
 
 

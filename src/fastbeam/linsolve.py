@@ -104,13 +104,11 @@ class SuperLU:
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, 6 n]; blocks [n_blocks, 6, 8]. None where no acceptable solution was found."""
-        from scipy import sparse
         from scipy.sparse.linalg import splu
         if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
             return None
         self.solves += 1
-        data = np.ascontiguousarray(blocks[:, :, :6])
-        matrix = sparse.bsr_matrix((data, self._columns, self._indptr), shape=(6 * self.n, 6 * self.n)).tocsc()
+        matrix = self._matrix(blocks)
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}, {}):
             try:
@@ -126,6 +124,25 @@ class SuperLU:
                 self.worst_residual = max(self.worst_residual, worst)
                 return np.ascontiguousarray(x)
         return None
+
+    def negative_directions(self, blocks: Array) -> int | None:
+        """Number of negative eigenvalues of a symmetric matrix, counted as negative pivots (Sylvester). None where it is not
+        symmetric or an eigenvalue is zero to round-off."""
+        from scipy.sparse.linalg import splu
+        matrix = self._matrix(blocks)
+        if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
+            return None
+        try:
+            factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:
+            return None
+        # a row exchange would spoil the count
+        return int(np.sum(factors.U.diagonal() < 0.0)) if np.array_equal(factors.perm_r, factors.perm_c) else None
+
+    def _matrix(self, blocks: Array) -> Any:
+        from scipy import sparse
+        data = np.ascontiguousarray(blocks[:, :, :6])
+        return sparse.bsr_matrix((data, self._columns, self._indptr), shape=(6 * self.n, 6 * self.n)).tocsc()
 
     @staticmethod
     def _residual(matrix: Any, x: Array, b: Array) -> float:

@@ -43,6 +43,8 @@ class Model:
         Size of the scene, m.
     numbers : numbering.NodeList
         Finds the global number of a node of the scene.
+    plain : callable
+        Makes the model of the same scene for a sparse solver, without elimination of inner nodes.
     """
 
     scene_name: str
@@ -74,6 +76,7 @@ class Model:
     labels: list[str]
     numbers: Any
     text: str = ""
+    plain: Callable[[], Model] | None = None
 
     @property
     def numbers_with_rotation(self) -> set[int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .arguments import count, number
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
-from .dynamics import StepControl, composition, failure, run_to_end_of_beam
+from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
 from .kernels.step import OK, SLIDER_END, State
 from .methods import choose_method
@@ -22,6 +22,8 @@ from .progress import Progress
 from .result import Result, ResultBuffer
 
 Array = np.ndarray
+# relative drift of an invariant beyond which round-off cannot be all
+LARGEST_DRIFT = 1e-6
 
 
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
@@ -161,6 +163,7 @@ class _Run:
             from .store import ResultWriter
             self.writer = ResultWriter(file, header, overwrite=overwrite)
         self.file_error: ResultFileError | None = None
+        self.turns_are_resolved = True
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.snapshots = snapshots
         self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
@@ -218,6 +221,28 @@ class _Run:
     def present(self) -> Checkpoint:
         return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
 
+    # --- what a user must not miss ------------------------------------------------------------------------------------
+    def watch_turns(self, t: float, h: float) -> None:
+        """An event where a step turns a triad further than it can resolve, once a run."""
+        node, turn = self.stepper.largest_turn()
+        if turn > UNRESOLVED_TURN and self.turns_are_resolved:
+            self.turns_are_resolved = False
+            self.event({"kind": "unresolved", "time": t,
+                        "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
+                                f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
+
+    def watch_drift(self) -> None:
+        """An event where the conserving step did not conserve: then its equations were not solved."""
+        if self.stepper.method.name == "energy_momentum":
+            result = self.memory.close(self.info)
+            for name in self.info["conserved"]:
+                drift = result.drift(name) if name in result.series else 0.0
+                if not drift <= LARGEST_DRIFT:
+                    self.event({"kind": "drift", "time": self.clock.now,
+                                "text": f"{name} should be constant and drifted by {drift:.2g} of its size: do not trust this "
+                                        "run; use a smaller step, bring the scene near the origin and at rest, and compare "
+                                        "with solver='sparse', eliminate_inner=False"})
+
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         begin = time.perf_counter()
@@ -235,6 +260,7 @@ class _Run:
                     clock.before = outcome.force[1]
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
+                    self.watch_turns(t, size)
                     if self.callback is not None and self.callback(t, self.stepper.state):
                         self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
                         break
@@ -254,6 +280,7 @@ class _Run:
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
+            self.watch_drift()
             if self.writer is not None:
                 try:
                     self.writer.close(self.info)
@@ -298,7 +325,7 @@ class _Run:
                 yield from self.end_of_beam(reached, outcome, size)
                 return
             if outcome.status != OK:
-                failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps)
+                failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
                 if outcome.steps:
                     # the last good state is a row
                     yield reached, outcome, size, True

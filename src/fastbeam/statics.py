@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from .result import Result, ResultBuffer
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
+UNSTABLE = ("this equilibrium is unstable, its tangent has {} negative eigenvalue(s): a buckling or limit load was passed on the "
+            "way; a small imperfection (a load or a curve slightly off) leads to the branch that a real structure takes")
 
 
 def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
@@ -47,7 +50,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     Returns
     -------
     Result
-        With the equilibrium in `.state`, ready as `start` of `simulate`.
+        With the equilibrium in `.state`, ready as `start` of `simulate`. `info["unstable_directions"]` counts the negative
+        eigenvalues of its tangent (None where moments make the tangent unsymmetric, or where an eigenvalue is zero); more than
+        none is an event too: the path has passed a buckling or limit load.
 
     Raises
     ------
@@ -112,6 +117,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
                                    worst=error.worst, state=State(*(x.copy() for x in solver.state)), result=finish())
         step = max(smallest_step, 0.25 * step)
     bar.close()
+    info["unstable_directions"] = solver.unstable_directions()
+    if info["unstable_directions"]:
+        buffer.event({"kind": "unstable", "time": 1.0, "text": UNSTABLE.format(info["unstable_directions"])})
     return finish()
 
 
@@ -134,20 +142,38 @@ class _StaticSolver:
         if model.loads.shape[0]:
             kernels.external_forces(model.loads, factors, work.f_ext)
         before = self.state.q.copy()
-        status, sizes = SINGULAR, []
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
                 model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
                 model.pattern.row_of, self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
-        if status == SINGULAR:
-            self.state.q[:] = before
+        else:
             status, sizes = self._by_superlu()
-            self.linear.fallbacks += status == OK and self.linear.is_compiled
+        if status == SINGULAR and not self.stepper.pivots_everywhere:
+            self.state.q[:] = before
+            status, sizes = self.spare.equilibrium(factors)
+            self.linear.fallbacks += status == OK
         if status != OK:
             self.state.q[:] = before
         return status, sizes
+
+    @cached_property
+    def spare(self) -> _StaticSolver:
+        """The same state around SuperLU without elimination of inner nodes, see `Stepper.spare`."""
+        assert self.model.plain is not None
+        spare = _StaticSolver(self.model.plain(), self.state, self.max_iterations, "superlu")
+        spare.state = self.state
+        return spare
+
+    def unstable_directions(self) -> int | None:
+        """Number of negative eigenvalues of the tangent at the last equilibrium; None where it is singular to round-off, or
+        not symmetric because moments act."""
+        if not self.stepper.pivots_everywhere:
+            return self.spare.unstable_directions()
+        model, work = self.model, self.work
+        kernels.assemble_static(model.simo, model.green, None, model.ties, model.held, model.pattern.row_of, self.state, work)
+        return self.linear.superlu.negative_directions(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
 
     def _by_superlu(self) -> tuple[int, list[float]]:
         model, work = self.model, self.work
