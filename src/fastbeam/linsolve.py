@@ -23,6 +23,8 @@ from .pattern import Pattern
 Array = np.ndarray
 # unknowns below which PARDISO runs on one thread
 SMALL = 5000
+# a pivot below this share of its diagonal entry is round-off
+ZERO_PIVOT = 1e-14
 
 
 def load_mkl() -> Any | None:
@@ -125,9 +127,9 @@ class SuperLU:
                 return np.ascontiguousarray(x)
         return None
 
-    def negative_directions(self, blocks: Array) -> int | None:
-        """Number of negative eigenvalues of a symmetric matrix, counted as negative pivots (Sylvester). None where it is not
-        symmetric or an eigenvalue is zero to round-off."""
+    def signs(self, blocks: Array) -> tuple[int, int] | None:
+        """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
+        (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count."""
         from scipy.sparse.linalg import splu
         matrix = self._matrix(blocks)
         if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
@@ -135,9 +137,13 @@ class SuperLU:
         try:
             factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError:
+            return 0, 1
+        if not np.array_equal(factors.perm_r, factors.perm_c):
             return None
-        # a row exchange would spoil the count
-        return int(np.sum(factors.U.diagonal() < 0.0)) if np.array_equal(factors.perm_r, factors.perm_c) else None
+        # perm_c[j] is where column j went
+        pivots = factors.U.diagonal()[factors.perm_c]
+        zero = np.abs(pivots) <= ZERO_PIVOT * np.abs(matrix.diagonal())
+        return int(np.sum(pivots[~zero] < 0.0)), int(np.sum(zero))
 
     def _matrix(self, blocks: Array) -> Any:
         from scipy import sparse

@@ -45,6 +45,8 @@ class Model:
         Finds the global number of a node of the scene.
     plain : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes.
+    massless : tuple of str
+        Beams without rotary inertia whose triads nothing holds.
     """
 
     scene_name: str
@@ -77,6 +79,7 @@ class Model:
     numbers: Any
     text: str = ""
     plain: Callable[[], Model] | None = None
+    massless: tuple[str, ...] = ()
 
     @property
     def numbers_with_rotation(self) -> set[int]:

@@ -22,8 +22,10 @@ from .result import Result, ResultBuffer
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
-UNSTABLE = ("this equilibrium is unstable, its tangent has {} negative eigenvalue(s): a buckling or limit load was passed on the "
-            "way; a small imperfection (a load or a curve slightly off) leads to the branch that a real structure takes")
+TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s): a buckling or limit load was "
+                    "passed on the way; a larger imperfection (1 % of the load across) or a run in time leads to a stable one",
+        "free": "the tangent of this equilibrium has {} zero eigenvalue(s): a buckling load is met, or a part can move or spin "
+                "freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 
 
 def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
@@ -50,9 +52,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     Returns
     -------
     Result
-        With the equilibrium in `.state`, ready as `start` of `simulate`. `info["unstable_directions"]` counts the negative
-        eigenvalues of its tangent (None where moments make the tangent unsymmetric, or where an eigenvalue is zero); more than
-        none is an event too: the path has passed a buckling or limit load.
+        With the equilibrium in `.state`, ready as `start` of `simulate`. `info["unstable_directions"]` and
+        `info["free_directions"]` count the negative and the zero eigenvalues of its tangent (None where moments make it
+        unsymmetric); any is an event too: a buckling or limit load was passed, or is met, or something is held by nothing.
 
     Raises
     ------
@@ -112,14 +114,16 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
             error = failure(solver.stepper, failed, reached, len(solver.history))
             text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
             bar.close()
-            raise ConvergenceError(f"{text}; a limit or buckling point may lie there. The last equilibrium is in .state, "
-                                   "everything computed in .result", step=error.step, time=reached, residuals=error.residuals,
+            raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
+                                   "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
+                                   "equilibrium is in .state, everything computed in .result", step=error.step, time=reached, residuals=error.residuals,
                                    worst=error.worst, state=State(*(x.copy() for x in solver.state)), result=finish())
         step = max(smallest_step, 0.25 * step)
     bar.close()
-    info["unstable_directions"] = solver.unstable_directions()
-    if info["unstable_directions"]:
-        buffer.event({"kind": "unstable", "time": 1.0, "text": UNSTABLE.format(info["unstable_directions"])})
+    for (kind, text), found in zip(TOLD.items(), solver.signs() or (None, None)):
+        info[kind + "_directions"] = found
+        if found:
+            buffer.event({"kind": kind, "time": 1.0, "text": text.format(found)})
     return finish()
 
 
@@ -166,14 +170,14 @@ class _StaticSolver:
         spare.state = self.state
         return spare
 
-    def unstable_directions(self) -> int | None:
-        """Number of negative eigenvalues of the tangent at the last equilibrium; None where it is singular to round-off, or
-        not symmetric because moments act."""
+    def signs(self) -> tuple[int, int] | None:
+        """Numbers of negative and of zero eigenvalues of the tangent at the last equilibrium; None where moments make it
+        unsymmetric."""
         if not self.stepper.pivots_everywhere:
-            return self.spare.unstable_directions()
+            return self.spare.signs()
         model, work = self.model, self.work
         kernels.assemble_static(model.simo, model.green, None, model.ties, model.held, model.pattern.row_of, self.state, work)
-        return self.linear.superlu.negative_directions(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
+        return self.linear.superlu.signs(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
 
     def _by_superlu(self) -> tuple[int, list[float]]:
         model, work = self.model, self.work
