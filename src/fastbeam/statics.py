@@ -23,7 +23,7 @@ Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s): a buckling or limit load was "
-                    "passed on the way; a larger imperfection (1 % of the load across) or a run in time leads to a stable one",
+                    "passed on the way; a larger imperfection or a run in time finds a stable one",
         "free": "the tangent of this equilibrium has {} zero eigenvalue(s): a buckling load is met, or a part can move or spin "
                 "freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 
@@ -116,8 +116,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
             bar.close()
             raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
                                    "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
-                                   "equilibrium is in .state, everything computed in .result", step=error.step, time=reached, residuals=error.residuals,
-                                   worst=error.worst, state=State(*(x.copy() for x in solver.state)), result=finish())
+                                   "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
+                                   residuals=error.residuals, worst=error.worst,
+                                   state=State(*(x.copy() for x in solver.state)), result=finish())
         step = max(smallest_step, 0.25 * step)
     bar.close()
     for (kind, text), found in zip(TOLD.items(), solver.signs() or (None, None)):
