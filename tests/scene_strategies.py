@@ -1,4 +1,4 @@
-"""Random scenes as hypothesis strategies: data that is drawn, and `build`, which makes a scene of it, turned and reordered at will.
+"""Random scenes as hypothesis strategies: data that is drawn, and `build`, which makes a scene of it, turned and reordered.
 
 All scenes have the same kinds of parts, so that few variants of the kernels are compiled: beams of both strain sets with inner
 nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`.
@@ -74,7 +74,8 @@ def beams(draw: Draw, strain: str, inner: bool, planar: bool) -> tuple[str, dict
         if not planar:
             shape["twist"] = draw(number(-2, 2))
     elif kind == "arc":
-        shape = {"start": start, "tangent": along, "normal": across, "radius": draw(number(0.5, 2)), "angle": draw(number(0.3, 3))}
+        shape = {"start": start, "tangent": along, "normal": across, "radius": draw(number(0.5, 2)),
+                 "angle": draw(number(0.3, 3))}
     else:
         # always forward, never back: no cusps
         waves = np.array([[0.0, 0.0, 0.0]] + [[k, draw(number(-0.4, 0.4)), 0.0 if planar else draw(number(-0.4, 0.4))]
@@ -92,6 +93,7 @@ def scenes(draw: Draw, planar: bool = False, held: bool = False) -> Drawn:
     spin = np.array((0.0, 0.0, draw(number(-1, 1)))) if planar else draw(vectors(0.7, False))
     rest = {"mass": draw(power(-1, 1)), "offset": draw(vectors(0.3, planar)), "link": draw(st.booleans()),
             "velocity": draw(vectors(0.5, planar)), "spin": spin, "step": draw(power(-2.5, -1.3)),
+            "order": draw(st.integers(0, 999)),
             "sliders": [(draw(st.integers(0, 1)), draw(number(0.25, 0.75)), draw(number(-1, 1)), draw(power(-2, 1)),
                          draw(st.sampled_from(["own", "c1"]))) for _ in range(draw(st.integers(1, 2)))]}
     if held:

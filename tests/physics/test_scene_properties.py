@@ -1,4 +1,4 @@
-"""Properties of random scenes: invariants, equal results of all solvers, restarts bit for bit, order and orientation irrelevant."""
+"""Random scenes: invariants, equal results of all solvers, restarts bit for bit, order and orientation irrelevant."""
 from __future__ import annotations
 
 import json
@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
-from hypothesis import strategies as st
 
 import fastbeam as fb
 
@@ -70,9 +69,9 @@ def check_restart(drawn: Drawn) -> None:
         np.testing.assert_array_equal(x, y)
 
 
-def check_order(drawn: Drawn, shuffle: Random) -> None:
+def check_order(drawn: Drawn) -> None:
     one = run(drawn)
-    mixed = build(drawn, order=shuffle.shuffle)
+    mixed = build(drawn, order=Random(drawn.rest["order"]).shuffle)
     other = run(drawn, mixed)
     labels = [fb.compile_scene(scene).labels for scene in (build(drawn), mixed)]
     place = {label: k for k, label in enumerate(labels[1])}
@@ -97,55 +96,25 @@ def check_turned(drawn: Drawn) -> None:
         assert float(np.abs(q[0][:, 0, 2]).max()) <= 1e-12
 
 
-CHECKS = {"invariants": check_invariants, "solvers": check_solvers, "restart": check_restart, "turned": check_turned}
+CHECKS = {"invariants": check_invariants, "solvers": check_solvers, "restart": check_restart, "order": check_order,
+          "turned": check_turned}
 
 
-@QUICK
-@given(scenes())
-def test_invariants_stay(drawn: Drawn) -> None:
-    check_invariants(drawn)
+def assert_property(name: str, drawn: Drawn) -> None:
+    """One of the checks."""
+    CHECKS[name](drawn)
 
 
-@QUICK
-@given(scenes())
-def test_solvers_agree(drawn: Drawn) -> None:
-    check_solvers(drawn)
-
-
-@QUICK
-@given(scenes(), st.randoms(use_true_random=False))
-def test_order_of_parts_is_irrelevant(drawn: Drawn, shuffle: Random) -> None:
-    check_order(drawn, shuffle)
-
-
-@QUICK
-@given(scenes())
-def test_run_goes_on_bit_for_bit(drawn: Drawn) -> None:
-    check_restart(drawn)
-
-
-@QUICK
-@given(scenes(planar=True))
-def test_planar_scene_is_the_same_in_any_plane(drawn: Drawn) -> None:
-    check_turned(drawn)
+@pytest.mark.parametrize("name", CHECKS)
+def test_a_few_scenes(name: str) -> None:
+    QUICK(given(scenes(planar=name == "turned"))(lambda drawn: assert_property(name, drawn)))()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize("name", CHECKS)
 def test_many_scenes(name: str, held: bool) -> None:
-    @MANY
-    @given(scenes(held=held, planar=name == "turned"))
-    def check(drawn: Drawn) -> None:
-        CHECKS[name](drawn)
-
-    check()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("held", [False, True])
-def test_many_orders_of_parts(held: bool) -> None:
-    MANY(given(scenes(held=held), st.randoms(use_true_random=False))(check_order))()
+    MANY(given(scenes(held=held, planar=name == "turned"))(lambda drawn: assert_property(name, drawn)))()
 
 
 def hashes() -> list[str]:
