@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import fastbeam as fb
 from fastbeam.kernels import chain
 from fastbeam.kernels import step as kernels
-from fastbeam.kernels.sparse import REFUSE_AT
+from fastbeam.kernels.sparse import REFUSE_AT, solve_sparse
 from fastbeam.linsolve import LinearSystem, load_mkl
 from fastbeam.newton import Stepper
 from fastbeam.pattern import Pattern, build_pattern
@@ -74,15 +74,12 @@ def solved(kind: str, solver: str, n: int = 6, seed: int = 0) -> tuple[Array | N
     system = LinearSystem(pattern, 1, "auto" if solver == "chain" else solver)
     flat, values = panel.reshape(-1), blocks.reshape(-1).copy()
     if solver == "chain":
-        good = chain.factor(pattern.plan, values, np.zeros(6 * n, np.int64)) > 1e-14
+        pivots = np.zeros(6 * n, np.int64)
+        good = chain.factor(pattern.plan, values, pivots) > 1e-14
         if good:
-            pivots = np.zeros(6 * n, np.int64)
-            values = blocks.reshape(-1).copy()
-            chain.factor(pattern.plan, values, pivots)
             chain.solve(pattern.plan, values, pivots, flat, 8)
         x = panel[:, 0] if good else None
     elif solver == "pardiso":
-        from fastbeam.kernels.sparse import solve_sparse
         x = panel[:, 0] if solve_sparse(system.tables, values, flat, 8) else None
     else:
         found = system.superlu.solve(blocks, right[None])
@@ -121,7 +118,7 @@ def bar() -> fb.Scene:
     return fb.Scene(beam, name="stretched bar")
 
 
-def stretched(model: fb.compile.Model, speed: float = 0.0) -> Any:  # type: ignore[name-defined]
+def stretched(model: Any, speed: float = 0.0) -> Any:
     """The bar stretched by a quarter, its nodes in random motion."""
     state = model.state()
     q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)

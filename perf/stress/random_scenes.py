@@ -29,8 +29,8 @@ def tried(name: str, held: bool, examples: int) -> Row:
     except Exception as found:  # what was found is the result
         message = f"{type(found).__name__}: {str(found)[:300]} {' '.join(getattr(found, '__notes__', []))[:2000]}"
     what = "on supports, with loads" if held else "in flight"
-    return Row(f"{name}, scenes {what}", f"holds in {examples}", message or f"holds in {count[1]}, {count[0] - count[1]} not usable",
-               not message)
+    happened = message or f"holds in {count[1]}, {count[0] - count[1]} not usable"
+    return Row(f"{name}, scenes {what}", f"holds in {examples}", happened, not message)
 
 
 def rows(quick: bool = False) -> Iterator[Row]:

@@ -112,7 +112,7 @@ class SuperLU:
         if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
             return None
         self.solves += 1
-        matrix = self._matrix(blocks)
+        matrix = self.matrix(blocks)
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}, {}):
             try:
@@ -133,7 +133,7 @@ class SuperLU:
         """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
         (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count."""
         from scipy.sparse.linalg import splu
-        matrix = self._matrix(blocks)
+        matrix = self.matrix(blocks)
         if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
             return None
         try:
@@ -147,7 +147,8 @@ class SuperLU:
         zero = np.abs(pivots) <= ZERO_PIVOT * np.abs(matrix.diagonal())
         return int(np.sum(pivots[~zero] < 0.0)), int(np.sum(zero))
 
-    def _matrix(self, blocks: Array) -> Any:
+    def matrix(self, blocks: Array) -> Any:
+        """The matrix of blocks [n_blocks, 6, 8] by columns."""
         from scipy import sparse
         data = np.ascontiguousarray(blocks[:, :, :6])
         return sparse.bsr_matrix((data, self._columns, self._indptr), shape=(6 * self.n, 6 * self.n)).tocsc()
