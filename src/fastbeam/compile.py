@@ -4,6 +4,8 @@ Whatever a scene lacks gets no table, no rows, no unknowns and, because its argu
 """
 from __future__ import annotations
 
+from copy import copy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from .numbering import NodeList
 from .pattern import Pattern, build_pattern, widen
 from .planar import find_plane
 from .report import describe
-from .scene import RigidBody, Scene
+from .scene import Beam, RigidBody, Scene
 from .tables import ElementPacker, pack_curves, pack_inner
 
 Array = np.ndarray
@@ -106,7 +108,18 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if planar is True and model.plane is None:
         raise SceneError(f"compile_scene: {scene.label} does not stay in a plane: {model.not_planar}; use planar='auto'")
     model.text = describe(scene, model)
+    # the scene as it is now: parts may be added to it later
+    as_compiled = copy(scene)
+    as_compiled.parts = list(scene.parts)
+    model.massless = tuple(beam.label for beam in scene.beams if _is_massless(scene, beam))
+    model.plain = partial(compile_scene, as_compiled, solver="sparse", eliminate_inner=False)
     return model
+
+
+def _is_massless(scene: Scene, beam: Beam) -> bool:
+    """Whether neither inertia nor a clamp or rigid connection resists a spin of the beam about its own axis."""
+    holds = [clamp.at for clamp in scene.clamps] + [node for joint in scene.rigid for node in (joint.a, joint.b)]
+    return not any(beam.section.inertia[1:]) and all(node.owner is not beam for node in holds)
 
 
 def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> Array:

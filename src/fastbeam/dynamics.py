@@ -15,6 +15,8 @@ SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
 # a located end of a beam is met within this share of its length
 END_TOLERANCE = 1e-10
+# a step in which a triad turns by more is hard to solve, and beyond the second one does not resolve the rotation, rad
+LARGE_TURN, UNRESOLVED_TURN = 0.5, 0.5 * np.pi
 
 
 def composition(order: int) -> Array:
@@ -30,8 +32,8 @@ def composition(order: int) -> Array:
     return WEIGHTS[order]
 
 
-def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> ConvergenceError:
-    """The error of a step that failed, with the last good state."""
+def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 0.0) -> ConvergenceError:
+    """The error of a step of size h that failed, with the last good state."""
     model = stepper.model
     node, size = stepper.worst_node()
     worst = f"{model.node_label(node)} (residual {size:.3g})"
@@ -41,6 +43,10 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int) -> Converge
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
     cause, advice = _cause(stepper, outcome)
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
+    spinning, spin = stepper.largest_spin()
+    if spin * h > LARGE_TURN:
+        shown += (f"; {model.node_label(spinning)} turns with {spin:.3g} rad/s, that is by {spin * h:.3g} rad in this step of "
+                  f"{h:.3g} s, which may be too far: up to {LARGE_TURN} rad are safe, here steps up to {LARGE_TURN / spin:.2g} s")
     return ConvergenceError(
         f"step {step} at t = {t:.6g} s: {cause}; increments {shown or 'none'}; largest at {worst}; the last good state is in "
         f".state, everything computed in .result. {advice}",
@@ -167,7 +173,7 @@ class StepControl:
                     raise ConvergenceError(f"step {step} at t = {t:.6g} s: the local error {error:.3g} exceeds the tolerance "
                                            f"{self.tolerance:g} at the smallest step {h:.3g} s; lower min_step or raise "
                                            "tolerance", step=step, time=t, state=start[0])
-                raise failure(stepper, halves if whole.status == OK else whole, t, step)
+                raise failure(stepper, halves if whole.status == OK else whole, t, step, h)
             h = max(self.smallest, shorter)
 
     def _error(self, stepper: Stepper, coarse: State) -> float:

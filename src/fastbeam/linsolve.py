@@ -23,6 +23,10 @@ from .pattern import Pattern
 Array = np.ndarray
 # unknowns below which PARDISO runs on one thread
 SMALL = 5000
+# slender beams: round-off of their stiff directions may leave this relative residual, in a solution that is as good as can be
+ILL_CONDITIONED = 1e-2
+# a pivot below this share of its diagonal entry is round-off
+ZERO_PIVOT = 1e-14
 
 
 def load_mkl() -> Any | None:
@@ -106,14 +110,11 @@ class SuperLU:
 
     def solve(self, blocks: Array, right: Array) -> Array | None:
         """Solve K x = b for b [m, size*n]; blocks [n_blocks, size, 8]. None where no acceptable solution was found."""
-        from scipy import sparse
         from scipy.sparse.linalg import splu
         if not (np.isfinite(blocks).all() and np.isfinite(right).all()):
             return None
         self.solves += 1
-        k = self.size
-        data = np.ascontiguousarray(blocks[:, :, :k])
-        matrix = sparse.bsr_matrix((data, self._columns, self._indptr), shape=(k * self.n, k * self.n)).tocsc()
+        matrix = self.matrix(blocks)
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}, {}):
             try:
@@ -125,10 +126,42 @@ class SuperLU:
             if REFINE_AT < worst < 1.0:
                 x = x + factors.solve((right - (matrix @ x.T).T).T).T
                 worst = self._residual(matrix, x, right)
-            if worst <= REFUSE_AT:
+            if worst <= REFUSE_AT or (worst <= ILL_CONDITIONED and self._backward_error(matrix, x, right) <= REFINE_AT):
                 self.worst_residual = max(self.worst_residual, worst)
                 return np.ascontiguousarray(x)
         return None
+
+    def signs(self, blocks: Array) -> tuple[int, int] | None:
+        """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
+        (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count."""
+        from scipy.sparse.linalg import splu
+        matrix = self.matrix(blocks)
+        if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
+            return None
+        try:
+            factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:
+            return 0, 1
+        if not np.array_equal(factors.perm_r, factors.perm_c):
+            return None
+        # perm_c[j] is where column j went
+        pivots = factors.U.diagonal()[factors.perm_c]
+        zero = np.abs(pivots) <= ZERO_PIVOT * np.abs(matrix.diagonal())
+        return int(np.sum(pivots[~zero] < 0.0)), int(np.sum(zero))
+
+    def matrix(self, blocks: Array) -> Any:
+        """The matrix of blocks [n_blocks, 6, 8] by columns."""
+        from scipy import sparse
+        data = np.ascontiguousarray(blocks[:, :, :self.size])
+        n = self.size * self.n
+        return sparse.bsr_matrix((data, self._columns, self._indptr), shape=(n, n)).tocsc()
+
+    @staticmethod
+    def _backward_error(matrix: Any, x: Array, b: Array) -> float:
+        """Largest relative change of any entry of matrix and right-hand side that would make x exact."""
+        rest = np.abs(b - (matrix @ x.T).T)
+        size = (abs(matrix) @ np.abs(x).T).T + np.abs(b)
+        return float(np.max(rest / np.where(size > 0.0, size, 1.0)))
 
     @staticmethod
     def _residual(matrix: Any, x: Array, b: Array) -> float:

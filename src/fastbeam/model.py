@@ -53,6 +53,10 @@ class Model:
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
     not_planar : str
         Why there is no plane.
+    plain : callable
+        Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
+    massless : tuple of str
+        Beams without rotary inertia whose triads nothing holds.
     """
 
     scene_name: str
@@ -87,6 +91,8 @@ class Model:
     size: tuple[int, ...] = SIX
     plane: Any = None
     not_planar: str = ""
+    plain: Callable[..., Model] | None = None
+    massless: tuple[str, ...] = ()
 
     @property
     def numbers_with_rotation(self) -> set[int]:

@@ -22,6 +22,8 @@ Array = np.ndarray
 AUGMENTATION = 1e7
 # a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
 LEAST_COMPLIANCE = 1e-14
+# work arrays in the order of the nodes and sliders, whatever the order of the rows
+BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past")
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
@@ -103,6 +105,7 @@ class Stepper:
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size))
         self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
+        self._spare: Stepper | None = None
         self._timed = any(t is not None for t in model.load_times)
         if not self._timed and model.loads.shape[0]:
             kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
@@ -150,6 +153,24 @@ class Stepper:
         assemble_rest(model.simo, model.green, model.bodies, model.ties, model.held, self.core_state, work, SIX)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
+    @property
+    def pivots_everywhere(self) -> bool:
+        """Whether all unknowns are solved for by SuperLU, after which there is nothing left to try."""
+        return self.inner is None and not self.linear.is_compiled
+
+    @property
+    def spare(self) -> Stepper:
+        """The same state and first guesses around SuperLU, without elimination of inner nodes: pivots vanish there or within a
+        block without the matrix being singular. Made when first needed."""
+        if self._spare is None:
+            assert self.model.plain is not None
+            spare = Stepper(self.model.plain(planar=self.plane is not None), self.weights, None, self.max_iterations, "superlu",
+                            self.method, memory=self.memory, augmentation=self.augmentation)
+            spare.core_state, spare.alpha = self.core_state, self.alpha
+            spare.work = spare.work._replace(**{name: getattr(self.work, name) for name in BY_NODE})
+            self._spare = spare
+        return self._spare
+
     def save(self) -> tuple[State, Array]:
         """Everything a later `load` needs."""
         return self.copy_state(), self.memory
@@ -192,17 +213,18 @@ class Stepper:
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
-        if not self.linear.is_compiled:
-            return self._python_run(factors if self._timed else None, h, n)
-        kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves, model.sliders,
-                    self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables, model.pattern.row_of,
-                    model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n, model.width, model.length,
-                    self.max_iterations, model.slider_lengths, counts, sizes, force)
-        reached = int(counts[1])
-        result = Outcome(int(counts[0]), reached, int(counts[2]), int(counts[3]), sizes, self._in_space(force))
+        if self.linear.is_compiled:
+            kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
+                        model.sliders, self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables,
+                        model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n,
+                        model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
+            result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
+        else:
+            result = self._python_run(factors if self._timed else None, h, n)
+        reached = result.steps
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
-        # the failed step once more, from a first guess that relies less on the past, at last with pivoting across blocks
+        # the failed step once more, from a first guess that relies less on the past, at last with pivoting across all unknowns
         past = self.work.past
         if past[0]:
             known, past[0] = past[0], past[0] - 1.0
@@ -211,10 +233,13 @@ class Stepper:
                 return fresh.after(result)
             past[0] = known
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
-        pivoting = self._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
-        if pivoting.status != OK:
-            return result if pivoting.status != SLIDER_END else pivoting.after(result)
-        self.linear.fallbacks += 1
+        if self.pivots_everywhere:
+            return result
+        self.spare._augment(h)
+        pivoting = self.spare._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
+        if pivoting.status not in (OK, SLIDER_END):
+            return result
+        self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
     def _in_space(self, force: Array) -> Array:
@@ -296,6 +321,20 @@ class Stepper:
         gaps = np.abs(self.contact.residual[:, :dim]).max(axis=1)
         k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
         return k, float(gaps[k]), float(self.contact.residual[k, dim])
+
+    def largest_turn(self) -> tuple[int, float]:
+        """(node, angle in rad) of the largest turn of a triad in the last substep."""
+        size = np.linalg.norm(self.work.theta.reshape(self.model.n_nodes, -1), axis=1)
+        node = int(np.argmax(size))
+        return node, float(2.0 * np.arctan(0.5 * size[node]))
+
+    def largest_spin(self) -> tuple[int, float]:
+        """(node, angular velocity in rad/s) of the triad that turns fastest in the present state."""
+        state = self.state
+        q, v = (x.reshape(-1, 4, 3)[:, 1:] for x in (state.q, state.v))
+        size = np.linalg.norm(0.5 * np.cross(q, v).sum(axis=1), axis=1)
+        node = int(np.argmax(size))
+        return node, float(size[node])
 
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from .arguments import count, number
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
-from .dynamics import StepControl, composition, failure, run_to_end_of_beam
+from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -24,6 +24,8 @@ from .progress import Progress
 from .result import Result, ResultBuffer
 
 Array = np.ndarray
+# relative drift of an invariant beyond which round-off cannot be all
+LARGEST_DRIFT = 1e-6
 
 
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
@@ -166,6 +168,7 @@ class _Run:
             from .store import ResultWriter
             self.writer = ResultWriter(file, header, overwrite=overwrite)
         self.file_error: ResultFileError | None = None
+        self.turns_are_resolved = True
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.snapshots = snapshots
         self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
@@ -223,6 +226,28 @@ class _Run:
     def present(self) -> Checkpoint:
         return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
 
+    # --- what a user must not miss ------------------------------------------------------------------------------------
+    def watch_turns(self, t: float, h: float) -> None:
+        """An event where a step turns a triad further than it can resolve, once a run."""
+        node, turn = self.stepper.largest_turn()
+        if turn > UNRESOLVED_TURN and self.turns_are_resolved:
+            self.turns_are_resolved = False
+            self.event({"kind": "unresolved", "time": t,
+                        "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
+                                f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
+
+    def watch_drift(self) -> None:
+        """An event where the conserving step did not conserve: then its equations were not solved."""
+        if self.stepper.method.name == "energy_momentum":
+            result = self.memory.close(self.info)
+            for name in self.info["conserved"]:
+                drift = result.drift(name) if name in result.series else 0.0
+                if not drift <= LARGEST_DRIFT:
+                    self.event({"kind": "drift", "time": self.clock.now,
+                                "text": f"{name} should be constant and drifted by {drift:.2g} of its size: do not trust this "
+                                        "run; use a smaller step, bring the scene near the origin and at rest, and compare "
+                                        "with solver='sparse', eliminate_inner=False"})
+
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         begin = time.perf_counter()
@@ -231,6 +256,10 @@ class _Run:
             clock.before = self.stepper.state.force.copy()
         error: ConvergenceError | None = None
         self.open_row(self.t_start, 0, 0.0)
+        for beam in self.model.massless:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
+                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
         try:
             for t, outcome, size, row_due in self.chunks(every):
                 self.iterations += outcome.iterations
@@ -240,6 +269,7 @@ class _Run:
                     clock.before = outcome.force[1]
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
+                    self.watch_turns(t, size)
                     if self.callback is not None and self.callback(t, self.stepper.state):
                         self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
                         break
@@ -259,6 +289,7 @@ class _Run:
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
+            self.watch_drift()
             if self.writer is not None:
                 try:
                     self.writer.close(self.info)
@@ -303,7 +334,7 @@ class _Run:
                 yield from self.end_of_beam(reached, outcome, size)
                 return
             if outcome.status != OK:
-                failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps)
+                failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
                 if outcome.steps:
                     # the last good state is a row
                     yield reached, outcome, size, True

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,10 @@ from .result import Result, ResultBuffer
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
+TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s): a buckling or limit load was "
+                    "passed on the way; a larger imperfection or a run in time finds a stable one",
+        "free": "the tangent of this equilibrium has {} zero eigenvalue(s): a buckling load is met, or a part can move or spin "
+                "freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 
 
 def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
@@ -48,7 +53,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     Returns
     -------
     Result
-        With the equilibrium in `.state`, ready as `start` of `simulate`.
+        With the equilibrium in `.state`, ready as `start` of `simulate`. `info["unstable_directions"]` and
+        `info["free_directions"]` count the negative and the zero eigenvalues of its tangent (None where moments make it
+        unsymmetric); any is an event too: a buckling or limit load was passed, or is met, or something is held by nothing.
 
     Raises
     ------
@@ -108,11 +115,17 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
             error = failure(solver.stepper, failed, reached, len(solver.history))
             text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
             bar.close()
-            raise ConvergenceError(f"{text}; a limit or buckling point may lie there. The last equilibrium is in .state, "
-                                   "everything computed in .result", step=error.step, time=reached, residuals=error.residuals,
-                                   worst=error.worst, state=State(*(x.copy() for x in solver.state)), result=finish())
+            raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
+                                   "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
+                                   "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
+                                   residuals=error.residuals, worst=error.worst,
+                                   state=State(*(x.copy() for x in solver.state)), result=finish())
         step = max(smallest_step, 0.25 * step)
     bar.close()
+    for (kind, text), found in zip(TOLD.items(), solver.signs(factors) or (None, None)):
+        info[kind + "_directions"] = found
+        if found:
+            buffer.event({"kind": kind, "time": 1.0, "text": text.format(found)})
     return finish()
 
 
@@ -132,27 +145,54 @@ class _StaticSolver:
         """The present shape."""
         return self.stepper.state
 
+    def _load(self, factors: Array) -> None:
+        self.work.f_ext[:] = 0.0
+        if self.core.loads.shape[0]:
+            kernels.external_forces(self.core.loads, factors, self.work.f_ext)
+
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure the state is the last equilibrium."""
         model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
-        work.f_ext[:] = 0.0
-        if model.loads.shape[0]:
-            kernels.external_forces(model.loads, factors, work.f_ext)
+        self._load(factors)
         before = state.q.copy()
-        status, sizes = SINGULAR, []
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
                 *kind, model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
                 model.pattern.row_of, state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
-        if status == SINGULAR:
-            state.q[:] = before
+        else:
             status, sizes = self._by_superlu()
-            self.linear.fallbacks += status == OK and self.linear.is_compiled
+        if status == SINGULAR and not self.stepper.pivots_everywhere:
+            state.q[:] = before
+            status, sizes = self.spare.equilibrium(factors)
+            self.linear.fallbacks += status == OK
         if status != OK:
             state.q[:] = before
         return status, sizes
+
+    def _plain(self, planar: bool) -> _StaticSolver:
+        plain = self.stepper.model.plain
+        assert plain is not None
+        return _StaticSolver(plain(planar=planar), self.state, self.max_iterations, "superlu")
+
+    @cached_property
+    def spare(self) -> _StaticSolver:
+        """The same state around SuperLU without elimination of inner nodes, see `Stepper.spare`."""
+        spare = self._plain(self.stepper.plane is not None)
+        spare.stepper.core_state = self.stepper.core_state
+        return spare
+
+    def signs(self, factors: Array) -> tuple[int, int] | None:
+        """Numbers of negative and of zero eigenvalues of the tangent in space at the last equilibrium, that of load factors [K];
+        also in directions that a planar scene cannot follow. None where moments make it unsymmetric."""
+        if self.stepper.plane is not None or not self.stepper.pivots_everywhere:
+            return self._plain(False).signs(factors)
+        model, work = self.core, self.work
+        self._load(factors)
+        kernels.assemble_static(*self.stepper.kind[:2], model.simo, model.green, None, model.ties, model.held,
+                                self.stepper.core_state, work)
+        return self.linear.superlu.signs(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
 
     def _by_superlu(self) -> tuple[int, list[float]]:
         model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind

@@ -109,7 +109,8 @@ def spread(q, v, dq, h, q_mid_out, q_end_out, u_out):
 @kernel
 def update_nodes(row_of, x, width, q, theta, dq):
     """Add the solution x [rows, 6, width] (column 0) to the increments of a step. Returns the largest position increment and
-    the largest spin."""
+    the largest increment of a Cayley vector next to the vector itself: spins alone also vanish where it runs away to infinity,
+    towards half a turn."""
     largest = 0.0
     spin = 0.0
     for i in range(row_of.shape[0]):
@@ -122,8 +123,9 @@ def update_nodes(row_of, x, width, q, theta, dq):
         p = ld3(x, o + 3 * width, width)
         # from spin to Cayley vector: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi
         t = ld3(theta, 3 * i, 1)
-        add3(theta, 3 * i, 1, p - 0.5 * cross(t, p) + (0.25 * dot(t, p)) * t)
-        n = dot(p, p)
+        p = p - 0.5 * cross(t, p) + (0.25 * dot(t, p)) * t
+        add3(theta, 3 * i, 1, p)
+        n = dot(p, p) / (1.0 + 0.25 * dot(t, t))
         if n > spin or n != n:
             spin = n
         set_directors(q, theta, dq, i)

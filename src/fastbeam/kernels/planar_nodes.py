@@ -78,8 +78,7 @@ def planar_remember(theta, dq, s, s_end, force, h, past):
 
 @kernel
 def planar_update(ties, row_of, x, width, q, theta, dq):
-    """Add the solution x [rows, 3, width] (column 0) to the increments of a step. Returns the largest position increment and the
-    largest spin."""
+    """As `nodes.update_nodes`, with the solution x [rows, 3, width]; ties included."""
     largest = 0.0
     spin = 0.0
     for i in range(row_of.shape[0]):
@@ -89,10 +88,12 @@ def planar_update(ties, row_of, x, width, q, theta, dq):
             dq[4 * i + c] += z
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)
-        p = x[o + 2 * width]
-        theta[i] += (1.0 + 0.25 * theta[i] * theta[i]) * p
-        if abs(p) > spin or p != p:
-            spin = abs(p)
+        t = 1.0 + 0.25 * theta[i] * theta[i]
+        p = t * x[o + 2 * width]
+        theta[i] += p
+        z = abs(p) / np.sqrt(t)
+        if z > spin or z != z:
+            spin = z
         set_director(q, theta, dq, i)
     if ties is not None:
         tie_planar(ties, dq)

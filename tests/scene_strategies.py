@@ -1,0 +1,153 @@
+"""Random scenes as hypothesis strategies: data that is drawn, and `build`, which makes a scene of it, turned and reordered.
+
+All scenes have the same kinds of parts, so that few variants of the kernels are compiled: beams of both strain sets with inner
+nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+import fastbeam as fb
+
+Array = np.ndarray
+Draw = Any
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What was drawn: beams (kind, geometry, section, common), the rest by name; planar scenes lie in the plane z = 0."""
+
+    beams: list[tuple[str, dict[str, Any], dict[str, Any], dict[str, Any]]]
+    rest: dict[str, Any]
+    planar: bool
+    held: bool
+
+
+def number(low: float, high: float) -> Any:
+    """One of a thousand numbers between the two, both included."""
+    return st.integers(0, 1000).map(lambda k: low + (high - low) * k / 1000)
+
+
+def power(low: float, high: float) -> Any:
+    """Ten to a number."""
+    return number(low, high).map(lambda x: float(10.0**x))
+
+
+@st.composite
+def vectors(draw: Draw, size: float, planar: bool) -> Array:
+    """Three numbers up to `size`; the third is 0 in planar scenes."""
+    x = np.array([draw(number(-size, size)) for _ in range(3)])
+    return x * (1.0, 1.0, 0.0) if planar else x
+
+
+@st.composite
+def sections(draw: Draw, planar: bool) -> dict[str, Any]:
+    """Stiffnesses over three decades, inertias over three, some coupled (never in a plane, where coupling leads out of it)."""
+    out = {name: draw(power(1, 4)) for name in ("EA", "GA2", "GA3", "GJ", "EI2", "EI3")}
+    out |= {"rhoA": draw(power(-1, 1)), "rhoI2": draw(power(-3, 0)), "rhoI3": draw(power(-3, 0))}
+    if not planar and draw(st.integers(0, 3)) == 0:
+        out["coupling"] = draw(st.integers(0, 999))
+    return out
+
+
+@st.composite
+def beams(draw: Draw, strain: str, inner: bool, planar: bool) -> tuple[str, dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Straight and perhaps twisted, an arc, or through points; any family and degree. inner: it has inner nodes."""
+    family = "lagrange" if inner else draw(st.sampled_from(["lagrange", "bspline"]))
+    common: dict[str, Any] = {"elements": draw(st.integers(2, 6)), "interpolation": family, "strain": strain,
+                              "degree": draw(st.integers(2, 4) if inner else st.integers(1, 4) if family == "lagrange"
+                                             else st.integers(2, 3))}
+    if family == "bspline":
+        common["directors"] = draw(st.sampled_from(["greville", "control"]))
+    start, kind = draw(vectors(2.0, planar)), draw(st.sampled_from(["straight", "arc", "points"]))
+    turn = draw(number(-3, 3))
+    along = np.array((np.cos(turn), np.sin(turn), 0.0 if planar else draw(number(-0.5, 0.5))))
+    along /= np.linalg.norm(along)
+    across = np.cross((0.0, 0.0, 1.0), along)
+    across /= np.linalg.norm(across)
+    if kind == "straight":
+        shape: dict[str, Any] = {"start": start, "end": start + draw(number(1, 4)) * along, "d2": across}
+        if not planar:
+            shape["twist"] = draw(number(-2, 2))
+    elif kind == "arc":
+        shape = {"start": start, "tangent": along, "normal": across, "radius": draw(number(0.5, 2)),
+                 "angle": draw(number(0.3, 3))}
+    else:
+        # always forward, never back: no cusps
+        waves = np.array([[0.0, 0.0, 0.0]] + [[k, draw(number(-0.4, 0.4)), 0.0 if planar else draw(number(-0.4, 0.4))]
+                                              for k in (1, 2, 3)])
+        shape = {"points": start + waves @ np.array((along, across, np.cross(along, across))), "d2": across}
+    return kind, shape, draw(sections(planar)), common
+
+
+@st.composite
+def scenes(draw: Draw, planar: bool = False, held: bool = False) -> Drawn:
+    """Two or three beams, a body, joints, one or two sliding masses, a rigid motion; see `Drawn`."""
+    parts = [draw(beams("simo_reissner", True, planar)), draw(beams("green_lagrange", True, planar))]
+    if draw(st.booleans()):
+        parts.append(draw(beams(draw(st.sampled_from(["simo_reissner", "green_lagrange"])), False, planar)))
+    spin = np.array((0.0, 0.0, draw(number(-1, 1)))) if planar else draw(vectors(0.7, False))
+    rest = {"mass": draw(power(-1, 1)), "offset": draw(vectors(0.3, planar)), "link": draw(st.booleans()),
+            "velocity": draw(vectors(0.5, planar)), "spin": spin, "step": draw(power(-2.5, -1.3)),
+            "order": draw(st.integers(0, 999)),
+            "sliders": [(draw(st.integers(0, 1)), draw(number(0.25, 0.75)), draw(number(-1, 1)), draw(power(-2, 1)),
+                         draw(st.sampled_from(["own", "c1"]))) for _ in range(draw(st.integers(1, 2)))]}
+    if held:
+        rest |= {"gravity": draw(vectors(9.81, planar)), "force": draw(vectors(5.0, planar)), "wind": draw(vectors(1.0, planar))}
+    return Drawn(parts, rest, planar, held)
+
+
+def section(of: dict[str, Any]) -> fb.Section:
+    """The section of drawn numbers."""
+    of = dict(of)
+    seed = of.pop("coupling", None)
+    if seed is None:
+        return fb.Section(**of)
+    a = np.random.default_rng(seed).standard_normal((6, 6))
+    return fb.Section.from_matrix((a @ a.T + 6.0 * np.eye(6)) * of["EI2"], rhoA=of["rhoA"], rhoI2=of["rhoI2"], rhoI3=of["rhoI3"])
+
+
+def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None) -> fb.Scene:
+    """The scene, turned by a rotation matrix; order: a function that permutes a list in place."""
+    rest = drawn.rest
+    made: list[fb.Beam] = []
+    turned = {"start", "end", "d2", "tangent", "normal", "points"}
+    makers = {"straight": fb.Beam.straight, "arc": fb.Beam.arc, "points": fb.Beam.through_points}
+    for k, (kind, shape, of, common) in enumerate(drawn.beams):
+        shape = {name: value @ rotation.T if name in turned else value for name, value in shape.items()}
+        if kind != "points":
+            positions = (shape.pop("start"), shape.pop("end") if kind == "straight" else shape.pop("tangent"))
+            positions += () if kind == "straight" else (shape.pop("normal"),)
+        else:
+            positions = (shape.pop("points"),)
+        made.append(makers[kind](f"beam {k}", *positions, section=section(of), **shape, **common))
+    tip = made[0].reference(made[0].length)[0][0]
+    body = fb.RigidBody("body", mass=rest["mass"], inertia=(1.0, 1.3, 1.6), position=tip + rest["offset"] @ rotation.T,
+                        directors=rotation.T)
+    hinge = body.point((made[1].reference(0.0)[0][0] - body.position) @ rotation)
+    parts: list[Any] = [*made, body, fb.RigidConnection(made[0].end, body), fb.BallJoint(made[1].start, hinge)]
+    if len(made) > 2 and rest["link"]:
+        parts.append(fb.RigidConnection(made[1].end, made[2].start))
+    for k, (on, share, rate, mass, curve) in enumerate(rest["sliders"]):
+        bead = fb.PointMass(f"mass {k}", mass=mass)
+        parts += [bead, fb.Slider(f"slider {k}", bead, made[on], at=made[on].length * share, rate=0.0 if drawn.held else rate,
+                                  curve=curve)]
+    options: dict[str, Any] = {}
+    if drawn.held:
+        parts += [fb.Clamp(made[0].start), fb.Load("load", made[1].end, force=rest["force"] @ rotation.T),
+                  fb.Load("beat", made[1].end, force=rest["force"] @ rotation.T, time=_beat),
+                  fb.DistributedLoad("wind", made[0], force=rest["wind"] @ rotation.T)]
+        options["gravity"] = rest["gravity"] @ rotation.T
+    else:
+        parts.append(fb.RigidMotion(velocity=rest["velocity"] @ rotation.T, spin=rest["spin"] @ rotation.T))
+    if order is not None:
+        order(parts)
+    return fb.Scene(*parts, project_velocities=True, **options)
+
+
+def _beat(t: float) -> float:
+    return float(np.sin(7.0 * t))
