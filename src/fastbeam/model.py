@@ -76,11 +76,6 @@ class Model:
     text: str = ""
 
     @property
-    def numbers_with_rotation(self) -> set[int]:
-        """Nodes that have a rotation of their own: all but point masses."""
-        return set(np.flatnonzero(self.numbers.rank != 9).tolist())
-
-    @property
     def held_mask(self) -> Array:
         """Of every node which of its six unknowns are held, bit by bit, int64 [N]; tied coordinates count as held."""
         of_row = np.zeros(self.n_nodes, np.int64)
@@ -101,8 +96,17 @@ class Model:
     @property
     def n_unknowns(self) -> int:
         """Free unknowns of the nodes plus 4 a slider."""
-        n_held = 0 if self.held is None else int(sum(int(m).bit_count() for m in self.held.mask))
-        return 6 * self.n_nodes - n_held + 4 * self.n_sliders
+        return 6 * self.n_rows - self.n_held + 4 * self.n_sliders
+
+    @property
+    def n_rows(self) -> int:
+        """Block rows of all nodes; welded beams of a net share one."""
+        return int(self.pattern.row_of.max()) + 1
+
+    @property
+    def n_held(self) -> int:
+        """Number of held unknowns, those of tied nodes included."""
+        return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(6) & 1))
 
     @property
     def solver(self) -> str:
@@ -119,7 +123,9 @@ class Model:
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
                   self.v0, self.s0, self.slider_lengths]
         for x in parts:
-            digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+            digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
+            if x is not None:
+                digest.update(np.ascontiguousarray(x).reshape(-1).view(np.uint8))
         digest.update(str([time is None for time in (*self.load_times, self.gravity_time)]).encode())
         return digest.hexdigest()
 
