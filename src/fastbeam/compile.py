@@ -15,7 +15,7 @@ from .kernels.nodes import Bodies, Held, Ties
 from .kernels.slider import Sliders
 from .model import Model
 from .numbering import NodeList
-from .pattern import Pattern, build_pattern, widen
+from .pattern import Pattern, ascending, build_pattern, widen
 from .report import describe
 from .scene import RigidBody, Scene
 from .tables import ElementPacker, Elements, elements_of, pack_curves, pack_inner
@@ -151,11 +151,11 @@ class _Blocks:
         own = joints.row_root == np.arange(n)
         tied = joints.tied & own
         live = pairs >= 0
-        coupled = np.unique(pairs[live])
+        coupled = ascending(pairs[live])
         through = tied[coupled // n] | tied[coupled % n]
         slaves = np.flatnonzero(tied)
         # pairs with a tied node, ascending, and where each of their entries moves
-        self.raw = np.union1d(coupled[through], slaves * (n + 1))
+        self.raw = ascending(np.concatenate((coupled[through], slaves * (n + 1))))
         self.moves = _moves(self.raw, joints, tied)
         diagonal = np.flatnonzero(own) * (n + 1)
         final = np.concatenate((coupled[~through], diagonal, self.moves[:, 3] * n + self.moves[:, 4]))

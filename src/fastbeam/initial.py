@@ -130,13 +130,13 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
 def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:
     """Velocity and spin that the entries of tied nodes give them, both [N, 3]; zero and their own where there are none."""
     owner, kind, target = joints.owner, joints.kind, joints.target
-    velocity, spin = np.zeros_like(v), omega.copy()
+    spin = omega.copy()
     share = v[target]
     arm = kind == ARM
     to = target[arm]
     share[arm] = np.cross(omega[to], (joints.offset[arm][:, None, :] @ nodes.directors[to])[:, 0])
     turns = kind == TRIAD
-    np.add.at(velocity, owner[~turns], share[~turns])
+    velocity = np.stack([np.bincount(owner[~turns], share[~turns, c], minlength=len(v)) for c in range(3)], axis=1)
     spin[owner[turns]] = omega[target[turns]]
     return velocity, spin
 
