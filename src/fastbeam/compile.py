@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .connections import NO_PAIRS, Connections, connect
+from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
 from .initial import initial_state
 from .kernels.nodes import Bodies, Held, Ties
@@ -83,13 +83,15 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     del used, packers
     bodies = _bodies(scene, nodes, blocks)
     ties = _ties(joints.apart(), blocks)
-    held = _held(joints, blocks)
+    held = _held(joints.held, blocks.pattern)
     curves, sliders = _sliders(scene, nodes, joints)
     loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
+    idle = _idle_spins(scene, nodes, joints, loads, row_of)
+    static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
     state = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, bodies=bodies, ties=ties, held=held, curves=curves, sliders=sliders, pattern=blocks.pattern,
+        inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders, pattern=blocks.pattern,
         spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8), spin_root=joints.spin_root, loads=loads,
         load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time, gravity_weight=weight,
         constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
@@ -240,17 +242,40 @@ def _ties(joints: Connections, blocks: _Blocks) -> Ties | None:
                 np.ascontiguousarray(moves))
 
 
-def _held(joints: Connections, blocks: _Blocks) -> Held | None:
-    pattern = blocks.pattern
-    number = np.flatnonzero(joints.held)
+def _held(masks: Array, pattern: Pattern) -> Held | None:
+    number = np.flatnonzero(masks)
     if number.size == 0:
         return None
     mask_of_row = np.zeros(pattern.row_of.size, np.int64)
-    mask_of_row[pattern.row_of[number]] = joints.held[number]
+    mask_of_row[pattern.row_of[number]] = masks[number]
     rows, columns = pattern.rows, pattern.columns
     touched = np.flatnonzero((mask_of_row[rows] != 0) | (mask_of_row[columns] != 0))
-    return Held(pattern.row_of[number], joints.held[number], pattern.block(number, number), touched, mask_of_row[rows[touched]],
+    return Held(pattern.row_of[number], masks[number], pattern.block(number, number), touched, mask_of_row[rows[touched]],
                 mask_of_row[columns[touched]])
+
+
+def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array) -> Array:
+    """Masks of the spins that statics may hold: one component at the start of every beam of a net that nothing keeps from spinning
+    about its axis, where that changes no stress (theory.md 8)."""
+    n = len(nodes)
+    out = np.zeros(n, np.int64)
+    if not scene.nets:
+        return out
+    free = (joints.held & 56 == 0) & (joints.row_root == np.arange(n)) & (joints.spin_root == np.arange(n))
+    owner = joints.owner
+    free[joints.target[(joints.kind != POSITION) & (joints.target != owner)]] = False
+    free &= np.bincount(joints.row_root, minlength=n) == 1
+    free &= ~np.any(loads.reshape(len(loads), n + 1, 8)[:, row_of, 3:6], axis=(0, 2))
+    inner_free = free & ~joints.tied & (joints.held == 0)
+    inner_free[joints.target] = False
+    for net in scene.nets:
+        ends = nodes.start(net) + net.end_node
+        own = inner_free[nodes.span(net)].copy()
+        own[net.end_node] = free[ends]
+        isotropic = np.array([s.is_isotropic for s in net.sections])[net.section_of]
+        idle = np.logical_and.reduceat(own, net.node_start[:-1]) & isotropic
+        out[ends[idle, 0]] = 8 << np.argmax(np.abs(net.triads[idle, 0]), axis=1)
+    return out
 
 
 def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None]:

@@ -30,6 +30,8 @@ class Model:
         Elements with strain set (2.2), (2.1).
     inner, bodies, ties, held, curves, sliders : tables or None
         None where the scene has none; then no code is compiled for them.
+    static_held : Held or None
+        What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
         Order, blocks and elimination plan.
     spinless : int8 [N]
@@ -53,6 +55,7 @@ class Model:
     bodies: Bodies | None
     ties: Ties | None
     held: Held | None
+    static_held: Held | None
     curves: Curves | None
     sliders: Sliders | None
     pattern: Pattern

@@ -138,7 +138,7 @@ class _StaticSolver:
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
-                model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
+                model.simo, model.green, self.inner, model.ties, model.static_held, model.pattern.plan, self.linear.tables,
                 model.pattern.row_of, self.state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         if status == SINGULAR:
@@ -154,8 +154,8 @@ class _StaticSolver:
         row_of = model.pattern.row_of
         sizes: list[float] = []
         for _ in range(self.max_iterations):
-            kernels.assemble_static(model.simo, model.green, self.inner, model.ties, model.held, row_of, self.state, work)
-            kernels.prepare_panel(self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work)
+            kernels.assemble_static(model.simo, model.green, self.inner, model.ties, model.static_held, row_of, self.state, work)
+            kernels.prepare_panel(self.inner, model.ties, None, model.static_held, row_of.shape[0], model.width, work)
             if not self.stepper.inner_is_regular or not solve_panel(self.linear, model, work):
                 return SINGULAR, sizes
             size = kernels.update_static(self.inner, model.ties, row_of, self.state, work, model.width, model.length)
