@@ -80,7 +80,8 @@ def watched(spent: dict[str, float]) -> None:
 
 
 def array_sizes(model: fb.Model, stepper: Stepper, elements: int) -> dict[str, float]:
-    """Bytes of an element of everything that a model and a run hold, the larger arrays by name."""
+    """Bytes of an element of everything that a model and a run hold by name, without the factors of inner nodes of the model,
+    which are never touched."""
     out: dict[str, float] = {}
 
     def add(prefix: str, x: Any) -> None:
@@ -90,7 +91,7 @@ def array_sizes(model: fb.Model, stepper: Stepper, elements: int) -> dict[str, f
             for name in x._fields:
                 add(f"{prefix}.{name}", getattr(x, name))
 
-    for name in ("simo", "inner", "ties", "held", "loads", "gravity_weight", "constant_load", "q0", "v0", "spin_root"):
+    for name in ("simo", "ties", "held", "loads", "gravity_weight", "constant_load", "q0", "v0", "spin_root"):
         add(f"model.{name}", getattr(model, name))
     add("model.pattern.row_of", model.pattern.row_of)
     add("model.pattern.keys", model.pattern.keys)
@@ -155,7 +156,8 @@ def main() -> None:
               f"{x['compile'] - sum(x['phases'].values()):.2f})")
         memory = f"  peak memory above {x['at rest']:.0f} MB: compile {x['compiled'] - x['at rest']:.0f} MB"
         if not options.no_step:
-            memory += f", step {x['run'] - x['at rest']:.0f} MB ({1e3 * (x['run'] - x['at rest']) / x['elements']:.2f} kB an element)"
+            more = x["run"] - x["at rest"]
+            memory += f", step {more:.0f} MB ({1e3 * more / x['elements']:.2f} kB an element)"
             print(f"  prepare {x['prepare']:.2f} s, a Newton iteration {x['iteration']:.3f} s, status {x['status']}, increments "
                   + ", ".join(f"{size:.0e}" for size in x["increments"]))
             print(f"  {x['by']}")

@@ -91,8 +91,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     state = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders, pattern=blocks.pattern,
-        spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8), spin_root=joints.spin_root, loads=loads,
+        inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders,
+        pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8), spin_root=joints.spin_root, loads=loads,
         load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time, gravity_weight=weight,
         constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
@@ -189,12 +189,12 @@ class _Blocks:
 
 
 def _moves(raw: Array, joints: Connections, tied: Array) -> Array:
-    """Of all pairs with a tied node, i N + j: number of the pair, entry of its row or -1, entry of its column or -1, nodes that it
-    moves to, int [*, 5]. Entries are numbered without those of shared rows."""
+    """Of all pairs with a tied node, i N + j: number of the pair, entry of its row or -1, entry of its column or -1, nodes that
+    it moves to, int [*, 5]. Entries are numbered without those of shared rows."""
     n = tied.size
-    first = joints.apart().start
+    apart = joints.apart()
+    first, target = apart.start, apart.target
     count = np.maximum(np.diff(first), 1)
-    target = joints.apart().target
     i, j = raw // n, raw % n
     size = count[i] * count[j]
     pair = np.repeat(np.arange(raw.size), size)
@@ -255,8 +255,8 @@ def _held(masks: Array, pattern: Pattern) -> Held | None:
 
 
 def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array) -> Array:
-    """Masks of the spins that statics may hold: one component at the start of every beam of a net that nothing keeps from spinning
-    about its axis, where that changes no stress (theory.md 8)."""
+    """Masks of the spins that statics may hold: one component at the start of every beam of a net that nothing keeps from
+    spinning about its axis, where that changes no stress (theory.md 8)."""
     n = len(nodes)
     out = np.zeros(n, np.int64)
     if not scene.nets:

@@ -5,7 +5,7 @@ node ends up with the entries of `kernels.nodes.Ties`, or, where beams of a net 
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -93,7 +93,8 @@ class _Sets:
 
 
 def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], balls: list[tuple[int, int, str]], held: Array,
-            rank: Array, labels: Sequence[str], tolerance: float, welds: Array = NO_PAIRS, hinges: Array = NO_PAIRS) -> Connections:
+            rank: Array, labels: Sequence[str], tolerance: float, welds: Array = NO_PAIRS,
+            hinges: Array = NO_PAIRS) -> Connections:
     """Resolve all connections.
 
     Parameters
@@ -210,7 +211,7 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
 
 
 def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: Array, labels: Sequence[str],
-                name: object) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
+                name: Callable[[int], str]) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
     """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
@@ -227,8 +228,8 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
     if np.any(local[:, 0] == local[:, 1]) or len(ball) != m - n_trees:
         sets = _Sets(m)
         first = next(j for j, (a, b) in enumerate(local.tolist()) if a == b or not sets.join(a, b))
-        raise SceneError(f"{name(first)}: it joins parts that rigid connections and ball joints already join (a hinge or a closed "
-                         "loop of rigid parts); put a beam into the loop, or remove the joint")
+        raise SceneError(f"{name(first)}: it joins parts that rigid connections and ball joints already join (a hinge or a "
+                         "closed loop of rigid parts); put a beam into the loop, or remove the joint")
     order = np.lexsort((roots, rank[roots], held[roots] & 7 != 7))
     top = np.full(n_trees, -1)
     top[tree[order[::-1]]] = order[::-1]
@@ -247,8 +248,8 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
     side = (sides[joint, 1] == roots[child]).astype(np.int64)
     at_child, at_parent = ball[joint, side], ball[joint, 1 - side]
     for i in np.flatnonzero(held[roots[child]] & 7 != 0):
-        raise SceneError(f"{name(int(joint[i]))}: both sides are held ({labels[roots[above[i]]]}, {labels[roots[child[i]]]}), the "
-                         "joint does nothing; remove it or one of the supports")
+        raise SceneError(f"{name(int(joint[i]))}: both sides are held ({labels[roots[above[i]]]}, {labels[roots[child[i]]]}), "
+                         "the joint does nothing; remove it or one of the supports")
     away = np.any(offset[at_parent], axis=1) | np.any(offset[at_child], axis=1)
     if away.any():
         # parents come before their children

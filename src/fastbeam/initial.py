@@ -146,13 +146,14 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     """(size in m/s, what) of what the velocities violate, the worst of every kind."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
+    alone = joints.spin_root == np.arange(len(v))
     velocity, spin = _tied_velocities(nodes, joints, v, omega)
     out = []
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
             ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
             ("support of {}", v, ~tied & (joints.held & 7 != 0)),
-            ("support of {} (rotation)", omega * size, (joints.spin_root == np.arange(len(v))) & (joints.held & 56 != 0) & turning)):
+            ("support of {} (rotation)", omega * size, alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:
             amount = np.linalg.norm(error[k], axis=1)

@@ -45,7 +45,7 @@ class Labels(Sequence):
 
 
 class NodeList:
-    """Global numbers of all nodes: beams, then nets, bodies, masses, and one node for every used point of a body off its centre."""
+    """Global numbers of all nodes: beams, nets, bodies, masses, and one node for every used point of a body off its centre."""
 
     def __init__(self, scene: Scene) -> None:
         self.first: dict[int, int] = {}

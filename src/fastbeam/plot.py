@@ -50,8 +50,8 @@ def _styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "viridis") -> Figure:
     """Deformed shapes at n snapshots coloured by time; bodies, point masses and slider points as dots, slider paths as lines.
 
-    Lagrange beams are drawn as the curves they are, those of nets through their nodes. B-spline beams are drawn through their control points, which lie close to the
-    curve but not on it. Of a static result the colour is the load factor.
+    Lagrange beams are drawn as the curves they are, those of nets through their nodes. B-spline beams are drawn through their
+    control points, which lie close to the curve but not on it. Of a static result the colour is the load factor.
 
     Parameters
     ----------

@@ -41,7 +41,8 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
                      f"{_plural(masses, 'point mass').replace('masss', 'masses')}")
     if model.n_rows < model.n_nodes:
-        lines.append(f"  shared rows        {_plural(model.n_nodes - model.n_rows, 'beam end')} of nets share the unknowns of another")
+        shared = _plural(model.n_nodes - model.n_rows, "beam end")
+        lines.append(f"  shared rows        {shared} of nets share the unknowns of another")
     if model.ties is not None:
         lines.append(f"  ties               {_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections")
     if model.held is not None:

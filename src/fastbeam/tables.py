@@ -56,16 +56,17 @@ def elements_of(part: Beam | Net, first: int) -> Elements:
         # equal elements on every beam: those of an element of length 1, scaled
         unit = build_basis("lagrange", part.degree, 1, 1.0)
         h = np.repeat(part.lengths / part.elements, part.elements)[:, None, None]
-        count = np.repeat(part.section_of, part.elements)
+        section_of = np.repeat(part.section_of, part.elements)
         return Elements(part.strain, first + part.element_start[:, None] + np.arange(part.degree + 1), unit.weight * h[:, 0],
                         unit.phi_s / h, np.broadcast_to(unit.dir, (len(h), *unit.dir.shape[1:])), unit.dir_s / h,
                         unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
-                        np.array([s.inertia for s in part.sections]), count,
-                        ~np.array([s.is_diagonal for s in part.sections])[count])
+                        np.array([s.inertia for s in part.sections]), section_of,
+                        ~np.array([s.is_diagonal for s in part.sections])[section_of])
     basis, section = part.basis, part.section
     none = np.zeros(basis.n_elements, np.int64)
+    coupled = np.full(basis.n_elements, not section.is_diagonal)
     return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
-                    basis.mass_dir, section.C[None], np.array([section.inertia]), none, np.full(basis.n_elements, not section.is_diagonal))
+                    basis.mass_dir, section.C[None], np.array([section.inertia]), none, coupled)
 
 
 def reference_strains(elements: Elements, phi: Array, d: Array) -> Array:

@@ -203,7 +203,8 @@ def test_velocities_are_linear_and_swing_bars_between_ball_joints() -> None:
         np.testing.assert_allclose(v, [(0, 0, 0), (0, 1.5, 0), (0, 3, 0)], atol=1e-15)
         np.testing.assert_allclose(omega, [spin] * 3, atol=1e-15)
     # which is exactly the motion of a rigid pendulum: supports allow it
-    net = fb.Net("bar", nodes, [(0, 1)], section=ROUND, elements=2, joints="ball", pins=[0], velocity=[(0.0, 0, 0), (0.0, 3.0, 0)])
+    net = fb.Net("bar", nodes, [(0, 1)], section=ROUND, elements=2, joints="ball", pins=[0],
+                 velocity=[(0.0, 0, 0), (0.0, 3.0, 0)])
     model = fb.compile_scene(fb.Scene(net))
     assert fb.simulate(model, t_end=0.05, step=0.01, progress=False).drift("total") < 1e-13
 

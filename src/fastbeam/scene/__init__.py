@@ -11,6 +11,6 @@ from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef",
-    "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "StraightLine",
+    "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam",
+    "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "StraightLine",
 ]

@@ -338,7 +338,8 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            names = [repr(part.name) for part in found[:4] if kind in (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider)]
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider)
+            names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
         if np.any(self.gravity):
