@@ -92,8 +92,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders,
-        pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8), spin_root=joints.spin_root, loads=loads,
-        load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time, gravity_weight=weight,
+        pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
+        spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time, gravity_weight=weight,
         constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
