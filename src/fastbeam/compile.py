@@ -93,8 +93,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
-        spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity), gravity_time=scene.gravity_time, gravity_weight=weight,
-        constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
+        spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
+        gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
     model.text = describe(scene, model)
@@ -104,11 +104,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
 def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> Array:
     """Whether a node may be eliminated within its element: no other element, no joint, no support; bool [N + 1], the last one for
     idle lanes."""
-    count = np.zeros(n + 1, np.int64)
-    for packer in packers:
-        for _, live in packer.lanes():
-            count += np.bincount(np.where(live < 0, n, live).reshape(-1), minlength=n + 1)
-    eligible = count == 1
+    nodes = [live.reshape(-1) for packer in packers for _, live in packer.lanes()]
+    # -1 of idle lanes counts for the last
+    eligible = np.roll(np.bincount(np.concatenate([np.zeros(0, np.int64), *nodes]) + 1, minlength=n + 1), -1) == 1
     eligible[:n] &= (joints.held == 0) & (joints.spin_root == np.arange(n)) & ~joints.tied
     eligible[joints.target] = False
     eligible[n] = True
@@ -305,10 +303,9 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_of: Arra
         groups.append((time, np.zeros((n, 6))))
         return groups[-1][1]
 
-    weight = np.zeros(n)
-    for part in elements:
-        share = part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)
-        weight += np.bincount(part.nodes.reshape(-1), share.reshape(-1), minlength=n)
+    at = [part.nodes.reshape(-1) for part in elements]
+    share = [(part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)).reshape(-1) for part in elements]
+    weight = np.bincount(np.concatenate(at), np.concatenate(share), minlength=n) if at else np.zeros(n)
     for body in [*scene.bodies, *scene.masses]:
         weight[nodes.start(body)] += body.mass
     for net in scene.nets:

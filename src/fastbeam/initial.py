@@ -31,10 +31,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     v, omega = _given_velocities(scene, nodes)
     _follow_sliders(scene, nodes, v, lines)
     tied = joints.tied
-    for mass in scene.masses:
-        k = nodes.start(mass)
-        if mass.velocity is None and tied[k]:
-            v[k], omega[k] = (x[k] for x in _tied_velocities(nodes, joints, v, omega))
+    masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
+    v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
     wrong = _mismatch(scene, nodes, joints, v, omega, lines)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))

@@ -298,15 +298,33 @@ def test_conservation_of_a_net_in_free_flight() -> None:
     assert np.array_equal(x[net.end_node.reshape(-1)], x[net.junction][edges].reshape(-1, 3))
 
 
-def test_one_net_of_each_kind_may_be_solved_by_elimination() -> None:
-    # the same steps by the other solver: nothing in the assembly depends on it
+def test_solver_and_elimination_change_nothing() -> None:
     net = make("mixed", pins=[0])
     states = []
-    for solver in ("chain", "sparse"):
-        stepper = Stepper(fb.compile_scene(fb.Scene(net, gravity=(0, 0, -9.81)), solver=solver), np.ones(1))
-        stepper.advance(0.0, 0.01, 5)
+    for options in ({"solver": "chain"}, {"solver": "sparse"}, {"solver": "chain", "eliminate_inner": False}):
+        stepper = Stepper(fb.compile_scene(fb.Scene(net, gravity=(0, 0, -9.81)), **options), np.ones(1))
+        assert stepper.advance(0.0, 0.01, 5).steps == 5
         states.append(stepper.copy_state().q)
-    np.testing.assert_allclose(states[0], states[1], rtol=0, atol=1e-12)
+    for other in states[1:]:
+        np.testing.assert_allclose(states[0], other, rtol=0, atol=1e-12)
+
+
+def test_two_nets_and_a_beam_of_other_strains_and_degrees() -> None:
+    nodes, edges = grid(1)
+    options = ({"degree": 1, "strain": "green_lagrange"}, {"degree": 3, "joints": "ball"})
+    nets = [fb.Net(f"net {k}", nodes + (0, 0, k), edges, section=ROUND, elements=3, pins=[0], **o) for k, o in enumerate(options)]
+    twins = [Twin(net) for net in nets]
+    rod = fb.Beam.straight("rod", nodes[1], nodes[1] + (0, 0, 1), section=ROUND, elements=2, degree=2)
+    ends = []
+    for parts, corners in ((nets, [net.node(1) for net in nets]),
+                           ([part for twin in twins for part in twin.parts], [twin.node[1] for twin in twins])):
+        joints = fb.RigidConnection(rod.start, corners[0]), fb.BallJoint(rod.end, corners[1])
+        model = fb.compile_scene(fb.Scene(rod, *parts, *joints, gravity=(0, 0, -9.81)))
+        ends.append((model, fb.simulate(model, t_end=0.05, step=0.01, progress=False)))
+    (one, a), (many, b) = ends
+    for net, twin in zip(nets, twins):
+        np.testing.assert_allclose(position(net, one, a.state), twin.position(many, b.state), rtol=0, atol=1e-13)
+    assert a.drift("total") < 1e-13
 
 
 # ------------------------------------------------------------------------------------------------------------ results and texts
