@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .connections import Connections, connect
+from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
 from .initial import initial_state
 from .kernels.nodes import Bodies, Held
@@ -18,11 +18,11 @@ from .kernels.slider import Sliders
 from .kernels.ties import Ties
 from .model import Model
 from .numbering import NodeList
-from .pattern import Pattern, build_pattern, widen
+from .pattern import Pattern, ascending, build_pattern, widen
 from .planar import find_plane
 from .report import describe
 from .scene import Beam, RigidBody, Scene
-from .tables import ElementPacker, pack_curves, pack_inner
+from .tables import ElementPacker, Elements, elements_of, pack_curves, pack_inner
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
@@ -64,39 +64,45 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     nodes = NodeList(scene)
     n = len(nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
-    length = max([extent, *(b.length for b in scene.beams)]) or 1.0
+    length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints = _connections(scene, nodes, length)
 
+    elements = [elements_of(part, nodes.start(part)) for part in [*scene.beams, *scene.nets]]
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    for beam in scene.beams:
-        a = nodes.first[id(beam)]
-        packers[beam.strain].add(beam, a, nodes.phi[a:a + beam.n_nodes], nodes.directors[a:a + beam.n_nodes])
+    for part in elements:
+        packers[part.strain].add(part, nodes.phi, nodes.directors)
     used = [packers[name] for name in packers if packers[name].meta]
     size = 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         for packer in used:
             size = packer.eliminate(eligible, size)
-    pairs = np.concatenate([p.pairs() for p in used]) if used else np.zeros((0, 2), np.int64)
-    band = max([1 if meta[k, 6] >= 0 else int(meta[k, 0]) - 1 for p in used for meta in p.meta for k in range(len(meta))] + [0])
+    pairs = np.concatenate([p.pairs(joints.row_root) for p in used]) if used else np.zeros(0, np.int64)
+    band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta in p.meta] + [0])
     blocks = _Blocks(n, pairs, joints, band, solver, _end_nodes(n, used))
+    del pairs
 
     tables = {}
     at = 0
+    row_of = blocks.pattern.row_of
     for name, packer in packers.items():
         m = packer.n_blocks
-        tables[name] = packer.tables(blocks.pattern.row_of, blocks.element[at:at + m]) if packer.meta else None
+        tables[name] = packer.tables(row_of, blocks.element[at:at + m]) if packer.meta else None
         at += m
+    inner = pack_inner(used, row_of, blocks.pattern.n, blocks.n_rows, size)
+    del used, packers
     bodies = _bodies(scene, nodes, blocks)
-    ties = _ties(joints, blocks, n)
-    held = _held(joints, blocks)
+    ties = _ties(joints.apart(), blocks)
+    held = _held(joints.held, blocks.pattern)
     curves, sliders = _sliders(scene, nodes, joints)
-    loads, times, weight, constant = _loads(scene, nodes, blocks.pattern.row_of)
-    state = initial_state(scene, nodes, joints, curves, sliders, ties)
+    loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
+    idle = _idle_spins(scene, nodes, joints, loads, row_of)
+    static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
+    state = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=pack_inner(used, blocks.pattern.row_of, blocks.pattern.n, size), bodies=bodies, ties=ties,
-        held=held, curves=curves, sliders=sliders, pattern=blocks.pattern, spinless=((joints.held & 56) == 56).astype(np.int8),
+        inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders,
+        pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
@@ -125,14 +131,11 @@ def _is_massless(scene: Scene, beam: Beam) -> bool:
 def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> Array:
     """Whether a node may be eliminated within its element: no other element, no joint, no support; bool [N + 1], the last one for
     idle lanes."""
-    count = np.zeros(n + 1, np.int64)
-    for packer in packers:
-        for _, live in packer.lanes():
-            np.add.at(count, live, 1)
-    eligible = count == 1
-    eligible[:n] &= (joints.held == 0) & (joints.spin_root == np.arange(n))
-    for k, entries in joints.entries.items():
-        eligible[[k, *(entry[1] for entry in entries)]] = False
+    nodes = [live.reshape(-1) for packer in packers for _, live in packer.lanes()]
+    # -1 of idle lanes counts for the last
+    eligible = np.roll(np.bincount(np.concatenate([np.zeros(0, np.int64), *nodes]) + 1, minlength=n + 1), -1) == 1
+    eligible[:n] &= (joints.held == 0) & (joints.spin_root == np.arange(n)) & ~joints.tied
+    eligible[joints.target] = False
     eligible[n] = True
     return eligible
 
@@ -149,107 +152,155 @@ def _end_nodes(n: int, packers: list[ElementPacker]) -> Array:
 
 def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
     held = np.zeros(len(nodes), np.int64)
+    welds, hinges = [NO_PAIRS], [NO_PAIRS]
+    for net in scene.nets:
+        held[nodes.span(net)] |= net.held()
+        for found, pairs in zip((welds, hinges), net.pairs()):
+            found.append(nodes.start(net) + pairs)
     for mass in scene.masses:
-        held[nodes.first[id(mass)]] = 56
+        held[nodes.start(mass)] = 56
     for pin in scene.pins:
         held[nodes.number(pin.at)] |= 7
     for clamp in scene.clamps:
-        held[nodes.first[id(clamp.at.owner)] if isinstance(clamp.at.owner, RigidBody) else nodes.number(clamp.at)] = 63
+        held[nodes.start(clamp.at.owner) if isinstance(clamp.at.owner, RigidBody) else nodes.number(clamp.at)] = 63
     rigid = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]
     balls = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.balls]
-    return connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length)
+    return connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
+                   np.concatenate(welds), np.concatenate(hinges))
 
 
 class _Blocks:
     """Numbers of all 6 x 6 blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
-    end: bool [N], the nodes that the solver sees."""
+    pairs: coupled nodes as i N + j, or -1; end: bool [N], the nodes that the solver sees."""
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, end: Array) -> None:
-        tied = np.zeros(n + 1, dtype=bool)
-        tied[list(joints.entries)] = True
-        live = pairs[:, 0] >= 0
-        raw = live & (tied[pairs[:, 0]] | tied[pairs[:, 1]])
-        diagonal = np.stack((np.arange(n), np.arange(n)), axis=1)
-        self.raw_pairs = np.unique(np.concatenate((pairs[raw], diagonal[tied[:n]])), axis=0)
-        targets = {k: joints.targets(k) for k in joints.entries}
-        moved = [(a, b) for i, j in self.raw_pairs.tolist() for a in targets.get(i, [i]) for b in targets.get(j, [j])]
-        final = np.concatenate((np.unique(pairs[live & ~raw], axis=0), diagonal, np.array(moved, np.int64).reshape(-1, 2)))
+        own = joints.row_root == np.arange(n)
+        tied = joints.tied & own
+        live = pairs >= 0
+        coupled = ascending(pairs[live])
+        through = tied[coupled // n] | tied[coupled % n]
+        slaves = np.flatnonzero(tied)
+        # pairs with a tied node, ascending, and where each of their entries moves
+        self.raw = ascending(np.concatenate((coupled[through], slaves * (n + 1))))
+        self.moves = _moves(self.raw, joints, tied)
+        diagonal = np.flatnonzero(own) * (n + 1)
+        final = np.concatenate((coupled[~through], diagonal, self.moves[:, 3] * n + self.moves[:, 4]))
+        final = np.stack((final // n, final % n), axis=1)
         final = final[end[final].all(axis=1)]
-        number = np.cumsum(end) - 1
-        among_ends = build_pattern(int(end.sum()), number[final], band, allow_elimination=solver != "sparse")
-        self.pattern: Pattern = widen(among_ends, end)
+        seen = end & own
+        number = np.cumsum(seen) - 1
+        among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse")
+        del final
+        self.pattern: Pattern = widen(among_ends, end, joints.row_root)
+        self.n_rows = int(own.sum())
         if solver == "chain" and self.pattern.plan is None:
             raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
-        base = self.pattern.keys.size
-        self.n_blocks = base + len(self.raw_pairs)
-        raw_keys = self.raw_pairs[:, 0] * n + self.raw_pairs[:, 1]
-        self.element = np.full(len(pairs), self.n_blocks)
-        plain = live & ~raw
-        self.element[plain] = self.pattern.block(pairs[plain, 0], pairs[plain, 1])
-        self.element[raw] = base + np.searchsorted(raw_keys, pairs[raw, 0] * n + pairs[raw, 1])
-        self.raw_diagonal = {i: base + k for k, (i, j) in enumerate(self.raw_pairs.tolist()) if i == j}
-        self.base = base
+        self.base = self.pattern.keys.size
+        self.n_blocks = self.base + self.raw.size
+        # block of every coupled pair, then of all pairs
+        block = np.empty(coupled.size + 1, np.int64)
+        block[:-1][~through] = self.pattern.block(coupled[~through] // n, coupled[~through] % n)
+        block[:-1][through] = self.base + np.searchsorted(self.raw, coupled[through])
+        block[-1] = self.n_blocks
+        self.element = block[np.where(live, np.searchsorted(coupled, pairs), coupled.size)]
 
-    def diagonal(self, node: int) -> int:
-        """Block that a node's own terms are added to."""
-        return self.raw_diagonal.get(node, int(self.pattern.block(np.int64(node), np.int64(node))))
+    def diagonal(self, nodes: Array) -> Array:
+        """Blocks that the own terms of nodes are added to."""
+        key = nodes * (self.pattern.row_of.size + 1)
+        at = np.minimum(np.searchsorted(self.raw, key), max(self.raw.size - 1, 0))
+        tied = self.raw[at] == key if self.raw.size else np.zeros(key.shape, bool)
+        return np.where(tied, self.base + at, self.pattern.block(nodes, nodes))
+
+
+def _moves(raw: Array, joints: Connections, tied: Array) -> Array:
+    """Of all pairs with a tied node, i N + j: number of the pair, entry of its row or -1, entry of its column or -1, nodes that
+    it moves to, int [*, 5]. Entries are numbered without those of shared rows."""
+    n = tied.size
+    apart = joints.apart()
+    first, target = apart.start, apart.target
+    count = np.maximum(np.diff(first), 1)
+    i, j = raw // n, raw % n
+    size = count[i] * count[j]
+    pair = np.repeat(np.arange(raw.size), size)
+    local = np.arange(pair.size) - np.repeat(np.cumsum(size) - size, size)
+    out = [pair]
+    nodes = []
+    for side, step in ((i[pair], local // count[j[pair]]), (j[pair], local % count[j[pair]])):
+        entry = np.where(tied[side], first[side] + step, -1)
+        out.append(entry)
+        nodes.append(np.where(tied[side], target[entry] if target.size else side, side))
+    return np.stack((*out, *nodes), axis=1)
 
 
 def _bodies(scene: Scene, nodes: NodeList, blocks: _Blocks) -> Bodies | None:
     parts = [*scene.bodies, *scene.masses]
-    if not parts:
-        return None
-    number = np.array([nodes.first[id(p)] for p in parts], np.int64)
-    inertia = np.zeros((len(parts), 4, 4))
+    number = [np.array([nodes.start(p) for p in parts], np.int64)]
+    inertia = [np.zeros((len(parts), 4, 4))]
     for k, part in enumerate(parts):
-        inertia[k, 0, 0] = part.mass
+        inertia[0][k, 0, 0] = part.mass
         if isinstance(part, RigidBody):
             # Euler tensor: T = 1/2 sum E_ij v_i . v_j with E = 1/2 tr(J) I - J
-            inertia[k, 1:, 1:] = 0.5 * np.trace(part.inertia) * np.eye(3) - part.inertia
-    diagonal = np.array([blocks.diagonal(int(k)) for k in number], np.int64)
-    return Bodies(number, blocks.pattern.row_of[number].astype(np.int64), diagonal, inertia.reshape(-1))
+            inertia[0][k, 1:, 1:] = 0.5 * np.trace(part.inertia) * np.eye(3) - part.inertia
+    for net in scene.nets:
+        if net.masses is not None:
+            loaded = np.flatnonzero(net.masses)
+            number.append(nodes.start(net) + net.junction[loaded])
+            inertia.append(np.zeros((loaded.size, 4, 4)))
+            inertia[-1][:, 0, 0] = net.masses[loaded]
+    node = np.concatenate(number)
+    if not node.size:
+        return None
+    return Bodies(node, blocks.pattern.row_of[node], blocks.diagonal(node), np.concatenate(inertia).reshape(-1))
 
 
-def _ties(joints: Connections, blocks: _Blocks, n: int) -> Ties | None:
-    if not joints.entries:
+def _ties(joints: Connections, blocks: _Blocks) -> Ties | None:
+    """joints: without those of shared rows."""
+    if not joints.kind.size:
         return None
     pattern = blocks.pattern
-    slaves = sorted(joints.entries)
-    flat = [entry for k in slaves for entry in joints.entries[k]]
-    counts = np.zeros(n, np.int64)
-    counts[slaves] = [len(joints.entries[k]) for k in slaves]
-    start = np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
-    target = np.array([e[1] for e in flat], np.int64)
-    moves = []
-
-    def sides(k: int) -> list[tuple[int, int]]:
-        """(entry or -1, node) of a node."""
-        if k not in joints.entries:
-            return [(-1, k)]
-        return [(e, int(target[e])) for e in range(start[k], start[k + 1])]
-
-    for m, (i, j) in enumerate(blocks.raw_pairs.tolist()):
-        for ea, a in sides(i):
-            for eb, b in sides(j):
-                moves.append((blocks.base + m, ea, eb, int(pattern.block(np.int64(a), np.int64(b)))))
-    return Ties(np.array(slaves, np.int64), pattern.row_of[slaves].astype(np.int64), start, target,
-                pattern.row_of[target].astype(np.int64), pattern.block(target, target).astype(np.int64),
-                np.array([e[0] for e in flat], np.int64), np.array([e[2] for e in flat]).reshape(-1),
-                np.array([e[3] for e in flat]).reshape(-1), np.array(moves, np.int64).reshape(-1, 4))
+    slaves = np.flatnonzero(joints.tied)
+    pair, row, column, a, b = blocks.moves.T
+    moves = np.stack((blocks.base + pair, row, column, pattern.block(a, b)), axis=1)
+    return Ties(slaves, pattern.row_of[slaves], joints.start, joints.target, pattern.row_of[joints.target],
+                pattern.block(joints.target, joints.target), joints.kind, joints.offset.reshape(-1), joints.rotation.reshape(-1),
+                np.ascontiguousarray(moves))
 
 
-def _held(joints: Connections, blocks: _Blocks) -> Held | None:
-    pattern = blocks.pattern
-    number = np.flatnonzero(joints.held)
+def _held(masks: Array, pattern: Pattern) -> Held | None:
+    number = np.flatnonzero(masks)
     if number.size == 0:
         return None
     mask_of_row = np.zeros(pattern.row_of.size, np.int64)
-    mask_of_row[pattern.row_of] = joints.held
+    mask_of_row[pattern.row_of[number]] = masks[number]
     rows, columns = pattern.rows, pattern.columns
     touched = np.flatnonzero((mask_of_row[rows] != 0) | (mask_of_row[columns] != 0))
-    return Held(pattern.row_of[number].astype(np.int64), joints.held[number], pattern.block(number, number).astype(np.int64),
-                touched.astype(np.int64), mask_of_row[rows[touched]], mask_of_row[columns[touched]])
+    return Held(pattern.row_of[number], masks[number], pattern.block(number, number), touched, mask_of_row[rows[touched]],
+                mask_of_row[columns[touched]])
+
+
+def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array) -> Array:
+    """Masks of the spins that statics may hold: one component at the start of every beam of a net that nothing keeps from
+    spinning about its axis, where that changes no stress (theory.md 8)."""
+    n = len(nodes)
+    out = np.zeros(n, np.int64)
+    if not scene.nets:
+        return out
+    free = (joints.held & 56 == 0) & (joints.row_root == np.arange(n)) & (joints.spin_root == np.arange(n))
+    owner = joints.owner
+    free[joints.target[(joints.kind != POSITION) & (joints.target != owner)]] = False
+    free &= np.bincount(joints.row_root, minlength=n) == 1
+    free &= ~np.any(loads.reshape(len(loads), n + 1, 8)[:, row_of, 3:6], axis=(0, 2))
+    inner_free = free & ~joints.tied & (joints.held == 0)
+    inner_free[joints.target] = False
+    for net in scene.nets:
+        ends = nodes.start(net) + net.end_node
+        own = inner_free[nodes.span(net)].copy()
+        own[net.end_node] = free[ends]
+        isotropic = np.array([s.is_isotropic for s in net.sections])[net.section_of]
+        idle = np.logical_and.reduceat(own, net.node_start[:-1]) & isotropic
+        out[ends[idle, 0]] = 8 << np.argmax(np.abs(net.triads[idle, 0]), axis=1)
+    return out
 
 
 def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None]:
@@ -261,13 +312,13 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
         key = (id(slider.beam), slider.curve)
         if key not in index:
             index[key] = len(items)
-            items.append((nodes.first[id(slider.beam)], slider.beam, slider.beam.basis.curve(slider.curve)))
+            items.append((nodes.start(slider.beam), slider.beam, slider.beam.basis.curve(slider.curve)))
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
     curve = np.array([index[id(s.beam), s.curve] for s in scene.sliders], np.int64)
     return pack_curves(items), Sliders(curve, point, joints.spin_root.astype(np.int64))
 
 
-def _loads(scene: Scene, nodes: NodeList, row_of: Array) -> tuple[Array, list[Any], Array, Array]:
+def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_of: Array) -> tuple[Array, list[Any], Array, Array]:
     """(vectors [K, 8 (N + 1)], their time functions, weight of every node [N] in kg, constant forces [N, 3] in N)."""
     n = len(nodes)
     groups: list[tuple[Any, Array]] = []
@@ -279,15 +330,23 @@ def _loads(scene: Scene, nodes: NodeList, row_of: Array) -> tuple[Array, list[An
         groups.append((time, np.zeros((n, 6))))
         return groups[-1][1]
 
-    weight = np.zeros(n)
-    for beam in scene.beams:
-        basis = beam.basis
-        np.add.at(weight, nodes.first[id(beam)] + basis.element_nodes, beam.section.inertia[0] * basis.mass_phi.sum(axis=2))
-    for part in [*scene.bodies, *scene.masses]:
-        weight[nodes.first[id(part)]] += part.mass
+    at = [part.nodes.reshape(-1) for part in elements]
+    share = [(part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)).reshape(-1) for part in elements]
+    weight = np.bincount(np.concatenate(at), np.concatenate(share), minlength=n) if at else np.zeros(n)
+    for body in [*scene.bodies, *scene.masses]:
+        weight[nodes.start(body)] += body.mass
+    for net in scene.nets:
+        if net.masses is not None:
+            weight[nodes.start(net) + net.junction] += net.masses
     if np.any(scene.gravity):
         group(scene.gravity_time)[:, :3] += weight[:, None] * scene.gravity
     constant = np.zeros((n, 3))
+    for net in scene.nets:
+        if net.loads is not None:
+            at = nodes.start(net) + net.junction
+            group(net.time)[at, :3] += net.loads
+            if net.time is None:
+                constant[at] += net.loads
     for load in scene.loads:
         k = nodes.number(load.at)
         vector = group(load.time)
@@ -297,7 +356,7 @@ def _loads(scene: Scene, nodes: NodeList, row_of: Array) -> tuple[Array, list[An
             constant[k] += load.force
     for load in scene.distributed:
         basis = load.beam.basis
-        at = nodes.first[id(load.beam)] + basis.element_nodes
+        at = nodes.start(load.beam) + basis.element_nodes
         vector = group(load.time)
         # forces work on positions, moments on the spins of the directors: each with its own basis
         for field, s, weight_s, shape, columns in (
@@ -312,7 +371,9 @@ def _loads(scene: Scene, nodes: NodeList, row_of: Array) -> tuple[Array, list[An
                 constant += target
     vectors = np.zeros((len(groups), 8 * (n + 1)))
     for k, (_, vector) in enumerate(groups):
-        vectors[k].reshape(n + 1, 8)[row_of, :6] = vector
+        for c in range(6):
+            # nodes may share a row
+            vectors[k].reshape(n + 1, 8)[:, c] = np.bincount(row_of, vector[:, c], minlength=n + 1)
     return vectors, [time for time, _ in groups], weight, constant
 
 
@@ -320,12 +381,14 @@ def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:
     """Names for results: what stands where in the node list."""
     beams = []
     for b in scene.beams:
-        first = nodes.first[id(b)]
+        first = nodes.start(b)
         ends = first + (b.basis.element_nodes[:, 0] if b.interpolation == "lagrange" else np.array([], int))
         last = first + b.n_nodes - 1
-        beams.append({"name": b.name, "first": first, "count": b.n_nodes, "element_ends": [*map(int, ends), last],
-                      "s": [float(s) for s in b.node_s], "length": float(b.length)})
-    return {"beams": beams,
-            "bodies": [{"name": p.name, "node": nodes.first[id(p)]} for p in scene.bodies],
-            "masses": [{"name": p.name, "node": nodes.first[id(p)]} for p in scene.masses],
+        beams.append({"name": b.name, "first": first, "count": b.n_nodes, "element_ends": [*ends.tolist(), last],
+                      "s": b.node_s.tolist(), "length": float(b.length)})
+    nets = [{"name": net.name, "first": nodes.start(net), "count": net.n_nodes, "starts": net.node_start[:-1].tolist(),
+             "junctions": net.junction.tolist()} for net in scene.nets]
+    return {"beams": beams, **({"nets": nets} if nets else {}),
+            "bodies": [{"name": p.name, "node": nodes.start(p)} for p in scene.bodies],
+            "masses": [{"name": p.name, "node": nodes.start(p)} for p in scene.masses],
             "sliders": [s.name for s in scene.sliders], "points": []}

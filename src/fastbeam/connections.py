@@ -1,11 +1,13 @@
 """Rigid and ball connections as linear maps between nodes: no multipliers, nothing to drift.
 
 Nodes joined rigidly form a set with one root; a ball joint makes the position of one set's root follow another set. Every tied
-node ends up with the entries of `kernels.nodes.Ties`.
+node ends up with the entries of `kernels.nodes.Ties`, or, where beams of a net are welded, with the row of its root.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,22 +16,62 @@ from .errors import SceneError
 Array = np.ndarray
 POSITION, ARM, TRIAD = 0, 1, 2
 HOLD_POSITION, HOLD_TRIAD = 7, 56
+NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
 @dataclass
 class Connections:
-    """Entries (kind, target, offset (3,), rotation (3, 3)) of every tied node, the mask of held unknowns of every node, and the
-    node whose spin each node shares."""
+    """What ties nodes to others.
 
-    entries: dict[int, list[tuple[int, int, Array, Array]]] = field(default_factory=dict)
-    held: Array = field(default_factory=lambda: np.zeros(0, np.int64))
-    spin_root: Array = field(default_factory=lambda: np.zeros(0, np.int64))
+    Attributes
+    ----------
+    held : int [N]
+        Mask of held unknowns of every node.
+    spin_root, row_root : int [N]
+        The node whose spin a node shares; the node whose row, all six unknowns, it shares.
+    start : int [N + 1]
+        Range of the entries of every node; none for a free one.
+    kind, target : int [M]
+    offset, rotation : [M, 3], [M, 3, 3]
+        Offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a TRIAD.
+    """
+
+    held: Array
+    spin_root: Array
+    row_root: Array
+    start: Array
+    kind: Array
+    target: Array
+    offset: Array
+    rotation: Array
+
+    @property
+    def tied(self) -> Array:
+        """Whether a node has entries, bool [N]."""
+        return np.diff(self.start) > 0
+
+    @property
+    def owner(self) -> Array:
+        """The tied node of every entry, int [M]."""
+        return np.repeat(np.arange(self.held.size), np.diff(self.start))
+
+    @cached_property
+    def entries(self) -> dict[int, list[tuple[int, int, Array, Array]]]:
+        """(kind, target, offset, rotation) of every tied node."""
+        flat = list(zip(self.kind.tolist(), self.target.tolist(), self.offset, self.rotation))
+        return {int(k): flat[self.start[k]:self.start[k + 1]] for k in np.flatnonzero(self.tied)}
 
     def targets(self, node: int) -> list[int]:
         """Nodes that the unknowns of `node` belong to."""
-        if node not in self.entries:
-            return [node]
-        return sorted({entry[1] for entry in self.entries[node]})
+        return np.unique(self.target[self.start[node]:self.start[node + 1]]).tolist() or [node]
+
+    def apart(self) -> Connections:
+        """Without the entries of nodes that share the row of another."""
+        owner = self.owner
+        keep = self.row_root[owner] == owner
+        start = np.concatenate(([0], np.cumsum(np.bincount(owner[keep], minlength=self.held.size))))
+        return Connections(self.held, self.spin_root, self.row_root, start, self.kind[keep], self.target[keep],
+                           self.offset[keep], self.rotation[keep])
 
 
 class _Sets:
@@ -51,7 +93,8 @@ class _Sets:
 
 
 def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], balls: list[tuple[int, int, str]], held: Array,
-            rank: Array, labels: list[str], tolerance: float) -> Connections:
+            rank: Array, labels: Sequence[str], tolerance: float, welds: Array = NO_PAIRS,
+            hinges: Array = NO_PAIRS) -> Connections:
     """Resolve all connections.
 
     Parameters
@@ -63,10 +106,12 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
         Masks of supports: 63 clamped, 7 pinned, 56 the inert triad of a point mass.
     rank : int [N]
         Which node of a rigid set becomes its root: the lowest; 9 for nodes without rotation.
-    labels : list of str
+    labels : sequence of str
         Names of the nodes for messages.
     tolerance : float
         Length below which an offset is none.
+    welds, hinges : int [*, 2]
+        Pairs of coincident beam ends joined rigidly, by ball joints. A welded end shares the row of its root where that is free.
 
     Raises
     ------
@@ -74,85 +119,142 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
         A support or joint that this elimination cannot express; the message says what to do instead.
     """
     n = len(phi)
-    out = Connections(held=held.copy(), spin_root=np.arange(n))
-    if not rigid and not balls:
+    fixed = np.concatenate((_pairs(rigid), welds))
+    ball = np.concatenate((_pairs(balls), hinges))
+    every = np.arange(n)
+    out = Connections(held.copy(), every.copy(), every.copy(), np.zeros(n + 1, np.int64), np.zeros(0, np.int64),
+                      np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    if not (len(fixed) or len(ball)):
         return out
-    sets = _Sets(n)
-    for a, b, _ in rigid:
-        sets.join(a, b)
-    touched = sorted({k for a, b, _ in [*rigid, *balls] for k in (a, b)})
-    members: dict[int, list[int]] = {}
-    for k in touched:
-        members.setdefault(sets.find(k), []).append(k)
+    touched = np.zeros(n, bool)
+    touched[fixed] = touched[ball] = True
+    touched = np.flatnonzero(touched)
+    root_of = _rigid_roots(n, fixed, touched, held, rank, labels)
+    offset = np.zeros((n, 3))
+    root = root_of[touched]
+    c = (directors[root] @ (phi[touched] - phi[root])[:, :, None])[:, :, 0]
+    offset[touched] = np.where(np.abs(c) > tolerance, c, 0.0)
+    pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
+    for k in pinned[np.any(offset[pinned], axis=1)]:
+        raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root_of[k]]} at a distance, together they are "
+                         "more than one pin; clamp it, or pin only one of them")
+    out.held[root_of[pinned]] |= HOLD_POSITION
 
-    root_of: dict[int, int] = {}
-    offset: dict[int, Array] = {}
-    for group in members.values():
-        root = min(group, key=lambda k: (0 if held[k] == 63 else 1 if held[k] & 7 else 2, rank[k], k))
-        if rank[root] == 9 and len(group) > 1:
-            raise SceneError(f"rigid connection of {' and '.join(labels[k] for k in group)}: point masses have no rotation; "
-                             "use a RigidBody, or a BallJoint where they coincide")
-        for k in group:
-            root_of[k] = root
-            c = directors[root] @ (phi[k] - phi[root])
-            offset[k] = np.where(np.abs(c) > tolerance, c, 0.0)
-            if k == root:
-                continue
-            if held[k] == 63:
-                out.held[root] = 63
-            elif held[k] & 7 and held[root] != 63:
-                if np.any(offset[k]):
-                    raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root]} at a distance, together "
-                                     "they are more than one pin; clamp it, or pin only one of them")
-                out.held[root] |= 7
+    def name(j: int) -> str:
+        return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
 
-    # position of a set's root: base node plus offsets in triads
-    roots = sorted(set(root_of.values()))
-    base: dict[int, int] = {r: r for r in roots}
-    arms: dict[int, list[tuple[int, Array]]] = {r: [] for r in roots}
-    links: dict[int, list[tuple[int, int, int, str]]] = {r: [] for r in roots}
-    trees = _Sets(n)
-    for a, b, name in balls:
-        ra, rb = root_of[a], root_of[b]
-        if ra == rb or not trees.join(ra, rb):
-            raise SceneError(f"{name}: it joins parts that rigid connections and ball joints already join (a hinge or a closed "
-                             "loop of rigid parts); put a beam into the loop, or remove the joint")
-        links[ra].append((rb, a, b, name))
-        links[rb].append((ra, b, a, name))
-    done: set[int] = set()
-    for top in sorted(roots, key=lambda r: (0 if out.held[r] & 7 == 7 else 1, rank[r], r)):
-        if top in done:
-            continue
-        done.add(top)
-        queue = [top]
-        while queue:
-            parent = queue.pop(0)
-            for child, at_parent, at_child, name in links[parent]:
-                if child in done:
-                    continue
-                if out.held[child] & 7:
-                    raise SceneError(f"{name}: both sides are held ({labels[parent]}, {labels[child]}), the joint does nothing; "
-                                     "remove it or one of the supports")
-                done.add(child)
-                queue.append(child)
-                base[child] = base[parent]
-                arms[child] = [*arms[parent], (parent, offset[at_parent]), (child, -offset[at_child])]
+    base, arms = _ball_trees(root_of, ball, offset, out.held, rank, labels, name)
 
-    for k in touched:
-        root = root_of[k]
-        if k == root and base[root] == root:
-            continue
-        entries = [(POSITION, base[root], np.zeros(3), np.eye(3))]
-        spread: dict[int, Array] = {}
-        for node, c in [*arms[root], (root, offset[k])]:
-            spread[node] = spread.get(node, np.zeros(3)) + c
-        entries += [(ARM, node, c, np.eye(3)) for node, c in spread.items() if np.any(np.abs(c) > tolerance)]
-        out.held[k] |= HOLD_POSITION
-        if k != root and rank[k] != 9:
-            entries.append((TRIAD, root, np.zeros(3), directors[k] @ directors[root].T))
-            out.held[k] |= HOLD_TRIAD
-            out.spin_root[k] = root
-        else:
-            entries.append((TRIAD, k, np.zeros(3), np.eye(3)))
-        out.entries[k] = entries
+    # entries: position, arms, triad of every tied node
+    slave = touched[(touched != root) | (base[root] != root)]
+    root = root_of[slave]
+    kind, owner, target = [np.full(slave.size, POSITION)], [slave], [base[root]]
+    offsets, rotations = [np.zeros((slave.size, 3))], [np.broadcast_to(np.eye(3), (slave.size, 3, 3))]
+    plain = slave[np.any(offset[slave], axis=1)]
+    if arms:
+        through = np.isin(root, list(arms))
+        plain = plain[~np.isin(root_of[plain], list(arms))]
+        for k in slave[through].tolist():
+            spread: dict[int, Array] = {}
+            for node, part in [*arms[root_of[k]], (int(root_of[k]), offset[k])]:
+                spread[node] = spread.get(node, np.zeros(3)) + part
+            longer = {node: x for node, x in spread.items() if np.any(np.abs(x) > tolerance)}
+            kind.append(np.full(len(longer), ARM)); owner.append(np.full(len(longer), k))
+            target.append(np.array(list(longer), np.int64)); offsets.append(np.array(list(longer.values())).reshape(-1, 3))
+            rotations.append(np.broadcast_to(np.eye(3), (len(longer), 3, 3)))
+    turns = (slave != root) & (rank[slave] != 9)
+    rotation = np.broadcast_to(np.eye(3), (slave.size, 3, 3)).copy()
+    rotation[turns] = directors[slave[turns]] @ directors[root[turns]].transpose(0, 2, 1)
+    kind += [np.full(plain.size, ARM), np.full(slave.size, TRIAD)]
+    owner += [plain, slave]
+    target += [root_of[plain], np.where(turns, root, slave)]
+    offsets += [offset[plain], np.zeros((slave.size, 3))]
+    rotations += [np.broadcast_to(np.eye(3), (plain.size, 3, 3)), rotation]
+    of = np.concatenate(owner)
+    order = np.argsort(of, kind="stable")
+    out.start = np.concatenate(([0], np.cumsum(np.bincount(of, minlength=n))))
+    out.kind, out.target = np.concatenate(kind)[order], np.concatenate(target)[order]
+    out.offset, out.rotation = np.concatenate(offsets)[order], np.concatenate(rotations)[order]
+    out.held[slave] |= HOLD_POSITION
+    out.held[slave[turns]] |= HOLD_TRIAD
+    out.spin_root[slave[turns]] = root[turns]
+    # a welded end at the place of a root with unknowns of its own needs no entries: the same unknowns move it
+    welded = np.zeros(n, bool)
+    welded[welds] = True
+    shares = welded[slave] & turns & (base[root] == root) & ~np.any(offset[slave], axis=1)
+    out.row_root[slave[shares]] = root[shares]
+    out.held[slave[shares]] = 0
     return out
+
+
+def _pairs(joints: list[tuple[int, int, str]]) -> Array:
+    return np.array([joint[:2] for joint in joints], np.int64).reshape(-1, 2)
+
+
+def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array, labels: Sequence[str]) -> Array:
+    """The root of the rigid set of every touched node, int [n]."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    graph = coo_matrix((np.ones(len(fixed), np.int8), (fixed[:, 0], fixed[:, 1])), shape=(n, n))
+    group = connected_components(graph, directed=False)[1][touched]
+    rate = np.where(held[touched] == 63, 0, np.where(held[touched] & 7 != 0, 1, 2))
+    order = np.lexsort((touched, rank[touched], rate))
+    _, first, of, count = np.unique(group[order], return_index=True, return_inverse=True, return_counts=True)
+    root = touched[order[first]]
+    for g in np.flatnonzero((rank[root] == 9) & (count > 1)):
+        members = np.sort(touched[order[of == g]])
+        raise SceneError(f"rigid connection of {' and '.join(labels[k] for k in members)}: point masses have no rotation; "
+                         "use a RigidBody, or a BallJoint where they coincide")
+    root_of = np.arange(n)
+    root_of[touched[order]] = root[of]
+    return root_of
+
+
+def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: Array, labels: Sequence[str],
+                name: Callable[[int], str]) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
+    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+    base = np.arange(root_of.size)
+    arms: dict[int, list[tuple[int, Array]]] = {}
+    if not len(ball):
+        return base, arms
+    sides = root_of[ball]
+    roots, local = np.unique(sides, return_inverse=True)
+    local = local.reshape(-1, 2)
+    m = roots.size
+    graph = coo_matrix((np.ones(len(ball), np.int8), (local[:, 0], local[:, 1])), shape=(m, m))
+    n_trees, tree = connected_components(graph, directed=False)
+    if np.any(local[:, 0] == local[:, 1]) or len(ball) != m - n_trees:
+        sets = _Sets(m)
+        first = next(j for j, (a, b) in enumerate(local.tolist()) if a == b or not sets.join(a, b))
+        raise SceneError(f"{name(first)}: it joins parts that rigid connections and ball joints already join (a hinge or a "
+                         "closed loop of rigid parts); put a beam into the loop, or remove the joint")
+    order = np.lexsort((roots, rank[roots], held[roots] & 7 != 7))
+    top = np.full(n_trees, -1)
+    top[tree[order[::-1]]] = order[::-1]
+    base[roots] = roots[top[tree]]
+    # every tree hangs on one more node, so that one search goes through all
+    graph = coo_matrix((np.ones(len(ball) + n_trees, np.int8), (np.concatenate((local[:, 0], np.full(n_trees, m))),
+                                                                np.concatenate((local[:, 1], top)))), shape=(m + 1, m + 1))
+    reached, parent = breadth_first_order(graph.tocsr(), m, directed=False)
+    child = reached[parent[reached] >= 0]
+    child = child[parent[child] != m]
+    # the joint between a child and its parent: the keys of both sides are distinct in a forest
+    key = np.minimum(local[:, 0], local[:, 1]) * m + np.maximum(local[:, 0], local[:, 1])
+    by_key = np.argsort(key)
+    above = parent[child].astype(np.int64)
+    joint = by_key[np.searchsorted(key[by_key], np.minimum(child, above) * m + np.maximum(child, above))]
+    side = (sides[joint, 1] == roots[child]).astype(np.int64)
+    at_child, at_parent = ball[joint, side], ball[joint, 1 - side]
+    for i in np.flatnonzero(held[roots[child]] & 7 != 0):
+        raise SceneError(f"{name(int(joint[i]))}: both sides are held ({labels[roots[above[i]]]}, {labels[roots[child[i]]]}), "
+                         "the joint does nothing; remove it or one of the supports")
+    away = np.any(offset[at_parent], axis=1) | np.any(offset[at_child], axis=1)
+    if away.any():
+        # parents come before their children
+        for i in range(child.size):
+            up, down = int(roots[above[i]]), int(roots[child[i]])
+            if away[i] or up in arms:
+                arms[down] = [*arms.get(up, []), (up, offset[at_parent[i]]), (down, -offset[at_child[i]])]
+    return base, arms

@@ -11,11 +11,12 @@ from .kernels.ties import Ties
 from .kernels.work import State
 from .numbering import NodeList
 from .scene import PointMass, RigidBody, Scene
+from .tables import Elements
 
 Array = np.ndarray
 
 
-def initial_state(scene: Scene, nodes: NodeList, joints: Connections, curves: Any, sliders: Any, ties: Ties | None) -> State:
+def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements]) -> State:
     """State at t = 0.
 
     Raises
@@ -30,9 +31,9 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, curves: An
         _place(scene, nodes, slider, line)
     v, omega = _given_velocities(scene, nodes)
     _follow_sliders(scene, nodes, v, lines)
-    for k, entries in joints.entries.items():
-        if any(mass.velocity is None and nodes.first[id(mass)] == k for mass in scene.masses):
-            v[k], omega[k] = _tied_velocity(nodes, v, omega, entries, k)
+    tied = joints.tied
+    masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
+    v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
     wrong = _mismatch(scene, nodes, joints, v, omega, lines)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
@@ -41,13 +42,12 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, curves: An
             if not scene.project_velocities:
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
-            v, omega = _project(scene, nodes, joints, v, omega, lines)
+            v, omega = _project(scene, nodes, joints, elements, v, omega, lines)
     # what is held stands still exactly, also after a projection: no step would correct it
-    supported = ~np.isin(np.arange(n), list(joints.entries))
-    v[supported & (joints.held & 7 != 0)] = 0.0
-    omega[supported & (joints.held & 56 != 0)] = 0.0
-    for k, entries in joints.entries.items():
-        v[k], omega[k] = _tied_velocity(nodes, v, omega, entries, k)
+    v[~tied & (joints.held & 7 != 0)] = 0.0
+    omega[(joints.spin_root == np.arange(n)) & (joints.held & 56 != 0)] = 0.0
+    follows = _tied_velocities(nodes, joints, v, omega)
+    v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
     q[:, 0], q[:, 1:] = nodes.phi, nodes.directors
     rates = np.zeros((n, 4, 3))
@@ -67,7 +67,7 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     for slider in scene.sliders:
         first, values, slopes = slider.beam.basis.curve(slider.curve).evaluate(slider.at)
         keep = np.flatnonzero((values[0] != 0.0) | (slopes[0] != 0.0))
-        number = nodes.first[id(slider.beam)] + int(first[0]) + keep
+        number = nodes.start(slider.beam) + int(first[0]) + keep
         out.append((number, values[0, keep], slopes[0, keep], nodes.number(slider.point)))
     return out
 
@@ -90,21 +90,22 @@ def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
     """What the scene says, contribution by contribution: v [N, 3], spin [N, 3]."""
     n = len(nodes)
     v, omega = np.zeros((n, 3)), np.zeros((n, 3))
-    owner = {id(p): slice(nodes.first[id(p)], nodes.first[id(p)] + getattr(p, "n_nodes", 1))
-             for p in [*scene.beams, *scene.bodies, *scene.masses]}
+    for net in scene.nets:
+        for mine, given in zip((v, omega), net.motion):
+            mine[nodes.span(net)] += given
     for field in scene.velocities:
-        at, s = owner[id(field.beam)], field.beam.node_s
+        at, s = nodes.span(field.beam), field.beam.node_s
         v[at] += field.beam.basis.fit_positions(field.velocity_at(s))
         omega[at] += field.spin_at(s)
     for part in [*scene.bodies, *scene.masses]:
-        at = owner[id(part)]
+        at = nodes.span(part)
         if part.velocity is not None:
             v[at] += part.velocity
         if isinstance(part, RigidBody):
             omega[at] += part.spin
     for motion in scene.motions:
-        for part in motion.objects or [*scene.beams, *scene.bodies, *scene.masses]:
-            at = owner[id(part)]
+        for part in motion.objects or [*scene.beams, *scene.nets, *scene.bodies, *scene.masses]:
+            at = nodes.span(part)
             v[at] += motion.velocity + np.cross(motion.spin, nodes.phi[at] - motion.about)
             omega[at] += motion.spin
     for owner_node, arm in nodes.arm_owner:
@@ -125,37 +126,38 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
             # with a rigid motion and no rate the mass keeps the motion it was given
 
 
-def _tied_velocity(nodes: NodeList, v: Array, omega: Array, entries: list[Any], node: int) -> tuple[Array, Array]:
-    """Velocity and spin that the entries of a tied node give it."""
-    velocity = np.zeros(3)
-    spin = omega[node]
-    for kind, target, offset, _ in entries:
-        if kind == POSITION:
-            velocity = velocity + v[target]
-        elif kind == ARM:
-            velocity = velocity + np.cross(omega[target], offset @ nodes.directors[target])
-        elif kind == TRIAD:
-            spin = omega[target]
+def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:
+    """Velocity and spin that the entries of tied nodes give them, both [N, 3]; zero and their own where there are none."""
+    owner, kind, target = joints.owner, joints.kind, joints.target
+    spin = omega.copy()
+    share = v[target]
+    arm = kind == ARM
+    to = target[arm]
+    share[arm] = np.cross(omega[to], (joints.offset[arm][:, None, :] @ nodes.directors[to])[:, 0])
+    turns = kind == TRIAD
+    velocity = np.stack([np.bincount(owner[~turns], share[~turns, c], minlength=len(v)) for c in range(3)], axis=1)
+    spin[owner[turns]] = omega[target[turns]]
     return velocity, spin
 
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
               lines: list[tuple[Array, Array, Array, int]]) -> list[tuple[float, str]]:
-    """(size in m/s, what) of everything the velocities violate."""
+    """(size in m/s, what) of what the velocities violate, the worst of every kind."""
     size = _size(nodes)
+    tied, turning = joints.tied, nodes.rank != 9
+    alone = joints.spin_root == np.arange(len(v))
+    velocity, spin = _tied_velocities(nodes, joints, v, omega)
     out = []
-    for k, entries in joints.entries.items():
-        velocity, spin = _tied_velocity(nodes, v, omega, entries, k)
-        out.append((float(np.linalg.norm(v[k] - velocity)), f"connection of {nodes.labels[k]}"))
-        if nodes.rank[k] != 9:
-            out.append((float(np.linalg.norm(omega[k] - spin)) * size, f"connection of {nodes.labels[k]} (rotation)"))
-    for k in np.flatnonzero(joints.held):
-        if k in joints.entries:
-            continue
-        if joints.held[k] & 7:
-            out.append((float(np.linalg.norm(v[k])), f"support of {nodes.labels[k]}"))
-        if joints.held[k] & 56 and nodes.rank[k] != 9:
-            out.append((float(np.linalg.norm(omega[k])) * size, f"support of {nodes.labels[k]} (rotation)"))
+    for what, error, where in (
+            ("connection of {}", v - velocity, tied),
+            ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
+            ("support of {}", v, ~tied & (joints.held & 7 != 0)),
+            ("support of {} (rotation)", omega * size, alone & (joints.held & 56 != 0) & turning)):
+        k = np.flatnonzero(where)
+        if k.size:
+            amount = np.linalg.norm(error[k], axis=1)
+            worst = int(np.argmax(amount))
+            out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]
@@ -166,13 +168,13 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     return out
 
 
-def _project(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
+def _project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements], v: Array, omega: Array,
              lines: list[tuple[Array, Array, Array, int]]) -> tuple[Array, Array]:
     """The consistent velocities nearest to the given ones in the kinetic energy."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
     n = len(nodes)
-    mass = _mass_matrix(scene, nodes)
+    mass = _mass_matrix(scene, nodes, elements)
     # rows of the constraints on (v, omega) of all nodes
     rows: list[Array] = []
     columns: list[Array] = []
@@ -203,12 +205,11 @@ def _project(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega
             elif target != k:
                 add([(k, 1, -eye), (target, 1, eye)], np.zeros(3))
         add(parts, np.zeros(3))
-    for k in np.flatnonzero(joints.held):
-        if k not in joints.entries:
-            if joints.held[k] & 7:
-                add([(int(k), 0, eye)], np.zeros(3))
-            if joints.held[k] & 56:
-                add([(int(k), 1, eye)], np.zeros(3))
+    for k in np.flatnonzero(joints.held).tolist():
+        if joints.held[k] & 7 and k not in joints.entries:
+            add([(k, 0, eye)], np.zeros(3))
+        if joints.held[k] & 56 and joints.spin_root[k] == k:
+            add([(k, 1, eye)], np.zeros(3))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:
@@ -227,7 +228,7 @@ def _project(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega
     return solution[:, :3].copy(), solution[:, 3:].copy()
 
 
-def _mass_matrix(scene: Scene, nodes: NodeList) -> Any:
+def _mass_matrix(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Any:
     """Reduced mass matrix on (v, omega) of all nodes, sparse [6 N, 6 N]."""
     from scipy import sparse
     n = len(nodes)
@@ -240,23 +241,21 @@ def _mass_matrix(scene: Scene, nodes: NodeList) -> Any:
                          np.stack((-x[..., 1], x[..., 0], o), -1)), -2)
 
     rows, columns, data = [], [], []
-    for beam in scene.beams:
-        basis = beam.basis
-        at = nodes.first[id(beam)] + basis.element_nodes
-        a, b = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+    for part in elements:
+        a, b = np.broadcast_arrays(part.nodes[:, :, None], part.nodes[:, None, :])
         a, b = a.reshape(-1), b.reshape(-1)
-        rho_a, *rho_i = beam.section.inertia
+        density = np.repeat(part.inertia[part.section], part.nodes.shape[1]**2, axis=0)
         block = np.zeros((a.size, 6, 6))
-        block[:, :3, :3] = (rho_a * basis.mass_phi.reshape(-1))[:, None, None] * np.eye(3)
-        for k, value in zip((1, 2), rho_i):
+        block[:, :3, :3] = (density[:, 0] * part.mass_phi.reshape(-1))[:, None, None] * np.eye(3)
+        for k in (1, 2):
             sa, sb = skew(d[a, k]), skew(d[b, k])
-            block[:, 3:, 3:] += (value * basis.mass_dir.reshape(-1))[:, None, None] * np.einsum("mki,mkj->mij", sa, sb)
+            block[:, 3:, 3:] += (density[:, k] * part.mass_dir.reshape(-1))[:, None, None] * np.einsum("mki,mkj->mij", sa, sb)
         i, j = np.nonzero(np.ones((6, 6)))
         rows.append((6 * a[:, None] + i).reshape(-1))
         columns.append((6 * b[:, None] + j).reshape(-1))
         data.append(block[:, i, j].reshape(-1))
     for part in [*scene.bodies, *scene.masses]:
-        k = nodes.first[id(part)]
+        k = nodes.start(part)
         block = np.zeros((6, 6))
         block[:3, :3] = part.mass * np.eye(3)
         if isinstance(part, RigidBody):
@@ -265,4 +264,10 @@ def _mass_matrix(scene: Scene, nodes: NodeList) -> Any:
         rows.append(6 * k + i)
         columns.append(6 * k + j)
         data.append(block[i, j])
+    for net in scene.nets:
+        if net.masses is not None:
+            at = 6 * (nodes.start(net) + net.junction)[:, None] + np.arange(3)
+            rows.append(at.reshape(-1))
+            columns.append(at.reshape(-1))
+            data.append(np.repeat(net.masses, 3))
     return sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(6 * n, 6 * n))

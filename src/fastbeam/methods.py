@@ -112,8 +112,9 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     spin = _spin_map(model)
     rates[0, :, 3:] = (spin @ rates[0, :, 3:].reshape(-1)).reshape(n, 3)
     tie = _tie_map(model)
+    share = _share_map(model)
     free = _free_unknowns(model)
-    lift = (tie @ _velocity_map(q))[:, free]
+    lift = (tie @ _velocity_map(q) @ share)[:, free]
     bias = np.zeros(12 * n)
     kernels.second_rates(alpha, 0, state.q, bias)
     bias = tie @ bias
@@ -143,7 +144,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     rates[1, :, :3] = second.reshape(n, 4, 3)[:, 0]
     turn = np.zeros(6 * n)
     turn[free] = x[:free.size]
-    rates[1, :, 3:] = (spin @ turn.reshape(n, 6)[:, 3:].reshape(-1)).reshape(n, 3)
+    rates[1, :, 3:] = (spin @ (share @ turn).reshape(n, 6)[:, 3:].reshape(-1)).reshape(n, 3)
     rates[2] = rates[1]
     state.force[:] = x[free.size:free.size + 3 * s]
 
@@ -171,24 +172,29 @@ def _tie_map(model: Model) -> Any:
     if model.ties is None:
         return sparse.eye(12 * n, format="csr")
     ties = model.ties
-    matrix = sparse.lil_matrix((12 * n, 12 * n))
-    matrix.setdiag(1.0)
-    eye = np.eye(3)
+    owner = np.repeat(np.arange(n), np.diff(ties.start))
+    free = np.flatnonzero(np.repeat(np.diff(ties.start) == 0, 12))
+    rows, columns, values = [free], [free], [np.ones(free.size)]
     # what a tied node takes from a target is never tied itself, so one pass is enough
-    for i in map(int, ties.slave):
-        matrix[12 * i:12 * i + 3, 12 * i:12 * i + 3] = 0.0
-        for e in range(ties.start[i], ties.start[i + 1]):
-            t = 12 * int(ties.target[e])
-            if ties.kind[e] == 0:
-                matrix[12 * i:12 * i + 3, t:t + 3] = eye
-            elif ties.kind[e] == 1:
-                for b in range(3):
-                    matrix[12 * i:12 * i + 3, t + 3 + 3 * b:t + 6 + 3 * b] = ties.offset[3 * e + b] * eye
-            elif t != 12 * i:
-                rotation = ties.rotation[9 * e:9 * e + 9].reshape(3, 3)
-                matrix[12 * i + 3:12 * i + 12, 12 * i + 3:12 * i + 12] = 0.0
-                matrix[12 * i + 3:12 * i + 12, t + 3:t + 12] = np.kron(rotation, eye)
-    return matrix.tocsr()
+    for kind, to, of, factor in ((0, [0], [0], np.ones((owner.size, 1, 1))), (1, [0], [3, 6, 9], ties.offset.reshape(-1, 1, 3)),
+                                 (2, [3, 6, 9], [3, 6, 9], ties.rotation.reshape(-1, 3, 3))):
+        e = np.flatnonzero(ties.kind == kind)
+        shape = (e.size, len(to), len(of), 3)
+        rows.append(np.broadcast_to((12 * owner[e])[:, None, None, None] + np.array(to)[:, None, None] + np.arange(3), shape))
+        columns.append(np.broadcast_to((12 * ties.target[e])[:, None, None, None] + np.array(of)[:, None] + np.arange(3), shape))
+        values.append(np.broadcast_to(factor[e][:, :, :, None], shape))
+    flat = [np.concatenate([x.reshape(-1) for x in parts]) for parts in (values, rows, columns)]
+    return sparse.csr_matrix((flat[0], (flat[1], flat[2])), shape=(12 * n, 12 * n))
+
+
+def _share_map(model: Model) -> Any:
+    """Unknowns of all nodes -> the same with those of nodes that share the row of another from the first on that row, sparse
+    [6 N, 6 N]."""
+    from scipy import sparse
+    n = model.n_nodes
+    first, row_of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
+    pick = sparse.csr_matrix((np.ones(n), (np.arange(n), first[row_of])), shape=(n, n))
+    return sparse.kron(pick, sparse.eye(6), format="csr")
 
 
 def _spin_map(model: Model) -> Any:
@@ -200,8 +206,10 @@ def _spin_map(model: Model) -> Any:
 
 
 def _free_unknowns(model: Model) -> Array:
-    """Numbers 6 node + c of the unknowns that are free."""
+    """Numbers 6 node + c of the unknowns that are free; of nodes that share a row those of the first."""
     free = (model.held_mask[:, None] >> np.arange(6)) & 1 == 0
+    first = np.unique(model.pattern.row_of, return_index=True)[1]
+    free[np.setdiff1d(np.arange(model.n_nodes), first)] = False
     return np.flatnonzero(free.reshape(-1))
 
 

@@ -34,6 +34,8 @@ class Model:
         Elements with strain set (2.2), (2.1).
     inner, bodies, ties, held, curves, sliders : tables or None
         None where the scene has none; then no code is compiled for them.
+    static_held : Held or None
+        What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
         Order, blocks and elimination plan.
     spinless : int8 [N]
@@ -67,6 +69,7 @@ class Model:
     bodies: Bodies | PlanarBodies | None
     ties: Ties | PlanarTies | None
     held: Held | None
+    static_held: Held | None
     curves: Curves | None
     sliders: Sliders | None
     pattern: Pattern
@@ -93,11 +96,6 @@ class Model:
     not_planar: str = ""
     plain: Callable[..., Model] | None = None
     massless: tuple[str, ...] = ()
-
-    @property
-    def numbers_with_rotation(self) -> set[int]:
-        """Nodes that have a rotation of their own: all but point masses."""
-        return set(np.flatnonzero(self.numbers.rank != 9).tolist())
 
     @property
     def held_mask(self) -> Array:
@@ -137,8 +135,17 @@ class Model:
         """Free unknowns of the nodes, and force and position of every slider; those that a run solves for."""
         if self.plane is not None:
             return int(self.plane.model.n_unknowns)
-        n_held = 0 if self.held is None else int(sum(int(m).bit_count() for m in self.held.mask))
-        return len(self.size) * self.n_nodes - n_held + (self.dim + 1) * self.n_sliders
+        return len(self.size) * self.n_rows - self.n_held + (self.dim + 1) * self.n_sliders
+
+    @property
+    def n_rows(self) -> int:
+        """Block rows of all nodes; welded beams of a net share one."""
+        return int(self.pattern.row_of.max()) + 1
+
+    @property
+    def n_held(self) -> int:
+        """Number of held unknowns, those of tied nodes included."""
+        return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(len(self.size)) & 1))
 
     @property
     def solver(self) -> str:
@@ -155,7 +162,9 @@ class Model:
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
                   self.v0, self.s0, self.slider_lengths]
         for x in parts:
-            digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode() + np.ascontiguousarray(x).tobytes())
+            digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
+            if x is not None:
+                digest.update(np.ascontiguousarray(x).reshape(-1).view(np.uint8))
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 

@@ -1,35 +1,76 @@
 """Global numbers of the nodes of a scene, with their reference positions and triads."""
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
-from .scene import Beam, NodeRef, RigidBody, Scene
+from .scene import Beam, Net, NodeRef, RigidBody, Scene
+from .scene.nets import NetBeam
 
 Array = np.ndarray
 
 
+class Labels(Sequence):
+    """Texts of all nodes for messages, made when they are read."""
+
+    def __init__(self) -> None:
+        self._starts: list[int] = []
+        self._owners: list[Beam | Net | str] = []
+        self._n = 0
+
+    def add(self, owner: Beam | Net | str, count: int = 1) -> None:
+        """The next nodes belong to this part, or have this text."""
+        self._starts.append(self._n)
+        self._owners.append(owner)
+        self._n += count
+
+    def __len__(self) -> int:
+        return self._n
+
+    def __getitem__(self, k: Any) -> Any:
+        if isinstance(k, slice):
+            return [self[i] for i in range(*k.indices(self._n))]
+        k = range(self._n)[int(k)]
+        i = bisect_right(self._starts, k) - 1
+        owner, local = self._owners[i], k - self._starts[i]
+        if isinstance(owner, str):
+            return owner
+        if isinstance(owner, Net):
+            beam = owner.beam_at(local)
+            owner, local = owner.beam(beam), local - int(owner.node_start[beam])
+        return f"{owner.label} node {local}"
+
+
 class NodeList:
-    """Global numbers of all nodes: beams, then bodies, masses, and one node for every used point of a body off its centre."""
+    """Global numbers of all nodes: beams, nets, bodies, masses, and one node for every used point of a body off its centre."""
 
     def __init__(self, scene: Scene) -> None:
         self.first: dict[int, int] = {}
-        self.labels: list[str] = []
+        self.labels = Labels()
         phi: list[Array] = []
         directors: list[Array] = []
-        rank: list[int] = []
-        for beam in scene.beams:
-            self.first[id(beam)] = len(self.labels)
-            p, d = beam.reference(beam.node_s)
-            phi.append(beam.basis.fit_positions(p))
+        rank: list[Array] = []
+
+        def add(label: Beam | Net | str, p: Array, d: Array, r: int) -> int:
+            first = len(self.labels)
+            self.labels.add(label, len(p))
+            phi.append(p)
             directors.append(d)
-            self.labels += [f"{beam.label} node {k}" for k in range(beam.n_nodes)]
-            rank += [3] * beam.n_nodes
+            rank.append(np.full(len(p), r))
+            return first
+
+        for beam in scene.beams:
+            p, d = beam.reference(beam.node_s)
+            self.first[id(beam)] = add(beam, beam.basis.fit_positions(p), d, 3)
+        for net in scene.nets:
+            self.first[id(net)] = add(net, net.positions, net.directors, 3)
         for part in [*scene.bodies, *scene.masses]:
-            self.first[id(part)] = len(self.labels)
-            phi.append(scene.position_of(part)[None])
-            directors.append(np.array(getattr(part, "directors", np.eye(3)))[None])
-            self.labels.append(part.label)
-            rank.append(2 if isinstance(part, RigidBody) else 9)
+            self.first[id(part)] = add(part.label, scene.position_of(part)[None],
+                                       np.array(getattr(part, "directors", np.eye(3)))[None],
+                                       2 if isinstance(part, RigidBody) else 9)
         self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
         self.arm_owner: list[tuple[int, int]] = []
         points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
@@ -38,24 +79,36 @@ class NodeList:
             key = (id(node.owner), tuple(node.offset.tolist()))
             if isinstance(node.owner, Beam) or node.is_center or key in self.arms:
                 continue
-            owner = self.first[id(node.owner)]
-            self.arms[key] = len(self.labels)
-            self.arm_owner.append((owner, len(self.labels)))
-            phi.append(scene.position_of(node)[None])
-            directors.append(np.array(node.owner.directors)[None])
-            self.labels.append(node.label)
-            rank.append(4)
+            self.arms[key] = add(node.label, scene.position_of(node)[None], np.array(node.owner.directors)[None], 4)
+            self.arm_owner.append((self.first[id(node.owner)], self.arms[key]))
         self.phi = np.concatenate(phi)
         self.directors = np.concatenate(directors)
-        self.rank = np.array(rank)
+        self.rank = np.concatenate(rank)
 
     def __len__(self) -> int:
         return len(self.labels)
 
+    def start(self, part: Any) -> int:
+        """Global number of the first node of a beam, a beam of a net, a net, body or mass.
+
+        Raises
+        ------
+        KeyError
+            The part is not in the scene.
+        """
+        if isinstance(part, NetBeam):
+            return self.first[id(part.net)] + int(part.net.node_start[part.index])
+        return self.first[id(part)]
+
+    def span(self, part: Any) -> slice:
+        """Global numbers of all nodes of a part."""
+        first = self.start(part)
+        return slice(first, first + getattr(part, "n_nodes", 1))
+
     def number(self, node: NodeRef) -> int:
         """Global number of a node of the scene."""
         if isinstance(node.owner, Beam):
-            return self.first[id(node.owner)] + node.index
+            return self.start(node.owner) + node.index
         if node.is_center:
-            return self.first[id(node.owner)]
+            return self.start(node.owner)
         return self.arms[id(node.owner), tuple(node.offset.tolist())]

@@ -162,8 +162,8 @@ def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
             raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
                              f"got {what!r}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
-    first_node = model.numbers.first.get(id(owner))
-    if first_node is None:
+    try:
+        return model.numbers.start(owner) + local, weights
+    except KeyError:
         raise SceneError(f"point {name!r}: {owner.label} is not in scene {model.scene_name!r}; observe parts of the compiled "
-                         "scene")
-    return first_node + local, weights
+                         "scene") from None

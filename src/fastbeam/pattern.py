@@ -9,6 +9,8 @@ import numpy as np
 from .kernels.chain import Elimination
 
 Array = np.ndarray
+# rows beyond which orders other than that of the nodes are not tried, and fill is not followed where there is much of it
+LARGE = 20000
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,12 @@ class Pattern:
         return np.searchsorted(self.keys, self.row_of[i] * self.n + self.row_of[j])
 
 
+def ascending(keys: Array) -> Array:
+    """The different values among keys in ascending order; np.unique looks them up one by one, which takes ten times as long."""
+    keys = np.sort(keys)
+    return keys[np.concatenate(([True], keys[1:] != keys[:-1]))] if keys.size else keys
+
+
 def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = True) -> Pattern:
     """Choose an order and, where the fill stays small, plan the block elimination.
 
@@ -62,44 +70,67 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
         False: leave the factorisation to a sparse solver.
     """
     low, high = np.minimum(pairs[:, 0], pairs[:, 1]), np.maximum(pairs[:, 0], pairs[:, 1])
-    edges = np.unique(low * n + high)
+    edges = ascending(low * n + high)
     low, high = edges // n, edges % n
     keep = low != high
     low, high = low[keep], high[keep]
     natural = np.arange(n)
     if allow_elimination:
         # a chain costs band + band^2 updates a node; beyond three times that the sparse solver is the better one
-        limit = 3 * n * (band + band * band) + 200 * n
-        best: tuple[int, Array, list[list[int]]] | None = None
-        orders = [lambda: natural] + ([lambda: _minimum_degree(n, low, high)] if n <= 20000 else [])
-        for order in orders:
-            rank = order()
-            found = _symbolic(n, rank[low], rank[high], limit if best is None else best[0])
-            if found is not None and (best is None or found[0] < best[0]):
-                best = (found[0], rank, found[1])
-            if best is not None and best[0] <= n * (band + band * band):
-                break
+        limit = 3 * n * (band + band * band) + (200 if n <= LARGE else 20) * n
+        best = _symbolic(n, low, high, limit)
+        order = natural
+        if n <= LARGE and (best is None or best.cost > n * (band + band * band)):
+            rank = _minimum_degree(n, low, high, limit if best is None else best.cost)
+            found = None if rank is None else _symbolic(n, rank[low], rank[high], limit if best is None else best.cost)
+            if found is not None and (best is None or found.cost < best.cost):
+                best, order = found, rank
         if best is not None:
-            return _with_plan(best[1], best[2])
+            return _with_plan(order, best)
     row = np.concatenate((low, high, natural))
     column = np.concatenate((high, low, natural))
     return Pattern(natural, np.sort(row * n + column), None, n)
 
 
-def widen(pattern: Pattern, end: Array) -> Pattern:
-    """The pattern of the nodes `end` (bool [N]) with rows for all N nodes: the others follow."""
+def widen(pattern: Pattern, end: Array, row_root: Array) -> Pattern:
+    """The pattern of the nodes `end` (bool [N]) with rows for all N nodes: the others follow, and nodes share the row of
+    row_root, int [N]."""
+    own = row_root == np.arange(end.size)
     row_of = np.empty(end.size, np.int64)
-    row_of[end] = pattern.row_of
-    row_of[~end] = pattern.n + np.arange(end.size - pattern.n)
-    return Pattern(row_of, pattern.keys, pattern.plan, pattern.n)
+    row_of[end & own] = pattern.row_of
+    row_of[~end & own] = pattern.n + np.arange(int((~end & own).sum()))
+    return Pattern(row_of[row_root], pattern.keys, pattern.plan, pattern.n)
 
 
-def _symbolic(n: int, a: Array, b: Array, limit: int) -> tuple[int, list[list[int]]] | None:
-    """(updates, upper columns of every row with fill) for edges between rows a, b; None beyond the limit."""
+@dataclass(frozen=True)
+class _Fill:
+    """Upper blocks of the factors: columns of every row, ascending, from `start`; cost: updates of the elimination."""
+
+    cost: int
+    start: Array
+    column: Array
+
+
+def _symbolic(n: int, a: Array, b: Array, limit: int) -> _Fill | None:
+    """Fill of the elimination of edges between rows a, b; None beyond the limit."""
     i, j = np.minimum(a, b), np.maximum(a, b)
-    order = np.lexsort((j, i))
-    start = np.searchsorted(i[order], np.arange(n + 1))
-    columns = j[order].tolist()
+    key = np.sort(i * n + j)
+    i, j = key // n, key % n
+    start = np.searchsorted(i, np.arange(n + 1))
+    count = np.diff(start)
+    cost = int(np.sum(count + count * count))
+    if cost > limit:
+        return None
+    # the first neighbour inherits the others; where it has them all, everywhere, there is no fill
+    follows = np.ones(j.size, bool)
+    follows[start[:-1][count > 0]] = False
+    inherited = j[start[i[follows]]] * n + j[follows]
+    missing = int(np.sum(key[np.minimum(np.searchsorted(key, inherited), key.size - 1)] != inherited)) if inherited.size else 0
+    if missing == 0:
+        return _Fill(cost, start, j)
+    if n > LARGE and missing > n // 100:
+        return None
+    columns = j.tolist()
     upper: list[list[int]] = [columns[start[k]:start[k + 1]] for k in range(n)]
     cost = 0
     for k in range(n):
@@ -109,15 +140,17 @@ def _symbolic(n: int, a: Array, b: Array, limit: int) -> tuple[int, list[list[in
         cost += len(row) + len(row) ** 2
         if cost > limit:
             return None
-        # the first neighbour inherits the others
         parent = upper[row[0]]
         if len(row) > 1 and row[1:] != parent:
             upper[row[0]] = sorted(set(parent).union(row[1:]))
-    return cost, upper
+    counts = np.array([len(row) for row in upper], dtype=np.int64)
+    start = np.concatenate(([0], np.cumsum(counts)))
+    return _Fill(cost, start, np.fromiter((c for row in upper for c in row), dtype=np.int64, count=start[-1]))
 
 
-def _minimum_degree(n: int, low: Array, high: Array) -> Array:
-    """Rank of every node in a greedy minimum degree order, ties by number."""
+def _minimum_degree(n: int, low: Array, high: Array, limit: int) -> Array | None:
+    """Rank of every node in a greedy minimum degree order, ties by number; None where its elimination costs more than the
+    limit."""
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in zip(low.tolist(), high.tolist()):
         neighbours[a].add(b)
@@ -125,13 +158,14 @@ def _minimum_degree(n: int, low: Array, high: Array) -> Array:
     heap = [(len(s), k) for k, s in enumerate(neighbours)]
     heapq.heapify(heap)
     rank = np.full(n, -1)
-    done = 0
+    done = cost = 0
     while heap:
         degree, k = heapq.heappop(heap)
         if rank[k] >= 0 or degree != len(neighbours[k]):
             continue
-        if degree > 200:
-            return np.arange(n)
+        cost += degree + degree * degree
+        if degree > 200 or cost > limit:
+            return None
         rank[k] = done
         done += 1
         around = neighbours[k]
@@ -142,11 +176,10 @@ def _minimum_degree(n: int, low: Array, high: Array) -> Array:
     return rank
 
 
-def _with_plan(rank: Array, upper: list[list[int]]) -> Pattern:
+def _with_plan(rank: Array, fill: _Fill) -> Pattern:
     n = rank.size
-    counts = np.array([len(row) for row in upper], dtype=np.int64)
-    start = np.concatenate(([0], np.cumsum(counts)))
-    column = np.fromiter((c for row in upper for c in row), dtype=np.int64, count=start[-1])
+    start, column = fill.start, fill.column
+    counts = np.diff(start)
     row = np.repeat(np.arange(n), counts)
     diagonal = np.arange(n) * (n + 1)
     keys = np.sort(np.concatenate((row * n + column, column * n + row, diagonal)))

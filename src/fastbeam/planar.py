@@ -206,7 +206,8 @@ def _reduced(model: Model, plane: Plane) -> Model:
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
     return replace(
         model, simo=_elements(model.simo, plane), green=_elements(model.green, plane), inner=_inner(model.inner),
-        bodies=_bodies(model.bodies, plane), ties=_ties(model.ties, plane, state), held=_held(model.held), loads=loads, q0=state.q,
+        bodies=_bodies(model.bodies, plane), ties=_ties(model.ties, plane, state), held=_held(model.held),
+        static_held=_held(model.static_held), loads=loads, q0=state.q,
         v0=state.v, size=THREE, plane=None)
 
 
@@ -298,11 +299,11 @@ def _ties(ties: Ties | None, plane: Plane, state: State) -> PlanarTies | None:
 
 
 def _held(held: Held | None) -> Held | None:
-    """Positions are held whole, and so are triads."""
+    """Positions are held whole. Of a triad only what is held whole counts: single spins are those of beams about their axes."""
     if held is None:
         return None
 
     def flat(mask: Array) -> Array:
-        return (mask & 3) | ((mask >> 3) & 4)
+        return np.where((mask & 7) == 7, 3, 0) | np.where((mask & 56) == 56, 4, 0)
 
     return Held(held.row, flat(held.mask), held.diagonal, held.block, flat(held.row_mask), flat(held.column_mask))

@@ -50,8 +50,8 @@ def _styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "viridis") -> Figure:
     """Deformed shapes at n snapshots coloured by time; bodies, point masses and slider points as dots, slider paths as lines.
 
-    Lagrange beams are drawn as the curves they are. B-spline beams are drawn through their control points, which lie close to the
-    curve but not on it. Of a static result the colour is the load factor.
+    Lagrange beams are drawn as the curves they are, those of nets through their nodes. B-spline beams are drawn through their
+    control points, which lie close to the curve but not on it. Of a static result the colour is the load factor.
 
     Parameters
     ----------
@@ -182,12 +182,17 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
     colours = mpl.colors.LinearSegmentedColormap.from_list("time", mpl.colormaps[cmap](np.linspace(0.0, 0.92, 256)))
     lumps = [entry["node"] for kind in ("bodies", "masses") for entry in result.names.get(kind, [])]
     beams = [(entry["first"], entry["first"] + entry["count"], _sampling(entry)) for entry in result.names.get("beams", [])]
+    nets = result.names.get("nets", [])
     for _, path in sliders.values():
         if len(path):
             axes.plot(*path[:, space].T, color="0.65", lw=0.9, ls="--", zorder=1)
     for k in picks:
         colour, shape = colours(scale(result.t_snap[k])), result.phi[k]
-        for first, last, sampling in beams or [(0, len(shape), None)]:
+        for net in nets:
+            # one line for all beams, with gaps
+            points = np.insert(shape[net["first"]:net["first"] + net["count"]], net["starts"][1:], np.nan, axis=0)
+            axes.plot(*points[:, space].T, color=colour, lw=1.0)
+        for first, last, sampling in beams or [(0, len(shape), None)] * (not nets):
             points = shape[first:last] if sampling is None else sampling @ shape[first:last]
             axes.plot(*points[:, space].T, color=colour, lw=1.8, solid_capstyle="round")
         dots = [shape[node] for node in lumps]

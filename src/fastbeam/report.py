@@ -22,6 +22,12 @@ def describe(scene: Scene, model: Model) -> str:
     kinds = Counter((b.basis.n_elements, b.basis.phi_s.shape[1], b.interpolation, b.degree,
                      b.directors if b.interpolation == "bspline" else "", b.strain, not b.section.is_diagonal)
                     for b in scene.beams)
+    for net in scene.nets:
+        ball = int(net.ball.sum())
+        joints = [_plural(k, word) for k, word in ((len(net.ball) - ball, "welded node"), (ball, "ball joint")) if k]
+        coupled = ", coupled section" if any(not s.is_diagonal for s in net.sections) else ""
+        lines.append(f"  conserving step    {net.label}: {_plural(len(net.edges), 'beam')}, {int(net.elements.sum())} elements x "
+                     f"{net.degree} points, {' and '.join(joints)}, lagrange {net.degree}, {net.strain}{coupled}")
     for (ne, nq, family, degree, directors, strain, coupled), count in kinds.items():
         what = (f"{family} {degree}" + (f" ({directors})" if directors else "") + f", {strain}"
                 + (", coupled section" if coupled else ""))
@@ -32,17 +38,20 @@ def describe(scene: Scene, model: Model) -> str:
     if model.inner is not None:
         lines.append(f"  inner nodes        {model.inner.element.size} of {model.n_nodes} nodes eliminated within their elements")
     if model.bodies is not None:
+        masses = model.bodies.node.size - len(scene.bodies)
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
-                     f"{_plural(len(scene.masses), 'point mass').replace('masss', 'masses')}")
+                     f"{_plural(masses, 'point mass').replace('masss', 'masses')}")
+    if model.n_rows < model.n_nodes:
+        shared = _plural(model.n_nodes - model.n_rows, "beam end")
+        lines.append(f"  shared rows        {shared} of nets share the unknowns of another")
     if model.ties is not None:
         lines.append(f"  ties               {_plural(model.ties.slave.size, 'node')} eliminated by rigid or ball connections")
     run = model if model.plane is None else model.plane.model
     if run.held is not None:
-        n_held = sum(int(m).bit_count() for m in run.held.mask)
-        lines.append(f"  supports           {_plural(n_held, 'unknown')} held, eliminated")
+        lines.append(f"  supports           {_plural(run.n_held, 'unknown')} held, eliminated")
     if model.loads.shape[0]:
         timed = sum(t is not None for t in model.load_times)
-        what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * bool(scene.loads or scene.distributed))
+        what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
     if model.sliders is not None:
@@ -61,13 +70,17 @@ def describe(scene: Scene, model: Model) -> str:
     return "\n".join(lines)
 
 
+def _has_loads(scene: Scene) -> bool:
+    return bool(scene.loads or scene.distributed or any(net.loads is not None for net in scene.nets))
+
+
 def _left_out(scene: Scene, model: Model) -> list[str]:
     out = []
     if model.plane is None:
         out.append(f"planar form ({model.not_planar})")
     if not np.any(scene.gravity):
         out.append("gravity (none)")
-    if not (scene.loads or scene.distributed):
+    if not _has_loads(scene):
         out.append("dead loads (none)")
     if model.bodies is None:
         out.append("bodies and masses (none)")

@@ -174,7 +174,9 @@ class Result:
         JSON-able facts about the run (scene, method, step, solver, iterations, wall time, versions, ...).
     names : dict of lists
         'sliders' and 'points': names in the order of the series. 'beams': {'name', 'first', 'count', 'element_ends'} with
-        first node, number of nodes and element end nodes in the global list. 'bodies' and 'masses': {'name', 'node'}.
+        first node, number of nodes and element end nodes in the global list. 'nets': {'name', 'first', 'count', 'starts',
+        'junctions'}, the last two of every beam and every node of the net, counted from 'first'. 'bodies' and 'masses':
+        {'name', 'node'}.
         'slider_nodes': node of each slider's point (optional).
     t : ndarray [n]
         Times of the rows, s.

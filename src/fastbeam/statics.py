@@ -158,7 +158,7 @@ class _StaticSolver:
         if self.linear.is_compiled:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
-                *kind, model.simo, model.green, self.inner, model.ties, model.held, model.pattern.plan, self.linear.tables,
+                *kind, model.simo, model.green, self.inner, model.ties, model.static_held, model.pattern.plan, self.linear.tables,
                 model.pattern.row_of, state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         else:
@@ -190,7 +190,7 @@ class _StaticSolver:
             return self._plain(False).signs(factors)
         model, work = self.core, self.work
         self._load(factors)
-        kernels.assemble_static(*self.stepper.kind[:2], model.simo, model.green, None, model.ties, model.held,
+        kernels.assemble_static(*self.stepper.kind[:2], model.simo, model.green, None, model.ties, model.static_held,
                                 self.stepper.core_state, work)
         return self.linear.superlu.signs(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
 
@@ -199,8 +199,9 @@ class _StaticSolver:
         row_of = model.pattern.row_of
         sizes: list[float] = []
         for _ in range(self.max_iterations):
-            kernels.assemble_static(*kind[:2], model.simo, model.green, self.inner, model.ties, model.held, state, work)
-            kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work, kind[2])
+            kernels.assemble_static(*kind[:2], model.simo, model.green, self.inner, model.ties, model.static_held, state, work)
+            kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.static_held, row_of.shape[0], model.width, work,
+                                  kind[2])
             if not self.stepper.inner_is_regular or not solve_panel(self.linear, model, work):
                 return SINGULAR, sizes
             size = kernels.update_static(*kind[:2], self.inner, model.ties, row_of, state, work, model.width, model.length,
@@ -238,27 +239,28 @@ def check_supports(model: Model) -> None:
         columns.append(model.ties.target_row)
     graph = graph + coo_matrix((np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
     _, part = connected_components(graph, directed=False)
-    part = part[pattern.row_of]
+    part = np.unique(part[pattern.row_of], return_inverse=True)[1]
     phi = model.q0.reshape(-1, 12)[:, :3]
     mask = model.held_mask
     if model.ties is not None:
         mask[model.ties.slave] = 0
-    point = np.array([i not in model.numbers_with_rotation for i in range(n)])
-    for p in np.unique(part):
-        nodes = np.flatnonzero(part == p)
+    point = model.numbers.rank == 9
+    by_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
+    for nodes in by_part:
         if np.all(point[nodes]) and np.all(mask[nodes] & 7):
             continue
         center = phi[nodes].mean(axis=0)
         size = float(np.max(np.linalg.norm(phi[nodes] - center, axis=1))) or 1.0
-        held = [np.zeros((0, 6))]
-        for k in nodes[mask[nodes] != 0]:
-            x = (phi[k] - center) / size
-            if mask[k] & 7:
-                held.append(np.hstack((np.eye(3), -np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]]))))
-            if mask[k] & 56 and not point[k]:
-                held.append(np.hstack((np.zeros((3, 3)), np.eye(3))))
+        eye, none = np.eye(3), np.zeros((3, 3))
+        # unit motions: shift, and turn about the centre
+        x = (phi[nodes[mask[nodes] & 7 != 0]] - center) / size
+        turn = np.cross(eye[:, None], x[None]).transpose(1, 2, 0)
+        held = [np.concatenate((np.broadcast_to(eye, turn.shape), turn), axis=2).reshape(-1, 6)]
+        if np.any((mask[nodes] & 56 != 0) & ~point[nodes]):
+            held.append(np.hstack((none, eye)))
         matrix = np.concatenate(held)
-        _, values, motions = np.linalg.svd(np.concatenate((matrix, np.zeros((6, 6)))))
+        # the triangle of a QR has the same singular values
+        _, values, motions = np.linalg.svd(np.linalg.qr(np.concatenate((matrix, np.zeros((6, 6)))), mode="r"))
         if values[5] > 1e-9:
             continue
         what = model.labels[nodes[0]].split(" node ")[0]

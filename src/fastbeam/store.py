@@ -23,7 +23,7 @@ import os
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -70,7 +70,7 @@ class ResultWriter:
         h5py = import_h5py()
         self.path = _check_target(Path(path), overwrite)
         self.header = header
-        texts = _encode({**asdict(header), "info": header.info, "names": header.names}, "header")
+        texts = _encode({item.name: getattr(header, item.name) for item in fields(header)}, "header")
         shapes, dtypes = header.row_tables()
         self._pending = {"rows": RowBuffer(shapes, dtypes), "snapshots": RowBuffer(header.snapshot_tables(), capacity=1)}
         self._snapshot_bytes = 8 * (1 + 12 * header.n_nodes)

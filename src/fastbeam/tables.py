@@ -6,35 +6,93 @@ from typing import Any
 
 import numpy as np
 
-from .basis import Basis, CurveBasis
+from .basis import CurveBasis, build_basis
 from .kernels.beam import ElementTables, group_table_size
 from .kernels.inner import Inner, store_size
 from .kernels.slider import Curves
-from .scene import Beam
+from .scene import Beam, Net
 
 Array = np.ndarray
+# elements whose reference strains are computed at a time
+CHUNK = 32768
 
 
-def reference_strains(beam: Beam, phi: Array, d: Array) -> Array:
-    """Quadratic part of the six strains in the reference configuration, [n_elements, nq, 6]; what the kernels subtract, so that
-    any initial shape is free of stress (theory.md 2)."""
-    basis = beam.basis
-    nodes = basis.element_nodes
-    f = np.einsum("egn,enc->egc", basis.phi_s, phi[nodes])
-    d_g = np.einsum("egn,enkc->egkc", basis.dir, d[nodes])
-    k_g = np.einsum("egn,enkc->egkc", basis.dir_s, d[nodes])
-    d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
-    k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
+@dataclass(frozen=True)
+class Elements:
+    """Constants of E elements with nn nodes and nq points each, of a beam or a net; arrays may be broadcast views.
 
-    def dot(a: Array, b: Array) -> Array:
-        return np.einsum("egc,egc->eg", a, b)
+    Attributes
+    ----------
+    strain : str
+    nodes : int [E, nn]
+        Global numbers.
+    weight, phi_s, dir, dir_s : [E, nq], [E, nq, nn]
+        As in `basis.Basis`.
+    mass_phi, mass_dir : [E, nn, nn]
+    stiffness, inertia : [*, 6, 6], [*, 3]
+        Of every section: C; rhoA, rhoI2, rhoI3.
+    section : int [E]
+        Which one an element has.
+    coupled : bool [E]
+    """
 
-    twist = 0.5 * (dot(k2, d3) - dot(k3, d2))
-    if beam.strain == "simo_reissner":
-        e = [dot(f, d1), dot(f, d2), dot(f, d3), twist, 0.5 * (dot(k3, d1) - dot(k1, d3)), 0.5 * (dot(k1, d2) - dot(k2, d1))]
-    else:
-        e = [0.5 * dot(f, f), dot(f, d2), dot(f, d3), twist, dot(f, k3), -dot(f, k2)]
-    return np.stack(e, axis=-1)
+    strain: str
+    nodes: Array
+    weight: Array
+    phi_s: Array
+    dir: Array
+    dir_s: Array
+    mass_phi: Array
+    mass_dir: Array
+    stiffness: Array
+    inertia: Array
+    section: Array
+    coupled: Array
+
+
+def elements_of(part: Beam | Net, first: int) -> Elements:
+    """Elements of a beam or net whose nodes start at `first`."""
+    if isinstance(part, Net):
+        # equal elements on every beam: those of an element of length 1, scaled
+        unit = build_basis("lagrange", part.degree, 1, 1.0)
+        h = np.repeat(part.lengths / part.elements, part.elements)[:, None, None]
+        section_of = np.repeat(part.section_of, part.elements)
+        return Elements(part.strain, first + part.element_start[:, None] + np.arange(part.degree + 1), unit.weight * h[:, 0],
+                        unit.phi_s / h, np.broadcast_to(unit.dir, (len(h), *unit.dir.shape[1:])), unit.dir_s / h,
+                        unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
+                        np.array([s.inertia for s in part.sections]), section_of,
+                        ~np.array([s.is_diagonal for s in part.sections])[section_of])
+    basis, section = part.basis, part.section
+    none = np.zeros(basis.n_elements, np.int64)
+    coupled = np.full(basis.n_elements, not section.is_diagonal)
+    return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
+                    basis.mass_dir, section.C[None], np.array([section.inertia]), none, coupled)
+
+
+def reference_strains(elements: Elements, phi: Array, d: Array) -> Array:
+    """Quadratic part of the six strains in the reference configuration phi [N, 3], d [N, 3, 3]: [E, nq, 6]. The kernels subtract
+    it, so that any initial shape is free of stress (theory.md 2)."""
+    out = np.empty((*elements.weight.shape, 6))
+    for at in range(0, len(out), CHUNK):
+        part = slice(at, at + CHUNK)
+        nodes = elements.nodes[part]
+        f = np.einsum("egn,enc->egc", elements.phi_s[part], phi[nodes])
+        d_g = np.einsum("egn,enkc->egkc", elements.dir[part], d[nodes])
+        k_g = np.einsum("egn,enkc->egkc", elements.dir_s[part], d[nodes])
+        d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
+        k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
+        twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
+        if elements.strain == "simo_reissner":
+            e = [_dot(f, d1), _dot(f, d2), _dot(f, d3), twist, 0.5 * (_dot(k3, d1) - _dot(k1, d3)),
+                 0.5 * (_dot(k1, d2) - _dot(k2, d1))]
+        else:
+            e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
+        out[part] = np.stack(e, axis=-1)
+    return out
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("egc,egc->eg", a, b)
 
 
 @dataclass
@@ -48,31 +106,36 @@ class ElementPacker:
     n_nodes: int = 0
     n_blocks: int = 0
 
-    def add(self, beam: Beam, first: int, phi: Array, d: Array) -> None:
-        """Append all elements of a beam whose nodes start at `first`; phi [n, 3], d [n, 3, 3]: its reference nodes."""
-        basis: Basis = beam.basis
-        ne, nq, nn = basis.phi_s.shape
+    def add(self, elements: Elements, phi: Array, d: Array) -> None:
+        """Append elements; phi [N, 3], d [N, 3, 3]: reference of all nodes."""
+        ne, nq, nn = elements.phi_s.shape
         groups = -(-ne // 8)
         # idle lanes of the last group repeat its last element
         lane = np.minimum(np.arange(8 * groups), ne - 1)
-        section = beam.section
-        e0 = reference_strains(beam, phi, d)
-        rho_a, rho_i2, rho_i3 = section.inertia
-        shapes = np.stack((basis.phi_s, basis.dir, basis.dir_s), axis=-1).reshape(ne, nq, -1)
-        per_point = np.concatenate((basis.weight[:, :, None], shapes, e0), axis=2)
-        inertia = np.broadcast_to([rho_a, rho_i2, rho_i3], (ne, 3))
-        stiffness = np.broadcast_to(section.C.reshape(-1), (ne, 36))
-        flat = np.concatenate((stiffness, per_point.reshape(ne, -1), inertia, basis.mass_phi.reshape(ne, -1),
-                               basis.mass_dir.reshape(ne, -1)), axis=1)
-        lanes = flat[lane].reshape(groups, 8, -1).transpose(0, 2, 1).reshape(groups, -1)
+
+        def lanes(x: Array) -> Array:
+            return x[lane].reshape(groups, 8, *x.shape[1:])
+
         size = group_table_size(nn, nq)
-        assert lanes.shape[1] == size
+        tab = np.empty((groups, size // 8, 8))
+        section = elements.section[lane].reshape(groups, 8)
+        tab[:, :36] = elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1)
+        points = tab[:, 36:36 + nq * (7 + 3 * nn)].reshape(groups, nq, 7 + 3 * nn, 8)
+        points[:, :, 0] = lanes(elements.weight).transpose(0, 2, 1)
+        for k, shape in enumerate((elements.phi_s, elements.dir, elements.dir_s)):
+            points[:, :, 1 + k:1 + 3 * nn:3] = lanes(shape).transpose(0, 2, 3, 1)
+        points[:, :, 1 + 3 * nn:] = lanes(reference_strains(elements, phi, d)).transpose(0, 2, 3, 1)
+        rest = tab[:, 36 + nq * (7 + 3 * nn):]
+        rest[:, :3] = elements.inertia[section].transpose(0, 2, 1)
+        for k, mass in enumerate((elements.mass_phi, elements.mass_dir)):
+            at = 3 + k * nn * nn
+            rest[:, at:at + nn * nn] = lanes(mass.reshape(ne, -1)).transpose(0, 2, 1)
+        coupled = elements.coupled[lane].reshape(groups, 8).any(axis=1)
         k = np.arange(groups)
         self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), self.n_tab + size * k, self.n_nodes + 8 * nn * k,
-                                   self.n_blocks + 8 * nn * nn * k, np.full(groups, int(not section.is_diagonal)),
-                                   np.full(groups, -1)), axis=1))
-        self.tab.append(lanes.reshape(-1))
-        nodes = (first + basis.element_nodes)[lane].reshape(groups, 8, nn)
+                                   self.n_blocks + 8 * nn * nn * k, coupled.astype(np.int64), np.full(groups, -1)), axis=1))
+        self.tab.append(tab.reshape(-1))
+        nodes = lanes(elements.nodes)
         idle = (np.arange(8 * groups) >= ne).reshape(groups, 8)
         self.nodes.append(np.stack((nodes, np.where(idle[:, :, None], -1, nodes)), axis=-1).transpose(0, 2, 1, 3).reshape(-1, 2))
         self.n_tab += groups * size
@@ -80,7 +143,7 @@ class ElementPacker:
         self.n_blocks += 8 * nn * nn * groups
 
     def lanes(self) -> Any:
-        """(meta [groups, 7], nodes [groups, nn, 8] with -1 in idle lanes) of every beam."""
+        """(meta [groups, 7], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net."""
         for meta, nodes in zip(self.meta, self.nodes):
             yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
 
@@ -91,22 +154,22 @@ class ElementPacker:
             nn = live.shape[1]
             if nn < 3:
                 continue
-            for k in np.flatnonzero(eligible[live[:, 1:-1]].all(axis=(1, 2))):
-                meta[k, 6] = offset
-                offset += store_size(nn)
+            chosen = np.flatnonzero(eligible[live[:, 1:-1]].all(axis=(1, 2)))
+            meta[chosen, 6] = offset + store_size(nn) * np.arange(chosen.size)
+            offset += store_size(nn) * chosen.size
         return offset
 
-    def pairs(self) -> Array:
-        """Coupled nodes of all element pairs in the order of the block map, [*, 2]; -1 for idle lanes and eliminated nodes."""
+    def pairs(self, row_root: Array) -> Array:
+        """Coupled nodes i, j of all element pairs in the order of the block map, as i N + j [*]; -1 for idle lanes and eliminated
+        nodes. row_root: int [N], the node whose row a node shares."""
+        n = row_root.size
+        root = np.append(row_root, -1)
         out = []
         for meta, live in self.lanes():
-            nn = live.shape[1]
-            live = live.copy()
+            live = root[live]
             live[meta[:, 6] >= 0, 1:-1] = -1
-            a = np.broadcast_to(live[:, :, None, :], (live.shape[0], nn, nn, 8))
-            b = np.broadcast_to(live[:, None, :, :], a.shape)
-            pair = np.stack((a.reshape(-1), b.reshape(-1)), axis=1)
-            out.append(np.where(pair.min(axis=1, keepdims=True) < 0, -1, pair))
+            a, b = live[:, :, None, :], live[:, None, :, :]
+            out.append(np.where((a < 0) | (b < 0), -1, a * n + b).reshape(-1))
         return np.concatenate(out)
 
     def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
@@ -115,30 +178,33 @@ class ElementPacker:
             return None
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
-        return ElementTables(np.ascontiguousarray(np.concatenate(self.meta)).astype(np.int64), np.concatenate(self.tab),
+        tab = self.tab[0] if len(self.tab) == 1 else np.concatenate(self.tab)
+        return ElementTables(np.ascontiguousarray(np.concatenate(self.meta)).astype(np.int64), tab,
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
 
-def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, size: int) -> Inner | None:
-    """Index lists of the eliminated nodes; rows from n_end on are theirs."""
+def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: int, size: int) -> Inner | None:
+    """Index lists of the eliminated nodes; rows from n_end to n_rows are theirs."""
     if not size:
         return None
     where, rows = [], []
-    n_rows = 0
+    element = np.zeros(n_rows - n_end, np.int64)
+    n_places = n_listed = 0
     for packer in packers:
         for meta, live in packer.lanes():
             nn = live.shape[1]
             group, lane = np.nonzero((meta[:, 6] >= 0)[:, None] & (live[:, 0] >= 0))
             e = np.arange(group.size)
-            where.append(np.stack((meta[group, 6] + lane, np.full(group.size, nn - 2), n_rows + nn * e), axis=1))
-            rows.append(row_of[live[group, :, lane]].reshape(-1))
-            n_rows += nn * group.size
-    place, all_rows = np.concatenate(where).astype(np.int64), np.concatenate(rows).astype(np.int64)
-    element = np.zeros(row_of.size - n_end, np.int64)
-    for e, (_, m, o) in enumerate(place.tolist()):
-        element[all_rows[o + 1:o + 1 + m] - n_end] = e
-    return Inner(np.zeros(size), np.zeros(8 * (row_of.size + 1)), place, all_rows, element, np.zeros(len(place), np.int64),
-                 np.zeros(len(place), np.int64), np.array([n_end]), np.ones(1))
+            where.append(np.stack((meta[group, 6] + lane, np.full(group.size, nn - 2), n_listed + nn * e), axis=1))
+            listed = row_of[live[group, :, lane]]
+            if group.size:
+                element[listed[:, 1:-1] - n_end] = (n_places + e)[:, None]
+            rows.append(listed.reshape(-1))
+            n_places += group.size
+            n_listed += nn * group.size
+    return Inner(np.zeros(size), np.zeros(8 * (row_of.size + 1)), np.concatenate(where).astype(np.int64),
+                 np.concatenate(rows).astype(np.int64), element, np.zeros(n_places, np.int64), np.zeros(n_places, np.int64),
+                 np.array([n_end]), np.ones(1))
 
 
 def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:

@@ -185,7 +185,7 @@ def test_rigid_motion_takes_one_several_or_all():
     assert RigidMotion(WHEEL).objects == (WHEEL,)
     motion = RigidMotion([BOOM, WHEEL, CART], spin=(0, 0, 1), about=(1, 0, 0))
     assert motion.objects == (BOOM, WHEEL, CART) and motion.spin.tolist() == [0, 0, 1] and motion.about.tolist() == [1, 0, 0]
-    with pytest.raises(SceneError, match="rigid motion: objects must be beams, bodies and point masses, got 'all'"):
+    with pytest.raises(SceneError, match="rigid motion: objects must be beams, nets, bodies and point masses, got 'all'"):
         RigidMotion("all")
     with pytest.raises(SceneError, match="rigid motion: about must be 3 finite numbers"):
         RigidMotion(about=None)

@@ -71,7 +71,7 @@ def test_only_parts_can_be_added():
 
 # --- names and members -----------------------------------------------------------------------------------------------------
 def test_empty_scene_is_refused():
-    refused("scene 'scene' is empty: add at least one Beam, RigidBody or PointMass")
+    refused("scene 'scene' is empty: add at least one Beam, Net, RigidBody or PointMass")
 
 
 def test_equal_names_are_refused():

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
+from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
 )
@@ -10,6 +11,6 @@ from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "NodeRef", "Pin",
-    "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "StraightLine",
+    "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam",
+    "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "StraightLine",
 ]

@@ -11,6 +11,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Field, TimeFactor
+from fastbeam.scene.nets import Net
 
 ZERO = (0.0, 0.0, 0.0)
 CURVES = ("own", "c1")
@@ -138,13 +139,16 @@ def as_node(who: str, what: str, value: Any) -> NodeRef:
         return value.center
     if isinstance(value, Beam):
         raise SceneError(f"{who}: {what} names all of {value.label}; use its start, end, node(i) or at(s)")
+    if isinstance(value, Net):
+        raise SceneError(f"{who}: {what} names all of {value.label}; use its node(i), or a node of its beam(k)")
     raise SceneError(f"{who}: {what} must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {value!r}")
 
 
 def as_beam(who: str, value: Any) -> Beam:
     """A Beam, or an error that says what came instead."""
     if not isinstance(value, Beam):
-        raise SceneError(f"{who}: beam must be a Beam, got {value!r}")
+        hint = "; use its beam(k)" if isinstance(value, Net) else ""
+        raise SceneError(f"{who}: beam must be a Beam, got {value!r}{hint}")
     return value
 
 
@@ -350,7 +354,7 @@ class InitialVelocity:
 class RigidMotion:
     """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
 
-    `objects`: one Beam, RigidBody or PointMass, or several; kept as a tuple. Units m/s, rad/s, m. Contributions add up.
+    `objects`: one Beam, Net, RigidBody or PointMass, or several; kept as a tuple. Units m/s, rad/s, m. Contributions add up.
 
     Raises
     ------
@@ -360,7 +364,7 @@ class RigidMotion:
 
     kind: ClassVar[str] = "rigid motion"
 
-    objects: tuple[Beam | RigidBody | PointMass, ...] | None = None
+    objects: tuple[Beam | Net | RigidBody | PointMass, ...] | None = None
     _: KW_ONLY
     velocity: Array = ZERO
     spin: Array = ZERO
@@ -371,8 +375,8 @@ class RigidMotion:
         if objects is not None:
             objects = tuple(objects) if isinstance(objects, Iterable) and not isinstance(objects, str) else (objects,)
             for item in objects:
-                if not isinstance(item, (Beam, RigidBody, PointMass)):
-                    raise SceneError(f"{self.kind}: objects must be beams, bodies and point masses, got {item!r}")
+                if not isinstance(item, (Beam, Net, RigidBody, PointMass)):
+                    raise SceneError(f"{self.kind}: objects must be beams, nets, bodies and point masses, got {item!r}")
         checks.fill(self, objects=objects, **{key: checks.vector(self.kind, key, getattr(self, key))
                                               for key in ("velocity", "spin", "about")})
 

@@ -10,13 +10,14 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, TimeFactor
+from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
 )
 
-Part = (Beam | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
+Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
         | RigidMotion | Slider)
-KINDS: tuple[type, ...] = (Beam, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
+KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
                            InitialVelocity, RigidMotion, Slider)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
@@ -28,7 +29,7 @@ class Scene:
 
     Parameters
     ----------
-    *parts : Beam, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, ...
+    *parts : Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, ...
         In any order; `add` appends more.
     name : str
     gravity : array_like (3,)
@@ -79,6 +80,8 @@ class Scene:
             A part is of an unknown kind.
         """
         for part in parts:
+            if isinstance(part, NetBeam):
+                raise SceneError(f"{self.label}: {part.label} belongs to {part.net.label}; add the net")
             if not isinstance(part, KINDS):
                 hint = "; unpack it: scene.add(*parts)" if isinstance(part, (list, tuple)) else ""
                 raise SceneError(f"{self.label}: {part!r} is no part of a scene{hint or ' (Beam, RigidBody, Load, ...)'}")
@@ -98,6 +101,11 @@ class Scene:
     def beams(self) -> list[Beam]:
         """All beams, in the order added; so are the other lists."""
         return self._of(Beam)
+
+    @property
+    def nets(self) -> list[Net]:
+        """All nets."""
+        return self._of(Net)
 
     @property
     def bodies(self) -> list[RigidBody]:
@@ -218,6 +226,7 @@ class Scene:
         points = [p for beam in self.beams for p in beam.reference(np.linspace(0.0, beam.length, 3))[0]]
         points += [part.position for part in [*self.bodies, *self.masses] if part.position is not None]
         offsets = [float(np.linalg.norm(n.offset)) for joint in [*self.balls, *self.rigid] for n in (joint.a, joint.b)]
+        points += [corner for net in self.nets for corner in (net.nodes.min(axis=0), net.nodes.max(axis=0))]
         extent = float(np.max(np.ptp(np.array(points), axis=0))) if points else 0.0
         size = max([extent, *offsets, *(beam.length for beam in self.beams)]) or 1.0
         reach = float(np.max(np.abs(points))) if points else 0.0
@@ -233,8 +242,8 @@ class Scene:
             An empty scene, equal names, parts that refer to others outside the scene, nodes that are no material points,
             sliders off their beam, masses without a place or with two, ball joints with a gap.
         """
-        if not (self.beams or self.bodies or self.masses):
-            raise SceneError(f"{self.label} is empty: add at least one Beam, RigidBody or PointMass")
+        if not (self.beams or self.nets or self.bodies or self.masses):
+            raise SceneError(f"{self.label} is empty: add at least one Beam, Net, RigidBody or PointMass")
         self._check_names()
         self._check_members()
         self._check_control_points()
@@ -268,10 +277,10 @@ class Scene:
 
     def _check_members(self) -> None:
         """Every beam, body or mass that a part refers to is in the scene."""
-        members = {id(part) for part in [*self.beams, *self.bodies, *self.masses]}
+        members = {id(part) for part in [*self.beams, *self.nets, *self.bodies, *self.masses]}
         for part in self.parts:
             for owner in _owners(part):
-                if id(owner) not in members:
+                if id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
                     raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
@@ -329,7 +338,8 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            names = [repr(part.name) for part in found[:4] if kind in (Beam, RigidBody, PointMass, Load, DistributedLoad, Slider)]
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider)
+            names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
         if np.any(self.gravity):

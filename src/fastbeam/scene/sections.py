@@ -73,6 +73,12 @@ class Section:
         return self._matrix is None or not np.any(self._matrix - np.diag(np.diag(self._matrix)))
 
     @property
+    def is_isotropic(self) -> bool:
+        """True when turning the section about the axis of a beam changes none of its stiffness."""
+        return self.is_diagonal and math.isclose(self.GA2, self.GA3, rel_tol=1e-12) and math.isclose(self.EI2, self.EI3,
+                                                                                                     rel_tol=1e-12)
+
+    @property
     def inertia(self) -> tuple[float, float, float]:
         """(rhoA, rhoI2, rhoI3)."""
         return self.rhoA, self.rhoI2, self.rhoI3
