@@ -136,10 +136,10 @@ def _plane_of(model: Model) -> Plane:
     axes = _axes(normal)
     normal = axes[2]
     for x, why in within:
-        _refuse(np.abs(x @ normal) > TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
+        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
     for x, why in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
-        _refuse(off > TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
+        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
     flat = _complex(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
@@ -147,16 +147,15 @@ def _plane_of(model: Model) -> Plane:
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal))
     _check_state(model.q0, model.v0, plane, model.length)
-    beam = model.numbers.rank == 3
-    _refuse(beam & ((k != 0) | (np.abs(plane.normal[:, 0]) > TOLERANCE)), "the section of {} does not stand upright on the plane",
-            model)
+    _refuse((model.numbers.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
+            "the section of {} does not stand upright on the plane", model)
     return plane
 
 
-def _refuse(wrong: Array, why: str, model: Model, nodes: Array | None = None) -> None:
-    """Refuse the plane where bool [n] is true of a node (of `nodes` [n]; default: all of the model)."""
-    if np.any(wrong):
-        k = int(np.argmax(wrong))
+def _refuse(off: Array, limit: float | Array, why: str, model: Model, nodes: Array | None = None) -> None:
+    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the model) exceeds its limit, naming the worst."""
+    if np.any(off > limit):
+        k = int(np.argmax(off))
         raise NotPlanar(why.format(model.node_label(k if nodes is None else int(nodes[k]))))
 
 
@@ -306,7 +305,8 @@ def _bodies(model: Model, plane: Plane) -> PlanarBodies | None:
     own = tensor[:, 1:, 1:]
     about = np.einsum("ki,kij,kj->k", factor, own, factor.conj()).real
     tilt = np.abs(np.einsum("ki,kij,kj->k", normal, own, factor))
-    _refuse(tilt > TOLERANCE * np.trace(own, axis1=1, axis2=2), "the principal axes of {} are oblique to the plane", model,
+    size = np.trace(own, axis1=1, axis2=2)
+    _refuse(tilt / np.where(size > 0.0, size, 1.0), TOLERANCE, "the principal axes of {} are oblique to the plane", model,
             bodies.node)
     return PlanarBodies(bodies.node, bodies.row, bodies.block, np.stack((tensor[:, 0, 0], about), axis=1).reshape(-1))
 
@@ -319,7 +319,7 @@ def _ties(model: Model, plane: Plane, state: State) -> PlanarTies | None:
     offset = ties.offset.reshape(-1, 3)
     arm = np.einsum("ei,ei->e", offset, plane.factor[ties.target])
     up = np.einsum("ei,ei->e", offset, plane.normal[ties.target])
-    _refuse(np.abs(up) > TOLERANCE * model.length, "{} is connected at an offset out of the plane", model, slave)
+    _refuse(np.abs(up), TOLERANCE * model.length, "{} is connected at an offset out of the plane", model, slave)
     u = state.q.reshape(-1, 2, 2)[:, 1] @ np.array([1.0, 1j])
     turn = _snapped(u[slave] * np.conj(u[ties.target]))
     factor = np.where(ties.kind == 2, turn, arm)

@@ -17,6 +17,7 @@ from .planar import planar_assemble, planar_static, planar_start
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update
 from .slider import border_of, clear_held, fill_panel, solve_border
 from .space import space_assemble, space_start, space_static
+from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates
 from .work import copy
 
