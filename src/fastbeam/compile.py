@@ -149,7 +149,7 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
 
 
 class _Blocks:
-    """Numbers of all 6 x 6 blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
+    """Numbers of all blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
     end: bool [N], the nodes that the solver sees."""
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, end: Array) -> None:
