@@ -92,7 +92,8 @@ def mechanism(turn: Array = FLAT, sliding: bool = True) -> fb.Scene:
     weight = fb.PointMass("weight", mass=0.7, position=at(-1, -1))
     held = fb.Pin if sliding else fb.Clamp  # at rest a pendulum could turn out of the plane
     parts: list[object] = [boom, arm, body, link, whip, weight, fb.Clamp(boom.start), fb.RigidConnection(boom.end, arm.start),
-                           fb.RigidConnection(arm.end, body), fb.BallJoint(hook, link.start), fb.BallJoint(link.end, boom.at(1.5)),
+                           fb.RigidConnection(arm.end, body), fb.BallJoint(hook, link.start),
+                           fb.BallJoint(link.end, boom.at(1.5)),
                            held(whip.start), fb.BallJoint(whip.end, weight)]
 
     def push(t: float) -> float:

@@ -160,7 +160,8 @@ class _StaticSolver:
         sizes: list[float] = []
         for _ in range(self.max_iterations):
             kernels.assemble_static(*kind[:2], model.simo, model.green, self.inner, model.ties, model.held, state, work)
-            kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work, kind[2])
+            kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.held, row_of.shape[0], model.width, work,
+                                  kind[2])
             if not self.stepper.inner_is_regular or not solve_panel(self.linear, model, work):
                 return SINGULAR, sizes
             size = kernels.update_static(*kind[:2], self.inner, model.ties, row_of, state, work, model.width, model.length,

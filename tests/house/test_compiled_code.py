@@ -85,7 +85,8 @@ BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
 SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_translation", "contact_basis"}
 TIE_KERNELS = {"apply_ties", "tie_coordinates", "tie_arm"}
 SPATIAL_KERNELS = {"space_assemble", "add_bodies", "predict", "update_nodes"}
-PLANAR_KERNELS = {"planar_assemble", "planar_groups", "add_planar_bodies", "planar_predict", "planar_update", "add_planar_sliders"}
+PLANAR_KERNELS = {"planar_assemble", "planar_groups", "add_planar_bodies", "planar_predict", "planar_update",
+                  "add_planar_sliders"}
 OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
 

@@ -36,7 +36,8 @@ def both(scene: Callable[[], fb.Scene], compiled: dict[str, Any] | None = None, 
 def assert_same(flat: fb.Result, space: fb.Result, slack: float = 1.0) -> None:
     """Everything that both recorded."""
     length = float(np.max(np.ptp(space.phi.reshape(-1, 3), axis=0)))
-    for a, b, size in ((flat.state.q, space.state.q, length), (flat.phi, space.phi, length), (flat.directors, space.directors, 1.0)):
+    for a, b, size in ((flat.state.q, space.state.q, length), (flat.phi, space.phi, length),
+                       (flat.directors, space.directors, 1.0)):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=slack * PLACE * size)
     np.testing.assert_allclose(flat.state.v, space.state.v, rtol=0.0, atol=slack * RATE * np.max(np.abs(space.state.v)))
     assert flat.t.tobytes() == space.t.tobytes() or slack > 1.0
@@ -104,7 +105,8 @@ def test_sparse_solvers(backend: str) -> None:
     np.testing.assert_allclose(flat.state.q, chain.state.q, rtol=0.0, atol=3 * PLACE)
 
 
-@pytest.mark.parametrize("make", [mechanism, lambda turn: flight(turn, "lagrange 3", "spline", "out")], ids=["mechanism", "flight"])
+@pytest.mark.parametrize("make", [mechanism, lambda turn: flight(turn, "lagrange 3", "spline", "out")],
+                         ids=["mechanism", "flight"])
 def test_scene_in_a_general_plane_is_the_one_in_the_coordinate_plane_turned(make: Callable[[Array], fb.Scene]) -> None:
     turn = plane()
     flat, turned = (fb.simulate(fb.compile_scene(make(x), planar=True), t_end=25 * H, step=H, every=1) for x in (FLAT, turn))
@@ -137,7 +139,8 @@ def test_statics_in_several_load_steps(turn: Array) -> None:
     assert flat.t.size > 3
     np.testing.assert_array_equal(flat.series["iterations"], space.series["iterations"])
     np.testing.assert_allclose(flat.state.q, space.state.q, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(flat.series["strain"], space.series["strain"], rtol=0.0, atol=1e-11 * np.max(space.series["strain"]))
+    np.testing.assert_allclose(flat.series["strain"], space.series["strain"], rtol=0.0,
+                               atol=1e-11 * np.max(space.series["strain"]))
     assert np.max(np.abs(flat.state.q - fb.compile_scene(mechanism(turn, sliding=False)).q0)) > 0.3
 
 
@@ -202,7 +205,8 @@ def scenes(draw: Callable[[Any], Any]) -> tuple[fb.Scene, float]:
         parts += [mass, fb.Slider(f"slider {k}", mass, rail, at=rail.length * draw(st.floats(0.3, 0.7)), rate=draw(NUMBER),
                                   curve=draw(st.sampled_from(["own", "c1"])))]
     factor = draw(st.floats(1.0, 10.0))
-    parts.append(fb.Load("push", body, force=at(3.0 * draw(NUMBER), 3.0), moment=draw(NUMBER) * n, time=lambda t: np.cos(factor * t)))
+    parts.append(fb.Load("push", body, force=at(3.0 * draw(NUMBER), 3.0), moment=draw(NUMBER) * n,
+                         time=lambda t: np.cos(factor * t)))
     return fb.Scene(*parts, gravity=at(draw(NUMBER), -9.81)), positive(draw, (-2.5, -1.8))
 
 
