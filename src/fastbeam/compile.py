@@ -46,8 +46,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     Raises
     ------
     SceneError
-        No scene, everything that `Scene.check` refuses, joints that cannot be eliminated, inconsistent initial velocities, a scene
-        that does not stay in a plane with planar=True.
+        No scene, everything that `Scene.check` refuses, joints that cannot be eliminated, inconsistent initial velocities; with
+        planar=True a scene that does not stay in a plane.
     """
     if isinstance(scene, Model):
         raise SceneError(f"compile_scene: scene {scene.scene_name!r} is compiled already; pass the model on to simulate "

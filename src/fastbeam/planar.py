@@ -153,7 +153,7 @@ def _plane_of(model: Model) -> Plane:
 
 
 def _refuse(off: Array, limit: float | Array, why: str, model: Model, nodes: Array | None = None) -> None:
-    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the model) exceeds its limit; names the worst."""
+    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the model) exceeds its limit; names it."""
     if np.any(off > limit):
         k = int(np.argmax(off))
         raise NotPlanar(why.format(model.node_label(k if nodes is None else int(nodes[k]))))

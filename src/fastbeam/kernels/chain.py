@@ -1,8 +1,8 @@
 """Block elimination: LU of a sparse matrix of n x n blocks in a fixed order; rows are exchanged inside diagonal blocks only.
 
 Blocks are stored as n rows of 8 doubles, so that a row is one register; block k starts at 8 n k. n = 6 in space, 3 in a plane:
-the length of the tuple `size`. The order and the fill come from the compiler of the scene: for chains and trees of beams there is no
-fill beyond the elements.
+the length of the tuple `size`. The order and the fill come from the compiler of the scene: for chains and trees of beams there
+is no fill beyond the elements.
 Right-hand sides stand side by side in a panel of `width` doubles a row (a multiple of 8), n rows a node.
 """
 from __future__ import annotations
