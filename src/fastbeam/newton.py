@@ -185,8 +185,8 @@ class Stepper:
             return self._python_run(factors if self._timed else None, h, n)
         kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
                     model.sliders, self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables,
-                    model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n, model.width,
-                    model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
+                    model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n,
+                    model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
         reached = int(counts[1])
         result = Outcome(int(counts[0]), reached, int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
