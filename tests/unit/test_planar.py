@@ -256,14 +256,13 @@ def trial(model: Model, flat: Assembled, space: Assembled, at_rest: bool) -> Non
     held = model.held_mask
     tied = np.zeros(model.n_nodes, dtype=bool)
     tied[model.ties.slave] = True
-    root = model.spin_root
 
     def moved(q: Array, size: float) -> tuple[Array, Array]:
         """Increments of the coordinates, and Cayley numbers, that supports and joints allow."""
         z = q.reshape(-1, 4)
         theta = rng.uniform(-size, size, model.n_nodes)
-        theta[(held & 56 != 0) & ~tied] = 0.0
-        theta = theta[root]
+        theta[model.spinless != 0] = 0.0
+        theta = theta[model.spin_root]
         dq = np.zeros_like(z)
         dq[:, :2] = rng.uniform(-size, size, (model.n_nodes, 2))
         dq[(held & 7 != 0) & ~tied, :2] = 0.0
@@ -356,7 +355,7 @@ def test_state_of_a_planar_run_starts_runs_in_the_plane_and_in_space() -> None:
 
 
 def leaving(model: Model) -> State:
-    """The initial state, the free beam of `flight` nearer to the reader on one side."""
+    """The initial state, with everything flying off along the normal."""
     state = model.state()
     state.v.reshape(-1, 4, 3)[:, 0] += 0.05 * model.plane.axes[2]
     return state
