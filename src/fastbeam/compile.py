@@ -42,13 +42,14 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         False is for comparison.
     planar : {'auto', True, False}
         Run a scene that lies and moves in a plane with 3 unknowns a node instead of 6: same results to round-off, several times
-        faster. True refuses a scene that does not stay in a plane and says why. With False a planar scene can leave its plane where
-        something disturbs it, and the methods that conserving steps are compared with always run in space.
+        faster. True refuses a scene that does not stay in a plane and says why. False runs every scene in space, like the methods
+        that conserving steps are compared with. Instabilities out of the plane need a disturbance out of it (theory.md 10).
 
     Raises
     ------
     SceneError
-        No scene, everything that `Scene.check` refuses, joints that cannot be eliminated, inconsistent initial velocities.
+        No scene, everything that `Scene.check` refuses, joints that cannot be eliminated, inconsistent initial velocities; with
+        planar=True a scene that does not stay in a plane.
     """
     if isinstance(scene, Model):
         raise SceneError(f"compile_scene: scene {scene.scene_name!r} is compiled already; pass the model on to simulate "
@@ -171,7 +172,7 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
 
 
 class _Blocks:
-    """Numbers of all 6 x 6 blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
+    """Numbers of all blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
     pairs: coupled nodes as i N + j, or -1; end: bool [N], the nodes that the solver sees."""
 
     def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, end: Array) -> None:

@@ -131,10 +131,18 @@ class Model:
         return -(-self.columns // 8) * 8
 
     @property
+    def past_size(self) -> int:
+        """Numbers that a run keeps of the last two steps for the first guess of the next."""
+        return 3 + 2 * (len(self.size) * self.n_nodes + (self.dim + 1) * self.n_sliders)
+
+    @property
     def n_unknowns(self) -> int:
         """Free unknowns of the nodes, and force and position of every slider; those that a run solves for."""
-        if self.plane is not None:
-            return int(self.plane.model.n_unknowns)
+        return self.own_unknowns if self.plane is None else int(self.plane.model.own_unknowns)
+
+    @property
+    def own_unknowns(self) -> int:
+        """The same of these tables, whether or not the scene has a plane."""
         return len(self.size) * self.n_rows - self.n_held + (self.dim + 1) * self.n_sliders
 
     @property
@@ -183,14 +191,13 @@ class Model:
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
         room = scratch_size if self.dim == 3 else planar_scratch_size
         scratch = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
-        past = 3 + 2 * (size * n + (self.dim + 1) * s)
         border = self.border * s
         return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
                     s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * n * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=_aligned(scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
-                    keep_force=np.zeros(self.dim * s), past=np.zeros(past), keep_past=np.zeros(past))
+                    keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""

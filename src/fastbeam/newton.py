@@ -91,9 +91,10 @@ class Stepper:
             raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
                              f"is {AUGMENTATION:g}")
         self.method = method
-        # the methods for comparison run in space, and so does a state that left the plane of its scene
-        conserving = method.middle is None and method.parameters is None
-        self.plane = model.plane if model.plane is not None and conserving and model.plane.holds(start) else None
+        # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
+        flat = model.plane is not None and method.middle is None and method.parameters is None
+        from_space = memory is not None and memory.size == model.past_size
+        self.plane = model.plane if flat and not from_space and model.plane.holds(start) else None
         self.core: Model = model if self.plane is None else self.plane.model
         self.kind = (SIX, None, SIX) if self.plane is None else (None, THREE, THREE)
         self.core_state = start if self.plane is None else self.plane.reduce(start)

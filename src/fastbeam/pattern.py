@@ -1,4 +1,4 @@
-"""Sparsity: the order of elimination, its fill, and where every 6 x 6 block stands."""
+"""Sparsity: the order of elimination, its fill, and where every block stands."""
 from __future__ import annotations
 
 import heapq

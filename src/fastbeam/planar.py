@@ -121,19 +121,25 @@ def find_plane(model: Model) -> tuple[Plane | None, str]:
 
 def _plane_of(model: Model) -> Plane:
     q, v = model.q0.reshape(-1, 4, 3), model.v0.reshape(-1, 4, 3)
-    rows = model.loads.reshape(-1, model.n_nodes + 1, 8)
-    within = [q[1:, 0] - q[0, 0], v[:, 0], model.gravity[None], *rows[:, :, :3]]
-    across = [np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), *rows[:, :, 3:6]]
-    normal = _normal(within, across, q[0, 1:])
+    rows = model.loads.reshape(-1, model.n_nodes + 1, 8)[:, model.pattern.row_of]
+    within = [(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
+              (v[:, 0], "the initial velocity of {} points out of the plane"),
+              (model.gravity[None], "gravity points out of the plane"),
+              *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
+    # round-off of spins and moments has no axis
+    speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
+    spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / model.length)
+    across = [(spins, "the initial spin of {} is not about the normal of the plane")]
+    across += [(_without_noise(x, push * model.length), "the moment on {} is not about the normal of the plane")
+               for x in rows[:, :, 3:6]]
+    normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
     axes = _axes(normal)
     normal = axes[2]
-    names = ["a load"] * (len(within) - 3)
-    for x, what in zip(within, ["the nodes", "initial velocities", "gravity", *names]):
-        if np.any(np.abs(x @ normal) > TOLERANCE * np.max(np.linalg.norm(x, axis=1), initial=0.0)):
-            raise NotPlanar(f"{what} not in one plane")
-    for x, what in zip(across, ["initial spins", *["the moment of a load"] * len(rows)]):
-        if np.any(np.abs(x - (x @ normal)[:, None] * normal) > TOLERANCE * np.max(np.linalg.norm(x, axis=1), initial=0.0)):
-            raise NotPlanar(f"{what} not about the normal")
+    for x, why in within:
+        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
+    for x, why in across:
+        off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
+        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
     flat = _complex(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
@@ -141,10 +147,21 @@ def _plane_of(model: Model) -> Plane:
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal))
     _check_state(model.q0, model.v0, plane, model.length)
-    beam = model.numbers.rank == 3
-    if np.any(k[beam] != 0) or np.any(np.abs(plane.normal[beam, 0]) > TOLERANCE):
-        raise NotPlanar("a section does not stand upright on the plane")
+    _refuse((model.numbers.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
+            "the section of {} does not stand upright on the plane", model)
     return plane
+
+
+def _refuse(off: Array, limit: float | Array, why: str, model: Model, nodes: Array | None = None) -> None:
+    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the model) exceeds its limit; names it."""
+    if np.any(off > limit):
+        k = int(np.argmax(off))
+        raise NotPlanar(why.format(model.node_label(k if nodes is None else int(nodes[k]))))
+
+
+def _without_noise(x: Array, size: float) -> Array:
+    """Vectors [n, 3], zero where next to `size` they are round-off."""
+    return np.where(np.linalg.norm(x, axis=1, keepdims=True) > TOLERANCE * size, x, 0.0)
 
 
 def _snapped(x: Array) -> Array:
@@ -161,17 +178,24 @@ def _normal(within: list[Array], across: list[Array], triad: Array) -> Array:
         size = np.linalg.norm(x, axis=1)
         if np.any(size > 0.0):
             return x[np.argmax(size)] / np.max(size)
-    scaled = [x / np.max(np.linalg.norm(x, axis=1)) for x in within if np.any(x)]
-    if not scaled:
-        raise NotPlanar("a single point")
-    _, size, directions = np.linalg.svd(np.concatenate(scaled), full_matrices=True)
-    if size.size > 1 and size[1] > 1e-9 * size[0]:
-        return directions[2]
+    # three rows at least
+    known = np.zeros((3, 3))
+    size, directions = np.zeros(3), np.eye(3)
+    for x in within:
+        if np.any(x):
+            known = np.concatenate((known, x / np.max(np.linalg.norm(x, axis=1))))
+            _, size, directions = np.linalg.svd(known, full_matrices=False)
+        if size[1] > 1e-9 * size[0]:
+            # a director of the first node is more exact where it has this direction
+            return min((d for d in triad if np.linalg.norm(np.cross(d, directions[2])) < 1e-9),
+                       key=lambda d: -abs(d @ directions[2]), default=directions[2])
+    if not size[0] > 0.0:
+        raise NotPlanar("a single point at rest has no plane")
     # everything on one line: any plane through it that the first triad allows
     for d in triad[::-1]:
         if abs(d @ directions[0]) < TOLERANCE:
             return d
-    raise NotPlanar("a section does not stand upright on the plane")
+    raise NotPlanar("everything lies on one line, and the triads are oblique to it")
 
 
 def _axes(normal: Array) -> Array:
@@ -205,13 +229,13 @@ def _reduced(model: Model, plane: Plane) -> Model:
         rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
     return replace(
-        model, simo=_elements(model.simo, plane), green=_elements(model.green, plane), inner=_inner(model.inner),
-        bodies=_bodies(model.bodies, plane), ties=_ties(model.ties, plane, state), held=_held(model.held),
+        model, simo=_elements(model, model.simo, plane), green=_elements(model, model.green, plane), inner=_inner(model.inner),
+        bodies=_bodies(model, plane), ties=_ties(model, plane, state), held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=state.q,
         v0=state.v, size=THREE, plane=None)
 
 
-def _elements(tables: ElementTables | None, plane: Plane) -> ElementTables | None:
+def _elements(model: Model, tables: ElementTables | None, plane: Plane) -> ElementTables | None:
     """With the angle t of d2 against J d1 the strains of space are T (stretch, shear, curvature)."""
     if tables is None:
         return None
@@ -224,8 +248,14 @@ def _elements(tables: ElementTables | None, plane: Plane) -> ElementTables | Non
         nodes = tables.nodes[meta[some, 3, None] + np.arange(8 * nn)].reshape(-1, nn, 8)
         # [group, node, lane]: d2 = cos J u + sin n
         cos, sin = plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
-        if np.any(np.abs(cos - cos[:, :1]) > TOLERANCE) or np.any(np.abs(sin - sin[:, :1]) > TOLERANCE):
-            raise NotPlanar("a twisted beam")
+
+        def refuse(wrong: Array, why: str) -> None:
+            """wrong: bool [group, lane]"""
+            if np.any(wrong):
+                raise NotPlanar(why.format(model.node_label(int(nodes[:, 0][wrong][0])).split(" node ")[0]))
+
+        turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
+        refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
         c, s = cos[:, 0], sin[:, 0]
         zero, one = np.zeros_like(c), np.ones_like(c)
         within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
@@ -236,15 +266,13 @@ def _elements(tables: ElementTables | None, plane: Plane) -> ElementTables | Non
         inner, outer, cross = (np.einsum("glia,glij,gljb->glab", x, C, y)
                                for x, y in ((within, within), (beyond, beyond), (beyond, within)))
         scale = np.einsum("glaa,glbb->glab", outer, inner)
-        if np.any(cross**2 > TOLERANCE**2 * scale):
-            raise NotPlanar("a section couples strains in the plane with others")
+        refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(2, 3)), "the section of {} couples strains in the plane with others")
         points = lanes[:, 36:36 + nq * (7 + 3 * nn)].reshape(-1, nq, 7 + 3 * nn, 8)
         e0 = points[:, :, 1 + 3 * nn:].transpose(0, 1, 3, 2)
-        if np.any(np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))):
-            raise NotPlanar("a beam that is curved or twisted out of the plane")
+        off = np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
+        refuse(np.any(off, axis=(1, 3)), "{} is curved or twisted out of the plane")
         rho, i2, i3 = (lanes[:, 36 + nq * (7 + 3 * nn) + k] for k in range(3))
-        if np.any(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3)):
-            raise NotPlanar("section inertia that is oblique to the plane")
+        refuse(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3), "the section inertia of {} is oblique to the plane")
         strains = np.einsum("glia,gpli->gpla", within, e0).transpose(0, 1, 3, 2)
         fresh = np.concatenate((points[:, :, :1 + 3 * nn], strains), axis=2).reshape(len(some), -1, 8)
         inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
@@ -269,7 +297,8 @@ def _inner(inner: Inner | None) -> Inner | None:
     return inner._replace(store=np.zeros(inner.store.size // 4), where=where)
 
 
-def _bodies(bodies: Bodies | None, plane: Plane) -> PlanarBodies | None:
+def _bodies(model: Model, plane: Plane) -> PlanarBodies | None:
+    bodies = model.bodies
     if bodies is None:
         return None
     tensor = bodies.inertia.reshape(-1, 4, 4)
@@ -277,21 +306,22 @@ def _bodies(bodies: Bodies | None, plane: Plane) -> PlanarBodies | None:
     own = tensor[:, 1:, 1:]
     about = np.einsum("ki,kij,kj->k", factor, own, factor.conj()).real
     tilt = np.abs(np.einsum("ki,kij,kj->k", normal, own, factor))
-    if np.any(tilt > TOLERANCE * np.trace(own, axis1=1, axis2=2)):
-        raise NotPlanar("a rigid body whose principal axes are oblique to the plane")
+    size = np.trace(own, axis1=1, axis2=2)
+    _refuse(tilt / np.where(size > 0.0, size, 1.0), TOLERANCE, "the principal axes of {} are oblique to the plane", model,
+            bodies.node)
     return PlanarBodies(bodies.node, bodies.row, bodies.block, np.stack((tensor[:, 0, 0], about), axis=1).reshape(-1))
 
 
-def _ties(ties: Ties | None, plane: Plane, state: State) -> PlanarTies | None:
+def _ties(model: Model, plane: Plane, state: State) -> PlanarTies | None:
+    ties = model.ties
     if ties is None:
         return None
+    slave = np.repeat(ties.slave, np.diff(ties.start)[ties.slave])
     offset = ties.offset.reshape(-1, 3)
     arm = np.einsum("ei,ei->e", offset, plane.factor[ties.target])
     up = np.einsum("ei,ei->e", offset, plane.normal[ties.target])
-    if np.any(np.abs(up) > TOLERANCE * max(float(np.max(np.abs(offset), initial=0.0)), 1e-300)):
-        raise NotPlanar("a connection with an offset out of the plane")
+    _refuse(np.abs(up), TOLERANCE * model.length, "{} is connected at an offset out of the plane", model, slave)
     u = state.q.reshape(-1, 2, 2)[:, 1] @ np.array([1.0, 1j])
-    slave = np.repeat(np.arange(len(ties.start) - 1), np.diff(ties.start))
     turn = _snapped(u[slave] * np.conj(u[ties.target]))
     factor = np.where(ties.kind == 2, turn, arm)
     return PlanarTies(ties.slave, ties.row, ties.start, ties.target, ties.target_row, ties.diagonal, ties.kind, _numbers(factor),

@@ -160,7 +160,7 @@ class _Run:
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
-            "conserved": _conserved(model), "unknowns": model.n_unknowns, "versions": dict(_versions())}
+            "conserved": _conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
         header = observer.header(self.info)
         self.memory = ResultBuffer(header)
         self.writer: Any = None

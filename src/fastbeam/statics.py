@@ -1,4 +1,4 @@
-"""Equilibrium: Newton on the 6 unknowns of every node with load steps that adapt (theory.md 8)."""
+"""Equilibrium: Newton on the unknowns of every node with load steps that adapt (theory.md 8)."""
 from __future__ import annotations
 
 import time

@@ -20,7 +20,9 @@ beam = fb.Beam.straight("beam", (0, 0, 0), (10, 0, 0), section=section, elements
 mass = fb.PointMass("mass", mass=3.0)
 motion = fb.RigidMotion(spin=(0.1, 0.2, 0.3), velocity=(1, 2, 3))
 scenes = {"beam": fb.Scene(beam, motion), "slider": fb.Scene(beam, mass, fb.Slider("s", mass, beam, at=2.0, rate=1.5), motion),
-          "body": fb.Scene(fb.RigidBody("body", mass=2.0, inertia=(1, 2, 3), position=(0, 0, 0), spin=(1, 0, 2)))}
+          "body": fb.Scene(fb.RigidBody("body", mass=2.0, inertia=(1, 2, 3), position=(0, 0, 0), spin=(1, 0, 2))),
+          "flat body": fb.Scene(fb.RigidBody("body", mass=2.0, inertia=(1, 2, 3), position=(0, 0, 0), spin=(0, 0, 2))),
+          "flat slider": fb.Scene(beam, mass, fb.Slider("s", mass, beam, at=2.0, rate=1.5), fb.RigidMotion(spin=(0, 0, 0.3)))}
 """
 
 
@@ -69,9 +71,9 @@ print(json.dumps([*_jit.compile_counts(), time.perf_counter() - begin]))
 def test_warm_process_compiles_nothing() -> None:
     python(RUN)
     loaded, compiled, seconds = python(RUN)
-    print(f"three warm scenes: {seconds:.2f} s")
+    print(f"five warm scenes: {seconds:.2f} s")
     assert compiled == 0
-    assert loaded >= 3
+    assert loaded >= 5
 
 
 COMPILED = """
@@ -82,6 +84,9 @@ print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS if e
 BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
 SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_translation", "contact_basis"}
 TIE_KERNELS = {"apply_ties", "tie_coordinates", "tie_arm"}
+SPATIAL_KERNELS = {"space_assemble", "add_bodies", "predict", "update_nodes"}
+PLANAR_KERNELS = {"planar_assemble", "planar_groups", "add_planar_bodies", "planar_predict", "planar_update",
+                  "add_planar_sliders"}
 OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
 
@@ -90,14 +95,21 @@ def compiled_kernels(name: str, folder: Path) -> set[str]:
     code = SCENE + f"fb.simulate(fb.compile_scene(scenes['{name}']), t_end=0.02, step=0.01, observe=())" + COMPILED
     compiled, known = python(code, FASTBEAM_CACHE_DIR=str(folder))
     # a kernel that was renamed would be absent for the wrong reason
-    assert BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS <= set(known)
+    assert BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS | SPATIAL_KERNELS | PLANAR_KERNELS <= set(known)
     return set(compiled)
 
 
 def test_scene_of_a_body_compiles_no_beams_sliders_or_ties(tmp_path: Path) -> None:
     compiled = compiled_kernels("body", tmp_path)
     assert {"run", "assemble_step", "add_bodies"} <= compiled
-    assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS - {"add_bodies"})
+    assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | PLANAR_KERNELS | OTHER_KERNELS - {"add_bodies"})
+
+
+def test_scene_in_a_plane_compiles_no_kernels_of_space(tmp_path: Path) -> None:
+    compiled = compiled_kernels("flat body", tmp_path)
+    assert {"run", "planar_assemble", "add_planar_bodies", "planar_predict", "planar_update"} <= compiled
+    assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS | SPATIAL_KERNELS)
+    assert not compiled & {"planar_groups", "add_planar_sliders"}
 
 
 @pytest.mark.slow  # compiles the beam kernels once more
@@ -105,6 +117,11 @@ def test_scene_of_a_beam_compiles_no_bodies_sliders_or_ties(tmp_path: Path) -> N
     compiled = compiled_kernels("beam", tmp_path)
     assert {"run", "assemble_step"} | BEAM_KERNELS <= compiled
     assert not compiled & (SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS)
+
+
+def test_scenes_of_these_tests_run_in_space_and_in_a_plane() -> None:
+    code = SCENE + "print(json.dumps([name for name, scene in scenes.items() if fb.compile_scene(scene).plane is not None]))"
+    assert python(code) == ["flat body", "flat slider"]
 
 
 def test_loop_of_a_beam_is_typed_without_absent_parts() -> None:
@@ -140,7 +157,7 @@ def leaky(n):
 
 leaky(1)
 counts = [[allocations(lambda: leaky(1)), allocations(lambda: leaky(101))]]
-for name in ("beam", "slider", "body"):
+for name in scenes:
     stepper = Stepper(fb.compile_scene(scenes[name]), np.ones(1))
     stepper.advance(0.0, 0.01, 1)
     counts.append([allocations(lambda: stepper.advance(0.0, 0.01, n)) for n in (1, 101)])
@@ -155,7 +172,7 @@ print(json.dumps(counts))
 STATE = SCENE + """
 import hashlib
 out = []
-for name in ("beam", "slider", "body"):
+for name in scenes:
     model = fb.compile_scene(scenes[name])
     for _ in range(2):
         result = fb.simulate(model, t_end=0.5, step=0.01)
@@ -170,7 +187,7 @@ def test_results_are_the_same_bits_in_every_run_process_and_number_of_threads() 
     two = python(STATE, OMP_NUM_THREADS="2", NUMBA_NUM_THREADS="2", MKL_NUM_THREADS="2")
     assert one[0::2] == one[1::2]
     assert one == two
-    assert len(set(one)) == 3
+    assert len(set(one)) == 5
 
 
 def test_public_names_do_not_depend_on_which_module_was_imported_first() -> None:

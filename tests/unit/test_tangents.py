@@ -442,8 +442,8 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     # velocities that the contact does not allow: it has to push
     state.v[:] = random_velocity(twin, np.random.default_rng(5)).reshape(-1)
     counts = np.zeros(4, np.int64)
-    kernels.run(SIX, None, SIX, *tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state, work,
-                np.ones(1), H, 1, model.width, model.length, 30, model.slider_lengths, counts, np.zeros(30),
+    kernels.run(SIX, None, SIX, *tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state,
+                work, np.ones(1), H, 1, model.width, model.length, 30, model.slider_lengths, counts, np.zeros(30),
                 np.zeros((2, 3 * model.n_sliders)))
     status, _, iterations, _ = counts
     assert status == kernels.OK

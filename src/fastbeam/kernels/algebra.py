@@ -331,8 +331,8 @@ zero3, zerom = _make_zero(f8, 3), _make_zero(f8, 9)
 
 @intrinsic
 def flush_rows(tc, array, offset, stride, size):
-    """Zero for entries below 1e-150 in as many rows of 8 as the tuple `size` has numbers. Columns that decay along a chain would end in denormal numbers, which the
-    processor handles many times slower; NaN stays."""
+    """Zero for entries below 1e-150 in as many rows of 8 as the tuple `size` has numbers. Columns that decay along a chain would
+    end in denormal numbers, which the processor handles many times slower; NaN stays."""
     def codegen(ctx, b, sig, args):
         o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
         absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
@@ -361,7 +361,8 @@ def largest_of_row(tc, array, offset):
 @intrinsic
 def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target, size):
     """Add n lane columns, n the length of the tuple `size`, to 8 rows: for lane l,
-    target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l], c < n. An 8 x 8 transposition in registers; rows are padded to 8 doubles, the rest stays as it is."""
+    target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l], c < n. An 8 x 8 transposition in
+    registers; rows are padded to 8 doubles, the rest stays as it is."""
     def codegen(ctx, b, sig, args):
         src, o, idx, io, scale_, shift_, dst, _ = args
         t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst, t_size = sig.args

@@ -1,9 +1,9 @@
 """n x n blocks in registers, n = 6 for nodes in space and 3 for nodes in a plane: LU without row exchange, triangular solutions,
 products. Written out in LLVM: one call is straight-line code, whatever n is.
 
-`size` is a tuple of n numbers: its type carries n. An array holds blocks in lanes (8 blocks, entry r, c at 8 (n r + c)) or by rows
-(one block, entry r, c at 8 r + c, rows padded to a register); `row` and `column` are the distances between entries, in doubles.
-The diagonal of a factored block holds reciprocal pivots.
+`size` is a tuple of n numbers: its type carries n. An array holds blocks in lanes (8 blocks, entry r, c at 8 (n r + c)) or by
+rows (one block, entry r, c at 8 r + c, rows padded to a register); `row` and `column` are the distances between entries, in
+doubles. The diagonal of a factored block holds reciprocal pivots.
 """
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Block elimination: LU of a sparse matrix of n x n blocks in a fixed order; rows are exchanged inside diagonal blocks only.
 
-Blocks are stored as n rows of 8 doubles, so that a row is one register; block k starts at 8 n k. n = 6 in space, 3 in a plane: the
-length of the tuple `size`. The order and the fill come from the compiler of the scene: for chains and trees of beams there is no
-fill beyond the elements.
+Blocks are stored as n rows of 8 doubles, so that a row is one register; block k starts at 8 n k. n = 6 in space, 3 in a plane:
+the length of the tuple `size`. The order and the fill come from the compiler of the scene: for chains and trees of beams there
+is no fill beyond the elements.
 Right-hand sides stand side by side in a panel of `width` doubles a row (a multiple of 8), n rows a node.
 """
 from __future__ import annotations
@@ -87,8 +87,8 @@ def exchange_and_factor(blocks, d, pivots, p, size):
 @kernel
 def factor(plan, blocks, pivots, panel, width, size):
     """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A; and eliminate the right-hand sides of `panel` on the way
-    (None: there are none). pivots [n rows]: the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio of
-    the blocks with exchanges, at most 1; stops at a singular block, which returns 0."""
+    (None: there are none). pivots [n rows]: the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio
+    of the blocks with exchanges, at most 1; stops at a singular block, which returns 0."""
     n = len(size)
     block = 8 * n
     worst = 1.0
@@ -122,8 +122,8 @@ def factor(plan, blocks, pivots, panel, width, size):
                 t += 1
             if panel is not None:
                 for c in range(0, width, 8):
-                    subtract_rows(blocks, low, 8, 1, panel, n * width * i + c, width, panel, n * width * plan.column[j] + c, width,
-                                  size)
+                    subtract_rows(blocks, low, 8, 1, panel, n * width * i + c, width, panel, n * width * plan.column[j] + c,
+                                  width, size)
     return worst
 
 
@@ -135,7 +135,8 @@ def back_substitute(plan, blocks, panel, width, size):
         for c in range(0, width, 8):
             o = n * width * i + c
             for k in range(plan.start[i], plan.start[i + 1]):
-                subtract_rows(blocks, 8 * n * plan.upper[k], 8, 1, panel, n * width * plan.column[k] + c, width, panel, o, width, size)
+                subtract_rows(blocks, 8 * n * plan.upper[k], 8, 1, panel, n * width * plan.column[k] + c, width, panel, o, width,
+                              size)
             flush_rows(panel, o, width, size)
 
 
@@ -151,7 +152,8 @@ def solve(plan, blocks, pivots, panel, width, size):
             solve_rows(blocks, 8 * n * plan.diagonal[i], 8, 1, panel, o, width, size)
             flush_rows(panel, o, width, size)
             for k in range(plan.start[i], plan.start[i + 1]):
-                subtract_rows(blocks, 8 * n * plan.lower[k], 8, 1, panel, o, width, panel, n * width * plan.column[k] + c, width, size)
+                subtract_rows(blocks, 8 * n * plan.lower[k], 8, 1, panel, o, width, panel, n * width * plan.column[k] + c, width,
+                              size)
     back_substitute(plan, blocks, panel, width, size)
 
 

@@ -140,6 +140,6 @@ def recover_inner(inner, panel, width, size):
             for c in range(0, width, 8):
                 for m in range(others):
                     k = i + 1 + m if m < others - 1 else 0
-                    subtract_rows(inner.store, d + block * (1 + 2 * m), 8 * n, 8, panel, n * width * inner.rows[rows + k] + c, width,
-                                  panel, row + c, width, size)
+                    subtract_rows(inner.store, d + block * (1 + 2 * m), 8 * n, 8, panel, n * width * inner.rows[rows + k] + c,
+                                  width, panel, row + c, width, size)
             d -= block * (1 + 2 * (others + 1))

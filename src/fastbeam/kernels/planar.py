@@ -27,8 +27,8 @@ def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, con
     spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
     rate = 2.0 / (h * h)
     if sliders is not None:
-        add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s, work.s_end,
-                           state.force, work.r)
+        add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
+                           work.s_end, state.force, work.r)
     if simo is not None:
         planar_groups(simo, inner, work.q_mid, work.q_end, work.u, rate, None, work.r, work.blocks, work.scratch, size)
     if green is not None:

@@ -1,8 +1,8 @@
 """One step and the compiled time loop: the conserving step, theory.md 4 to 6, and the methods it is compared with, theory.md 7.
 
 Every part that a scene lacks arrives as None; the branches on it are pruned before typing, so no code is compiled for it. So do
-`space` and `plane`: nodes in space have 6 unknowns and 12 coordinates, those of a planar scene 3 and 4 (kernels/planar.py); one of
-the two is the tuple `size` of as many numbers as a node has unknowns, the other None.
+`space` and `plane`: nodes in space have 6 unknowns and 12 coordinates, those of a planar scene 3 and 4 (kernels/planar.py); one
+of the two is the tuple `size` of as many numbers as a node has unknowns, the other None.
 """
 from __future__ import annotations
 
@@ -37,13 +37,14 @@ def start_step(space, plane, ties, curves, sliders, contact, spinless, state, wo
 
 
 @kernel
-def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work,
-                  h):
+def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
+                  work, h):
     """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
     the conserving step; with `middle` it is the implicit midpoint rule, with `alpha` half the equations of generalised alpha;
     both in space only."""
     if space is not None:
-        space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h, space)
+        space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h,
+                       space)
     if plane is not None:
         planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, plane)
 
@@ -209,8 +210,9 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso, row_of,
-        spinless, loads, factors, state, work, weights, h, n_steps, width, length, max_iterations, lengths, counts_out, sizes_out, mean_force_out):
+def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
+        row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, length, max_iterations, lengths, counts_out,
+        sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
     iteration on the equations of `assemble_step`.
 
@@ -240,8 +242,8 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 sizes_out[it] = 0.0
             for it in range(max_iterations):
                 counts_out[2] += 1
-                assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of,
-                              state, work, hm)
+                assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha,
+                              row_of, state, work, hm)
                 prepare_panel(space, plane, inner, ties, contact, held, row_of.shape[0], width, work, size)
                 if not solve_nodes(inner, plan, pardiso, work, width, size):
                     status = SINGULAR
