@@ -124,7 +124,7 @@ def order_in_step(make: Callable[[], Case], methods: list[str], t_end: float, ba
     fast waves, which order 4 resolves long before, asks methods of order 2 for the smaller steps.
     """
     case = make()
-    model = fb.compile_scene(case.scene)
+    model = fb.compile_scene(case.scene, planar=False)
 
     def path(method: str, n: int) -> dict[str, Array] | str:
         attempt = run(case, model, method, step=t_end / n, t_end=t_end, every=n // rows)
@@ -155,7 +155,7 @@ def order_in_mesh(name: str, strain: str, labels: list[str], meshes: tuple[int, 
     """Errors over the number of nodes of several interpolations against one fine mesh of Lagrange elements of degree 5."""
     def path(arguments: dict[str, Any]) -> tuple[int, dict[str, Array] | str]:
         case = CASES[name](strain=strain, **arguments)
-        model = fb.compile_scene(case.scene)
+        model = fb.compile_scene(case.scene, planar=False)
         attempt = run(case, model, "em4", step=step, t_end=t_end, every=round(t_end / step) // rows)
         nodes = case.scene.beams[0].n_nodes
         return nodes, paths(case, attempt, rows) if attempt.status == "done" else attempt.reason

@@ -80,7 +80,7 @@ def measure(name: str, kind: str, quick: bool) -> tuple[dict[str, Any], float]:
     begin = time.perf_counter()
     keys = list(methods.METHODS)
     case = CASES[name]()
-    model = fb.compile_scene(case.scene)
+    model = fb.compile_scene(case.scene, planar=False)
     out: dict[str, Any] = {}
     if kind == "drift":
         scale = methods.energy_scale(case, model)

@@ -4,8 +4,9 @@ HEAD = """# Methods of time integration on beams with sliding contact
 
 The conserving step of fastbeam beside the methods in common use, on the same semi-discrete equations, with the same sliders, the
 same initial states and the same {iterations} Newton iterations a step: the implicit midpoint rule, the trapezoidal rule
-(Newmark, beta = 1/4, gamma = 1/2), and generalised-alpha with several rho_inf. Scenes are in `examples/study/scenes.py`. Runs
-that fail are listed with step and reason.
+(Newmark, beta = 1/4, gamma = 1/2), and generalised-alpha with several rho_inf. Scenes are in `examples/study/scenes.py`; all of
+them run in space, also where a planar form of the conserving step would be faster. Runs that fail are listed with step and
+reason.
 
 Everything below is measured and written by `python examples/study/run.py`, one thread per run (measurements of {minutes:.0f}
 minutes in all); {cpu}, {cores} cores, {system}, Python {python}, NumPy {numpy}, numba {numba}.{quick}

@@ -119,7 +119,7 @@ def build(name: str, family: Family, elements: int) -> tuple[Case, fb.Model]:
         parts = [dataclasses.replace(x, curve=family.curve) if isinstance(x, fb.Slider) else x for x in scene.parts]
         scene = fb.Scene(*parts, name=scene.name, gravity=scene.gravity, project_velocities=scene.project_velocities)
         case = dataclasses.replace(case, scene=scene)
-    return case, fb.compile_scene(scene)
+    return case, fb.compile_scene(scene, planar=False)
 
 
 # ----------------------------------------------------------------------------------------------------------------- one run
