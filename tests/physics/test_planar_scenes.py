@@ -215,10 +215,22 @@ def scenes(draw: Callable[[Any], Any]) -> tuple[fb.Scene, float]:
 
 
 def check_random(case: tuple[fb.Scene, float]) -> None:
+    """In units of round-off: positions eps L, velocities eps L/h, forces eps L M/h^2, energies eps E. Measured over 60 scenes: at
+    most 10, 120, 0.4 and 300."""
     scene, step = case
     flat, space = both(lambda: scene, step=step, t_end=20 * step, observe=("energy", "slider"))
-    # light masses, large and small steps: the same limits ten times as wide
-    assert_same(flat, space, slack=10.0, oblique=True)
+    eps, length = np.finfo(float).eps, float(np.max(np.ptp(space.phi.reshape(-1, 3), axis=0)))
+    mass = sum(part.mass for part in (*scene.bodies, *scene.masses)) + sum(b.section.inertia[0] * b.length for b in scene.beams)
+    assert np.max(np.abs(flat.state.q - space.state.q)) < 100 * eps * length
+    assert np.max(np.abs(flat.state.v - space.state.v)) < 1000 * eps * length / step
+    assert np.max(np.abs(flat.series["s_slide"] - space.series["s_slide"])) < 100 * eps * length
+    difference = np.abs(flat.series["contact_force"] - space.series["contact_force"])
+    assert np.max(difference) < 10 * eps * length * mass / step**2
+    energy = max(float(np.max(np.abs(space.series[name]))) for name in ("kinetic", "strain", "potential"))
+    for name in ("kinetic", "strain", "total"):
+        assert np.max(np.abs(flat.series[name] - space.series[name])) < 2000 * eps * energy, name
+    assert np.max(np.abs(flat.series["iterations"] - space.series["iterations"])) <= 1
+    assert flat.info["fallbacks"] == space.info["fallbacks"] == 0
 
 
 @given(scenes())
