@@ -90,10 +90,11 @@ def mechanism(turn: Array = FLAT, sliding: bool = True) -> fb.Scene:
     whip = fb.Beam.straight("whip", at(-1, 1), at(-1, -1), d2=np.cos(0.4) * at(1, 0) + np.sin(0.4) * n, section=ROUND, elements=3,
                             degree=2, strain="green_lagrange")
     weight = fb.PointMass("weight", mass=0.7, position=at(-1, -1))
-    held = fb.Pin if sliding else fb.Clamp  # at rest a pendulum could turn out of the plane
+    # what could turn out of the plane without resistance has no equilibrium in space
+    held, joint = (fb.Pin, fb.BallJoint) if sliding else (fb.Clamp, fb.RigidConnection)
     parts: list[object] = [boom, arm, body, link, whip, weight, fb.Clamp(boom.start), fb.RigidConnection(boom.end, arm.start),
                            fb.RigidConnection(arm.end, body), fb.BallJoint(hook, link.start),
-                           fb.BallJoint(link.end, boom.at(1.5)),
+                           joint(link.end, boom.at(1.5)),
                            held(whip.start), fb.BallJoint(whip.end, weight)]
 
     def push(t: float) -> float:

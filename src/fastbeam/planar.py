@@ -201,7 +201,7 @@ def _normal(within: list[Array], across: list[Array], triad: Array) -> Array:
 def _axes(normal: Array) -> Array:
     """Two axes and the normal; coordinate axes where the normal is one."""
     k = int(np.argmax(np.abs(normal)))
-    if abs(abs(normal[k]) - 1.0) < 1e-14:
+    if np.max(np.abs(np.delete(normal, k))) < 0.1 * TOLERANCE:
         return np.eye(3)[[(k + 1) % 3, (k + 2) % 3, k]]
     first = np.eye(3)[np.argmin(np.abs(normal))]
     first = first - (first @ normal) * normal

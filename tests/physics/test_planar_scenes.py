@@ -19,6 +19,8 @@ from planar_scenes import FAMILIES, FLAT, ROUND, SECTION, flight, mechanism, pla
 
 Array = np.ndarray
 H = 0.01
+# e_x, e_y, e_z to e_z, e_x, e_y
+ZX = np.eye(3)[[1, 2, 0]]
 # relative to the size of the scene, the largest velocity, force, energy; measured 4e-15, 6e-12, 1e-11, 2e-13: velocities are
 # increments over h, contact forces increments over h^2
 PLACE, RATE, FORCE, ENERGY = 1e-13, 5e-11, 1e-10, 2e-12
@@ -33,16 +35,17 @@ def both(scene: Callable[[], fb.Scene], compiled: dict[str, Any] | None = None, 
     return out[0], out[1]
 
 
-def assert_same(flat: fb.Result, space: fb.Result, slack: float = 1.0) -> None:
-    """Everything that both recorded."""
+def assert_same(flat: fb.Result, space: fb.Result, slack: float = 1.0, oblique: bool = False) -> None:
+    """Everything that both recorded. Newton's method ends by the largest component of an increment: in an oblique plane both runs
+    have different components, and a step may take one iteration more or less."""
     length = float(np.max(np.ptp(space.phi.reshape(-1, 3), axis=0)))
     for a, b, size in ((flat.state.q, space.state.q, length), (flat.phi, space.phi, length),
                        (flat.directors, space.directors, 1.0)):
         np.testing.assert_allclose(a, b, rtol=0.0, atol=slack * PLACE * size)
     np.testing.assert_allclose(flat.state.v, space.state.v, rtol=0.0, atol=slack * RATE * np.max(np.abs(space.state.v)))
     assert flat.t.tobytes() == space.t.tobytes() or slack > 1.0
-    np.testing.assert_array_equal(flat.series["iterations"], space.series["iterations"])
-    assert flat.info["iterations"] == space.info["iterations"]
+    np.testing.assert_allclose(flat.series["iterations"], space.series["iterations"], rtol=0.0, atol=1.0 if oblique else 0.0)
+    assert oblique or flat.info["iterations"] == space.info["iterations"]
     assert flat.info["fallbacks"] == space.info["fallbacks"] == 0
     assert flat.info["unknowns"] < space.info["unknowns"]
     largest = max(float(np.max(np.abs(space.series[name]))) for name in ("kinetic", "strain", "total"))
@@ -71,13 +74,14 @@ def test_beams_of_every_family_in_flight(family: str, shape: str, d2: str) -> No
 @pytest.mark.parametrize(("shape", "d2"), SHAPES)
 @pytest.mark.parametrize("turn", [FLAT, plane()], ids=["xy", "general"])
 def test_all_beams_of_every_family_in_flight(family: str, shape: str, d2: str, turn: Array) -> None:
-    assert_same(*both(lambda: flight(turn, family, shape, d2), t_end=50 * H))
+    assert_same(*both(lambda: flight(turn, family, shape, d2), t_end=50 * H), oblique=turn is not FLAT)
 
 
-@pytest.mark.parametrize("turn", [FLAT, plane((0, 1, 0)), plane()], ids=["xy", "zx", "general"])
+@pytest.mark.parametrize("where", ["xy", "zx", "general"])
 @pytest.mark.parametrize("order", [2, 4])
-def test_mechanism(turn: Array, order: int) -> None:
-    assert_same(*both(lambda: mechanism(turn), order=order))
+def test_mechanism(where: str, order: int) -> None:
+    turn = {"xy": FLAT, "zx": ZX, "general": plane()}[where]
+    assert_same(*both(lambda: mechanism(turn), order=order), oblique=where == "general")
 
 
 def test_step_control() -> None:
@@ -119,7 +123,7 @@ def test_scene_in_a_general_plane_is_the_one_in_the_coordinate_plane_turned(make
                                atol=FORCE * np.max(np.abs(flat.series["contact_force"])))
     np.testing.assert_allclose(turned.series["ang_mom"] @ turn, flat.series["ang_mom"], rtol=0.0,
                                atol=ENERGY * np.max(np.abs(flat.series["ang_mom"])))
-    assert turned.info["iterations"] == flat.info["iterations"]
+    assert abs(turned.info["iterations"] - flat.info["iterations"]) <= 1
 
 
 def test_invariants_of_a_free_planar_scene_stay_at_round_off() -> None:
@@ -137,7 +141,7 @@ def test_statics_in_several_load_steps(turn: Array) -> None:
                for planar in (True, False)]
     flat, space = results
     assert flat.t.size > 3
-    np.testing.assert_array_equal(flat.series["iterations"], space.series["iterations"])
+    np.testing.assert_allclose(flat.series["iterations"], space.series["iterations"], rtol=0.0, atol=0.0 if turn is FLAT else 1.0)
     np.testing.assert_allclose(flat.state.q, space.state.q, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(flat.series["strain"], space.series["strain"], rtol=0.0,
                                atol=1e-11 * np.max(space.series["strain"]))
@@ -211,10 +215,22 @@ def scenes(draw: Callable[[Any], Any]) -> tuple[fb.Scene, float]:
 
 
 def check_random(case: tuple[fb.Scene, float]) -> None:
+    """In units of round-off: positions eps L, velocities eps L/h, forces eps L M/h^2, energies eps E. Measured over 60 scenes: at
+    most 10, 120, 0.4 and 300."""
     scene, step = case
     flat, space = both(lambda: scene, step=step, t_end=20 * step, observe=("energy", "slider"))
-    # light masses, large and small steps: the same limits ten times as wide
-    assert_same(flat, space, slack=10.0)
+    eps, length = np.finfo(float).eps, float(np.max(np.ptp(space.phi.reshape(-1, 3), axis=0)))
+    mass = sum(part.mass for part in (*scene.bodies, *scene.masses)) + sum(b.section.inertia[0] * b.length for b in scene.beams)
+    assert np.max(np.abs(flat.state.q - space.state.q)) < 100 * eps * length
+    assert np.max(np.abs(flat.state.v - space.state.v)) < 1000 * eps * length / step
+    assert np.max(np.abs(flat.series["s_slide"] - space.series["s_slide"])) < 100 * eps * length
+    difference = np.abs(flat.series["contact_force"] - space.series["contact_force"])
+    assert np.max(difference) < 10 * eps * length * mass / step**2
+    energy = max(float(np.max(np.abs(space.series[name]))) for name in ("kinetic", "strain", "potential"))
+    for name in ("kinetic", "strain", "total"):
+        assert np.max(np.abs(flat.series[name] - space.series[name])) < 2000 * eps * energy, name
+    assert np.max(np.abs(flat.series["iterations"] - space.series["iterations"])) <= 1
+    assert flat.info["fallbacks"] == space.info["fallbacks"] == 0
 
 
 @given(scenes())

@@ -250,7 +250,7 @@ def test_a_beam_may_close_a_loop_of_joints() -> None:
     # what the refusal of rigid loops advises
     a = beam("a", (0, 0, 0), (1, 0, 0))
     body = RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
-    model = compile_scene(Scene(a, body, BallJoint(a.start, body.point((-1, 0, 0))), BallJoint(a.end, body)))
+    model = compile_scene(Scene(a, body, BallJoint(a.start, body.point((-1, 0, 0))), BallJoint(a.end, body)), planar=False)
     # 4 own and 1 arm node, less the arm (6) and the positions of both ends
     assert model.n_unknowns == 6 * 5 - 6 - 6
 
@@ -258,7 +258,7 @@ def test_a_beam_may_close_a_loop_of_joints() -> None:
 def test_a_clamped_point_clamps_its_whole_body() -> None:
     a = beam("a", (0, 0, 0), (1, 0, 0))
     body = RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
-    model = compile_scene(Scene(a, body, RigidConnection(a.end, body), Clamp(body.point((0, 1, 0)))))
+    model = compile_scene(Scene(a, body, RigidConnection(a.end, body), Clamp(body.point((0, 1, 0)))), planar=False)
     held = np.zeros(model.n_nodes, int)
     held[np.argsort(model.pattern.row_of)[model.held.row]] = model.held.mask
     node = model.names["bodies"][0]["node"]

@@ -63,6 +63,14 @@ def test_scenes_in_any_plane_are_found(make: Callable[[Array], fb.Scene], where:
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-14 * model.length)
 
 
+@pytest.mark.parametrize("tilt", [1e-14, 3e-13, 1e-11, 1e-8])
+def test_planes_next_to_a_coordinate_plane_are_found(tilt: float) -> None:
+    turn = plane((tilt, 0, 1))
+    found = fb.compile_scene(mechanism(turn), planar=True).plane
+    assert np.linalg.norm(np.cross(found.axes[2], turn[:, 2])) < 1.1e-13
+    assert (found.label == "plane normal to z") == (tilt < 1e-13)
+
+
 def test_points_of_a_plane_count_its_height_along_the_normal() -> None:
     turn = plane()
     shift = fb.Beam.straight("beam", vector(turn, 0, 0, 5), vector(turn, 3, 0.5, 5), section=SECTION, elements=3, d2=turn[:, 2])

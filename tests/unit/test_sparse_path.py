@@ -99,7 +99,7 @@ def test_superlu_gives_no_solution_of_a_singular_matrix() -> None:
     # two block rows, the second a copy of the first
     blocks = np.zeros((4, 6, 8))
     blocks[:, :, :6] = np.random.default_rng(1).standard_normal((6, 6))
-    solver = SuperLU(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), 2)
+    solver = SuperLU(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), 2, 6)
     right = np.random.default_rng(2).standard_normal((1, 12))
     assert solver.solve(blocks, right) is None
     blocks[0] += np.eye(6, 8)
