@@ -269,7 +269,8 @@ class _Run:
                     clock.before = outcome.force[1]
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
-                    self.watch_turns(t, size)
+                    if outcome.status == OK:
+                        self.watch_turns(t, size)
                     if self.callback is not None and self.callback(t, self.stepper.state):
                         self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
                         break

@@ -80,7 +80,7 @@ def test_mechanisms_are_named() -> None:
     assert wrong(linear_algebra.mechanisms()) == []
 
 
-def test_scene_that_changed_after_compiling_does_not_change_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parts_added_after_compiling_do_not_reach_the_repeated_step() -> None:
     scene = linear_algebra.bar()
     model = fb.compile_scene(scene)
     scene.add(fb.PointMass("later", mass=1.0, position=(0, 0, 5)))
