@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 import fastbeam as fb
 from fastbeam.kernels import chain
 from fastbeam.kernels import step as kernels
+from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.sparse import REFUSE_AT, solve_sparse
 from fastbeam.linsolve import LinearSystem, load_mkl
 from fastbeam.newton import Stepper
@@ -75,12 +76,12 @@ def solved(kind: str, solver: str, n: int = 6, seed: int = 0) -> tuple[Array | N
     flat, values = panel.reshape(-1), blocks.reshape(-1).copy()
     if solver == "chain":
         pivots = np.zeros(6 * n, np.int64)
-        good = chain.factor(pattern.plan, values, pivots) > 1e-14
+        good = chain.factor(pattern.plan, values, pivots, None, 0, SIX) > 1e-14
         if good:
-            chain.solve(pattern.plan, values, pivots, flat, 8)
+            chain.solve(pattern.plan, values, pivots, flat, 8, SIX)
         x = panel[:, 0] if good else None
     elif solver == "pardiso":
-        x = panel[:, 0] if solve_sparse(system.tables, values, flat, 8) else None
+        x = panel[:, 0] if solve_sparse(system.tables, values, flat, 8, SIX) else None
     else:
         found = system.superlu.solve(blocks, right[None])
         x = None if found is None else found[0]
@@ -133,8 +134,8 @@ def stretched(model: Any, speed: float = 0.0) -> Any:
 def inner_pivot(model: Any, state: Any, h: float) -> float:
     """The fifth pivot of the first inner node at the first guess of a step."""
     stepper = Stepper(model, np.ones(1), state)
-    kernels.start_step(model.ties, model.curves, model.sliders, None, model.spinless, stepper.state, stepper.work, h)
-    kernels.assemble_step(model.simo, model.green, stepper.inner, model.bodies, model.ties, model.held, model.curves,
+    kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, None, model.spinless, stepper.state, stepper.work, h)
+    kernels.assemble_step(SIX, None, model.simo, model.green, stepper.inner, model.bodies, model.ties, model.held, model.curves,
                           model.sliders, None, None, None, model.pattern.row_of, stepper.state, stepper.work, h)
     return 1.0 / float(stepper.inner.store[:288].reshape(6, 6, 8)[4, 4, 0])
 
@@ -151,7 +152,8 @@ def vanishing_step(model: Any, state: Any) -> tuple[float, float]:
 
 def inner_pivots() -> Iterator[Row]:
     """Steps of the size at which a pivot of an inner node vanishes, exactly and nearly; the matrix is regular."""
-    model, plain = fb.compile_scene(bar()), fb.compile_scene(bar(), solver="sparse", eliminate_inner=False)
+    model = fb.compile_scene(bar(), planar=False)
+    plain = fb.compile_scene(bar(), solver="sparse", eliminate_inner=False, planar=False)
     for speed in (0.0, 1e-6, 1e-3, 0.3):
         start = stretched(model, speed)
         low, high = vanishing_step(model, start)

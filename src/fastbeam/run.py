@@ -256,7 +256,7 @@ class _Run:
             clock.before = self.stepper.state.force.copy()
         error: ConvergenceError | None = None
         self.open_row(self.t_start, 0, 0.0)
-        for beam in self.model.massless:
+        for beam in self.model.massless if self.stepper.plane is None else ():
             self.event({"kind": "massless", "time": self.t_start,
                         "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
                                 "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})

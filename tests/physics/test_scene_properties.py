@@ -87,7 +87,7 @@ def check_turned(drawn: Drawn) -> None:
     rotation = np.linalg.solve(np.eye(3) - cross, np.eye(3) + cross)
     one, other = run(drawn), run(drawn, build(drawn, rotation))
     # the triad of a point mass stands still and does not belong to the scene
-    turns = sorted(fb.compile_scene(build(drawn)).numbers_with_rotation)
+    turns = np.flatnonzero(fb.compile_scene(build(drawn)).numbers.rank != 9)
     q = [result.state.q.reshape(-1, 4, 3) for result in (one, other)]
     back = q[1] @ rotation
     back[:, 1:] = np.where(np.isin(np.arange(len(back)), turns)[:, None, None], back[:, 1:], q[0][:, 1:])

@@ -269,7 +269,8 @@ def test_a_run_ends_where_a_slider_leaves_its_beam(name: str) -> None:
     assert [event["kind"] for event in result.events] == ["slider_end"]
     assert result.events[0]["end"] == "end" and 0.15 < result.t[-1] < 0.3
     assert result.slider("run")["s"][-1] == pytest.approx(3.0, rel=1e-9)
-    assert result.slider("run")["s"][-1] <= 3.0
+    # a slider may rest at the end, round-off included
+    assert result.slider("run")["s"][-1] <= 3.0 * (1.0 + 1e-12)
     # the last, shortened step starts from the state before the failed trials
     before = simulate(model, name, h=0.01, t_end=result.t[-2])
     np.testing.assert_array_equal(before.state.s, result.series["s_slide"][-2])
