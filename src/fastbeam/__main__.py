@@ -1,4 +1,4 @@
-"""Command line: `python -m fastbeam` lists the examples, `python -m fastbeam run NAME [--out DIR]` runs one."""
+"""Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels."""
 from __future__ import annotations
 
 import argparse
@@ -66,6 +66,17 @@ def program_version() -> str:
         return "not installed"
 
 
+def warm_up(kinds: list[str]) -> int:
+    """Compile the kernels of kinds of scenes, all where none is named; returns the exit code."""
+    from . import warmup
+    unknown = [kind for kind in kinds if kind not in warmup.KINDS]
+    if unknown:
+        print(f"kind of scene '{unknown[0]}' does not exist; choose from: {', '.join(warmup.KINDS)}", file=sys.stderr)
+        return 2
+    warmup.warm_up(kinds or list(warmup.KINDS), lambda text: print(text, flush=True))
+    return 0
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit code (2: wrong use)."""
     parser = argparse.ArgumentParser(prog="python -m fastbeam", description="Geometrically exact beams with sliding contact.")
@@ -74,7 +85,12 @@ def main(arguments: list[str] | None = None) -> int:
     run = commands.add_parser("run", help="run an example and write its pictures and results")
     run.add_argument("name", help="name of the example")
     run.add_argument("--out", default="out", help="folder for what it writes (default: out)")
+    warm = commands.add_parser("warmup", help="compile the kernels of common scenes ahead of their first use")
+    warm.add_argument("kinds", nargs="*", metavar="kind", help="of scenes: beam, slider, planar-slider, mechanism, "
+                      "planar-mechanism, statics, planar-statics (default: all)")
     chosen = parser.parse_args(arguments)
+    if chosen.command == "warmup":
+        return warm_up(chosen.kinds)
     if chosen.command is None:
         print(f"examples (python -m fastbeam run NAME [--out DIR]):\n{list_examples()}")
         return 0

@@ -184,19 +184,23 @@ class Model:
         """A fresh copy of the initial state."""
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.dim * self.n_sliders))
 
+    @cached_property
+    def _scratch(self) -> int:
+        """Doubles that the largest group of elements needs."""
+        metas = [t.meta for t in (self.simo, self.green) if t is not None]
+        room = scratch_size if self.dim == 3 else planar_scratch_size
+        return max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
+
     def work(self) -> Work:
         """Work arrays of one run."""
         n, s, size = self.n_nodes, self.n_sliders, len(self.size)
         q = self.q0.size
-        metas = [t.meta for t in (self.simo, self.green) if t is not None]
-        room = scratch_size if self.dim == 3 else planar_scratch_size
-        scratch = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
         border = self.border * s
         return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
                     s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * n * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
-                    scratch=_aligned(scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
+                    scratch=_aligned(self._scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
                     keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size))
 
     def contact(self) -> Contact | None:

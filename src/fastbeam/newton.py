@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -24,6 +25,8 @@ AUGMENTATION = 1e7
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
 BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past")
+# the cache folder is looked through once a process
+_announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
@@ -83,7 +86,7 @@ class Stepper:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
-        announce_first_use()
+        _announce()
         self.model = model
         start = model.state() if state is None else _own_state(model, state)
         self.augmentation = number("augmentation", augmentation)

@@ -134,3 +134,25 @@ def test_progress_needs_no_tqdm(clock: Clock, capsys: pytest.CaptureFixture[str]
         clock.now += 2.0
         bar.update()
     assert bar.done == 1 and capsys.readouterr().err == ""
+
+
+def test_warmup_compiles_what_a_scene_of_that_kind_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    from fastbeam import _jit, warmup
+    assert front.main(["warmup", "planar-slider"]) == 0
+    assert "1/1 planar-slider" in capsys.readouterr().out
+    _, before = _jit.compile_counts()
+    warmup.KINDS["planar-slider"][1]()
+    assert _jit.compile_counts()[1] == before
+
+
+def test_warmup_refuses_what_it_does_not_know(capsys: pytest.CaptureFixture[str]) -> None:
+    assert front.main(["warmup", "slider", "magic"]) == 2
+    assert "'magic' does not exist; choose from: beam, slider" in capsys.readouterr().err
+
+
+@pytest.mark.slow  # compiles seven sets of kernels
+@pytest.mark.parametrize("kind", ["beam", "slider", "planar-slider", "mechanism", "planar-mechanism", "statics", "planar-statics"])
+def test_every_kind_of_warmup_runs(kind: str) -> None:
+    from fastbeam import warmup
+    assert front.main(["warmup", kind]) == 0
+    assert kind in warmup.KINDS
