@@ -151,7 +151,7 @@ def test_warmup_refuses_what_it_does_not_know(capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.slow  # compiles seven sets of kernels
-@pytest.mark.parametrize("kind", ["beam", "slider", "planar-slider", "mechanism", "planar-mechanism", "statics", "planar-statics"])
+@pytest.mark.parametrize("kind", "beam slider planar-slider mechanism planar-mechanism statics planar-statics".split())
 def test_every_kind_of_warmup_runs(kind: str) -> None:
     from fastbeam import warmup
     assert front.main(["warmup", kind]) == 0

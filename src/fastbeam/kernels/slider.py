@@ -22,8 +22,8 @@ from .._jit import kernel
 from .algebra import add3, component0, component1, component2, cross, dot, ld3, st3, zero3
 from .ties import tie_arm
 
-# of the scaled border: below it stands round-off
-LEAST_PIVOT = 1e-14
+# pivots of the scaled border: below is round-off; without the augmented Lagrangian dependent sliders leave more (docs/stress.md)
+LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
 
 
 class Curves(NamedTuple):
@@ -444,7 +444,7 @@ def solve_border(contact, force, panel, n_rows, width, schur, y_out, size):
     singular = augment(contact, force, schur, y_out, size)
     if singular >= 0:
         return singular
-    singular = solve_dense(schur, y_out, n)
+    singular = solve_dense(schur, y_out, n, LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_PLAIN)
     if singular >= 0:
         return singular // border
     for k in range(contact.entries.shape[0]):
@@ -465,8 +465,8 @@ def solve_border(contact, force, panel, n_rows, width, schur, y_out, size):
 
 
 @kernel
-def solve_dense(a, y, n):
-    """Gauss elimination with row scaling and row exchange. Returns -1, or the row or unknown whose pivot vanishes."""
+def solve_dense(a, y, n, least):
+    """Gauss elimination with row scaling and row exchange. Returns -1, or the row or unknown whose pivot is not above `least`."""
     for i in range(n):
         t = 0.0
         for j in range(n):
@@ -481,7 +481,7 @@ def solve_dense(a, y, n):
         for i in range(k + 1, n):
             if abs(a[i, k]) > abs(a[m, k]):
                 m = i
-        if not abs(a[m, k]) > LEAST_PIVOT:
+        if not abs(a[m, k]) > least:
             return k
         if m != k:
             for j in range(n):
