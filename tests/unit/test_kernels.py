@@ -208,7 +208,7 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
     move, spin = update_nodes(row_of, panel.reshape(-1), width, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1))
     assert move == np.max(np.abs(change[:, :3]))
-    assert spin == pytest.approx(np.max(np.linalg.norm(new_theta - theta, axis=1) / np.sqrt(1.0 + 0.25 * np.sum(theta**2, axis=1))))
+    assert spin == pytest.approx(np.max(np.linalg.norm(new_theta - theta, axis=1) / np.sqrt(1.0 + np.sum(theta**2, axis=1) / 4)))
     np.testing.assert_allclose(dq, increments(q, dphi + change[:, :3], new_theta), rtol=0, atol=3e-15)
     for k in range(n):
         # to first order in the spin: cay(theta + d theta) = cay(spin) cay(theta)
