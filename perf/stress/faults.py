@@ -182,7 +182,7 @@ def damaged_results(place: Path, times: int) -> Iterator[Row]:
         for kind in ("bit", "bytes", "zeros", "cut"):
             child = victim("read", place / "damaged.h5", source, kind, 0, times)
             try:
-                out, err = child.communicate(timeout=300)
+                out, err = child.communicate(timeout=max(300, times))
             except subprocess.TimeoutExpired:
                 child.kill()
                 out, err = child.communicate()[0], "hangs"
