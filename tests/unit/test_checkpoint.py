@@ -128,7 +128,7 @@ sys.path.insert(0, sys.argv[1])
 import fastbeam as fb
 from small_scenes import bead
 print("ready", flush=True)
-fb.simulate(fb.compile_scene(bead(at=0.6, rate=0.1)), t_end=20.0, step=2e-3, order=4, every=5, checkpoint=sys.argv[2],
+fb.simulate(fb.compile_scene(bead(at=0.6, rate=0.1)), t_end=20.0, step=1e-4, order=4, every=5, checkpoint=sys.argv[2],
             checkpoint_every=0.0)
 """
 
@@ -149,8 +149,8 @@ def test_checkpoint_of_a_killed_run_is_complete_and_goes_on(delay: float, tmp_pa
     kept = fb.load_checkpoint(path)
     assert kept.steps > 0 and kept.steps % 5 == 0
     model = fb.compile_scene(bead(at=0.6, rate=0.1))
-    t_end = kept.t + 0.1
-    settings: dict[str, Any] = {"t_end": t_end, "step": 2e-3, "order": 4, "every": 5}
+    t_end = kept.t + 0.005
+    settings: dict[str, Any] = {"t_end": t_end, "step": 1e-4, "order": 4, "every": 5}
     assert_same_state(fb.simulate(model, start=kept, **settings).state, fb.simulate(model, **settings).state)
 
 
