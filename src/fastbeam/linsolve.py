@@ -150,7 +150,7 @@ class SuperLU:
         return int(np.sum(pivots[~zero] < 0.0)), int(np.sum(zero))
 
     def matrix(self, blocks: Array) -> Any:
-        """The matrix of blocks [n_blocks, 6, 8] by columns."""
+        """The matrix of blocks [n_blocks, size, 8] by columns."""
         from scipy import sparse
         data = np.ascontiguousarray(blocks[:, :, :self.size])
         n = self.size * self.n

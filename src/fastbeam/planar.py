@@ -90,7 +90,7 @@ class Plane:
     def holds(self, state: State) -> bool:
         """Whether a state lies in the plane."""
         try:
-            _check_state(state.q, state.v, self, float(np.max(np.abs(self.model.length))))
+            _check_state(state.q, state.v, self, self.model.length)
         except NotPlanar:
             return False
         force = state.force.reshape(-1, 3)
