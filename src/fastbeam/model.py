@@ -201,7 +201,8 @@ class Model:
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * n * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=_aligned(self._scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
-                    keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size))
+                    keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size),
+                    q_last=np.zeros(q), q_line=np.zeros(q))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""

@@ -24,7 +24,8 @@ AUGMENTATION = 1e7
 # a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
-BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past")
+BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past",
+           "q_last", "q_line")
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")

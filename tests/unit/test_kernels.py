@@ -317,7 +317,7 @@ class Elements:
         rng = np.random.default_rng(10)
         mid, end, u = rng.standard_normal((3, 12 * self.model.n_nodes))
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, None, mid, end, u if inertia else None, 800.0, None, self.green, None, r.reshape(-1),
+        element_groups(tables, None, mid, end, end, end, u if inertia else None, 800.0, None, self.green, None, r.reshape(-1),
                        blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
         return r[:-1], blocks[:-1]
 

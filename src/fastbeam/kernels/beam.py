@@ -46,7 +46,7 @@ def group_table_size(nn: int, nq: int) -> int:
 def scratch_size(nn: int, nq: int) -> int:
     """Doubles of scratch that a group needs."""
     per_point = 6 + 9 + 21 + 21 + 18 + 18 + nn * (18 + 18 + 9 + 9)
-    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nq * per_point + nn * 18)
+    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nq * per_point + nn * (18 + 24 + 12))
 
 
 @kernel
@@ -66,8 +66,10 @@ def interpolate(tab, to, nn, scratch, qo, zo):
 
 
 @kernel
-def quadratic_strains(f, d1, d2, d3, k1, k2, k3, green, scratch, eo, add):
-    """The homogeneous quadratic part of the six strains, theory.md (2.1), (2.2); added to what stands there if `add`."""
+def quadratic_strains(scratch, z, green, eo, add):
+    """The homogeneous quadratic part of the six strains of z, theory.md (2.1), (2.2); added to what stands there if `add`."""
+    f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+    k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     e4 = 0.5 * (dot(k2, d3) - dot(k3, d2))
     if green is None:
         e1 = dot(f, d1)
@@ -87,25 +89,41 @@ def quadratic_strains(f, d1, d2, d3, k1, k2, k3, green, scratch, eo, add):
 
 
 @kernel
-def mean_strains(scratch, zm, ze, green, middle, eo):
-    """(E_n + E_n+1)/2 without the reference: E quadratic gives E(z_mid) + E(z_end - z_mid). `middle`: only E(z_mid)."""
-    f = vld3(scratch, zm, 8); d1 = vld3(scratch, zm + 24, 8); d2 = vld3(scratch, zm + 48, 8)
-    d3 = vld3(scratch, zm + 72, 8); k1 = vld3(scratch, zm + 96, 8); k2 = vld3(scratch, zm + 120, 8)
-    k3 = vld3(scratch, zm + 144, 8)
-    quadratic_strains(f, d1, d2, d3, k1, k2, k3, green, scratch, eo, False)
+def mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room):
+    """(E_n + E_n+1)/2 - E0: E quadratic gives E(z_mid) + E(z_end - z_mid). `middle`: only E(z_mid)."""
+    quadratic_strains(scratch, zm, green, eo, False)
     if middle is None:
-        quadratic_strains(vld3(scratch, ze, 8) - f, vld3(scratch, ze + 24, 8) - d1, vld3(scratch, ze + 48, 8) - d2,
-                          vld3(scratch, ze + 72, 8) - d3, vld3(scratch, ze + 96, 8) - k1, vld3(scratch, ze + 120, 8) - k2,
-                          vld3(scratch, ze + 144, 8) - k3, green, scratch, eo, True)
+        for i in range(0, 168, 8):
+            vst(scratch, room + i, 0, vld(scratch, ze + i, 0) - vld(scratch, zm + i, 0))
+        quadratic_strains(scratch, room, green, eo, True)
+    e0 = to + 8 + 24 * nn
+    for i in range(0, 48, 8):
+        vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) - vld(tab, e0 + i, 0))
 
 
 @kernel
-def stresses(tab, co, to, nn, coupled, scratch, eo, so):
-    """weight times C (E - E0) into the six lanes at `so`."""
+def unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room):
+    """What the mean strains, linear in the last increment, lack to those of the present shape: what the tangent must not use,
+    theory.md (4.4). zl: the shape to which the last increment leads in a straight line, zs: that increment."""
+    if middle is not None:
+        for i in range(0, 168, 8):
+            vst(scratch, zl + i, 0, vld(scratch, zm + i, 0) + 0.5 * (vld(scratch, zl + i, 0) - vld(scratch, ze + i, 0)))
+            vst(scratch, zs + i, 0, 0.5 * vld(scratch, zs + i, 0))
+    quadratic_strains(scratch, zs, green, eo, False)
+    quadratic_strains(scratch, zm if middle is not None else ze, green, eo, True)
+    quadratic_strains(scratch, zl, green, room, False)
+    # the start of a conserving step stays as it is
+    share = 0.5
+    if middle is not None or u is None or spin_rate is not None:
+        share = 1.0
+    for i in range(0, 48, 8):
+        vst(scratch, eo + i, 0, share * (vld(scratch, room + i, 0) - vld(scratch, eo + i, 0)))
+
+
+@kernel
+def stresses(tab, co, to, coupled, scratch, eo, so):
+    """weight times C times the strains at `eo` into the six lanes at `so`."""
     w = vld(tab, to, 0)
-    e0 = to + 8 + 24 * nn
-    for i in range(6):
-        vst(scratch, eo + 8 * i, 0, vld(scratch, eo + 8 * i, 0) - vld(tab, e0 + 8 * i, 0))
     for i in range(6):
         j0 = 0 if coupled else i
         j1 = 6 if coupled else i + 1
@@ -160,8 +178,9 @@ def rotation_rows(scratch, z, q, n, dn, green, out):
 
 
 @kernel
-def add_forces(tab, to, nn, scratch, z, so, green, fo):
-    """Internal forces B(q_mid)^T S on the 12 coordinates of every node, fo: nn x 12 lanes."""
+def add_forces(tab, to, nn, scratch, z, so, green, positions, fo):
+    """Internal forces B(q_mid)^T S on the 12 coordinates of every node, fo: nn x 12 lanes; without `positions` (None) those on
+    the directors alone."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     s1 = vld(scratch, so, 0); s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
@@ -191,7 +210,8 @@ def add_forces(tab, to, nn, scratch, z, so, green, fo):
         t = to + 8 + 24 * a
         n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
         o = fo + 96 * a
-        vadd3(scratch, o, 8, vld(tab, t, 0) * x0)
+        if positions is not None:
+            vadd3(scratch, o, 8, vld(tab, t, 0) * x0)
         if green is None:
             vadd3(scratch, o + 24, 8, n * x1 + dn * y1)
         vadd3(scratch, o + 48, 8, n * x2 + dn * y2)
@@ -381,8 +401,9 @@ def add_inertia_forces(tab, mo, nn, scratch, uo, fo):
 
 
 @kernel
-def project_node(scratch, q, fo, ro, ko):
-    """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid."""
+def project_node(scratch, q, fo, go, ro, ko):
+    """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid; go: what
+    the tangent adds to the forces f."""
     vst3(scratch, ro, 8, vld3(scratch, fo, 8))
     moment = vzero3()
     k = vzerom()
@@ -391,6 +412,7 @@ def project_node(scratch, q, fo, ro, ko):
         f = vld3(scratch, fo + 24 * i, 8)
         moment += cross(vld3(scratch, q + 24 * i, 8), f)
         d = vld3(scratch, q + 96 + 24 * i, 8)
+        f += vld3(scratch, go + 24 * i, 8)
         k += outer(d, f)
         iso -= dot(d, f)
     vst3(scratch, ro + 24, 8, moment)
@@ -399,10 +421,12 @@ def project_node(scratch, q, fo, ro, ko):
 
 
 @kernel
-def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch, size):
+def element_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
+                   size):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, u: [12 N]; u is None in statics. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
+    q_mid, q_end, u: [12 N]; u is None in statics. q_last, q_line [12 N]: the shape before the last increment and where that led
+    in a straight line; the tangent takes the stresses that belong to them (theory.md (4.4)). rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
     second rates of d2, d3 by the spins (generalised alpha). green: None for strain set (2.2), else (2.1); branches on what is
     None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit
     midpoint). inner: None, else inner nodes are eliminated where the tables say so.
@@ -437,6 +461,16 @@ def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middl
                 gather_lanes(u, tables.nodes, no + 8 * a, 12, 12, scratch, uo + 96 * a)
             add_inertia_forces(tab, mo, nn, scratch, uo, fo)
         vo = so0 + nq * ps
+        lo = vo + 144 * nn
+        go = lo + Q_LANES * nn
+        for a in range(nn):
+            q = lo + Q_LANES * a
+            gather_lanes(q_line, tables.nodes, no + 8 * a, 12, 12, scratch, q)
+            gather_lanes(q_last, tables.nodes, no + 8 * a, 12, 12, scratch, q + 96)
+            for i in range(q, q + 96, 8):
+                vst(scratch, i + 96, 0, vld(scratch, i, 0) - vld(scratch, i + 96, 0))
+        for i in range(go, go + 96 * nn):
+            scratch[i] = 0.0
         if spin_rate is not None:
             for a in range(nn):
                 gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, 18, scratch, vo + 144 * a)
@@ -450,9 +484,19 @@ def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middl
             eo = zm + 336
             interpolate(tab, to, nn, scratch, 0, zm)
             interpolate(tab, to, nn, scratch, 96, ze)
-            mean_strains(scratch, zm, ze, green, middle, eo)
-            stresses(tab, co, to, nn, coupled, scratch, eo, so)
-            add_forces(tab, to, nn, scratch, zm, so, green, fo)
+            zl = zm + 384
+            zs = zm + 552
+            room = zm + 720
+            interpolate(tab, to, nn, scratch, lo, zl)
+            interpolate(tab, to, nn, scratch, lo + 96, zs)
+            mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room)
+            stresses(tab, co, to, coupled, scratch, eo, so)
+            add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
+            unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room)
+            stresses(tab, co, to, coupled, scratch, eo, room)
+            add_forces(tab, to, nn, scratch, zm, room, green, None, go)
+            for i in range(0, 48, 8):
+                vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
             point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, 0, so, po)
         for a in range(nn):
             for b in range(nn):
@@ -464,7 +508,7 @@ def element_groups(tables, inner, q_mid, q_end, u, rate, spin_rate, green, middl
                 else:
                     pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, Q_LANES * a,
                                    Q_LANES * b + 96, green, kab)
-            project_node(scratch, Q_LANES * a, fo + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
+            project_node(scratch, Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
         every = 1
         if inner is not None:
             if meta[k, 6] >= 0:

@@ -53,7 +53,7 @@ def extrapolation(past, h):
     if past[0] == 1.0:
         return 0.0
     c = (0.5 * h - past[1]) / (past[1] - past[2])
-    return c if abs(c) <= 2.0 else 0.0
+    return c if abs(c) <= 4.0 else 0.0
 
 
 @kernel
@@ -107,7 +107,7 @@ def spread(q, v, dq, h, q_mid_out, q_end_out, u_out):
 
 
 @kernel
-def update_nodes(row_of, x, width, q, theta, dq):
+def update_nodes(row_of, x, width, q, theta, dq, q_last_out, q_line_out):
     """Add the solution x [rows, 6, width] (column 0) to the increments of a step. Returns the largest position increment and
     the largest increment of a Cayley vector next to the vector itself: spins alone also vanish where it runs away to infinity,
     towards half a turn."""
@@ -115,15 +115,21 @@ def update_nodes(row_of, x, width, q, theta, dq):
     spin = 0.0
     for i in range(row_of.shape[0]):
         o = 6 * width * row_of[i]
+        turn = ld3(x, o + 3 * width, width)
+        for c in range(12):
+            q_last_out[12 * i + c] = q[12 * i + c] + dq[12 * i + c]
+        st3(q_line_out, 12 * i, 1, ld3(q_last_out, 12 * i, 1) + ld3(x, o, width))
+        for k in range(12 * i + 3, 12 * i + 12, 3):
+            d = ld3(q_last_out, k, 1)
+            st3(q_line_out, k, 1, d + cross(turn, d))
         for c in range(3):
             z = x[o + c * width]
             dq[12 * i + c] += z
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)
-        p = ld3(x, o + 3 * width, width)
         # from spin to Cayley vector: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi
         t = ld3(theta, 3 * i, 1)
-        p = p - 0.5 * cross(t, p) + (0.25 * dot(t, p)) * t
+        p = turn - 0.5 * cross(t, turn) + (0.25 * dot(t, turn)) * t
         add3(theta, 3 * i, 1, p)
         n = dot(p, p) / (1.0 + 0.25 * dot(t, t))
         if n > spin or n != n:

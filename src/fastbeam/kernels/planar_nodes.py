@@ -77,12 +77,17 @@ def planar_remember(theta, dq, s, s_end, force, h, past):
 
 
 @kernel
-def planar_update(ties, row_of, x, width, q, theta, dq):
+def planar_update(ties, row_of, x, width, q, theta, dq, q_last_out, q_line_out):
     """As `nodes.update_nodes`, with the solution x [rows, 3, width]; ties included."""
     largest = 0.0
     spin = 0.0
     for i in range(row_of.shape[0]):
         o = 3 * width * row_of[i]
+        for c in range(4):
+            q_last_out[4 * i + c] = q[4 * i + c] + dq[4 * i + c]
+        u = ld2(q_last_out, 4 * i + 2, 1)
+        st2(q_line_out, 4 * i, 1, ld2(q_last_out, 4 * i, 1) + ld2(x, o, width))
+        st2(q_line_out, 4 * i + 2, 1, u + x[o + 2 * width] * perp(u))
         for c in range(2):
             z = x[o + c * width]
             dq[4 * i + c] += z
@@ -97,6 +102,7 @@ def planar_update(ties, row_of, x, width, q, theta, dq):
         set_director(q, theta, dq, i)
     if ties is not None:
         tie_planar(ties, dq)
+        tie_planar(ties, q_line_out)
         for k in range(ties.slave.shape[0]):
             i = ties.slave[k]
             for e in range(ties.start[i], ties.start[i + 1]):

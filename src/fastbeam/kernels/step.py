@@ -19,7 +19,7 @@ from .slider import border_of, clear_held, dim_of, fill_panel, gaps_are_closed, 
 from .space import space_assemble, space_start, space_static
 from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates
-from .work import copy
+from .work import copy, forget_line
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 END_SLACK = 1e-12
@@ -106,9 +106,10 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq)
+        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last, work.q_line)
         if ties is not None:
             tie_coordinates(ties, work.dq)
+            tie_coordinates(ties, work.q_line)
             for k in range(ties.slave.shape[0]):
                 i = ties.slave[k]
                 for e in range(ties.start[i], ties.start[i + 1]):
@@ -116,7 +117,8 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
                         for c in range(3):
                             work.theta[3 * i + c] = work.theta[3 * ties.target[e] + c]
     if plane is not None:
-        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq)
+        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last,
+                                   work.q_line)
     return move / length + spin + slide / length
 
 
@@ -302,11 +304,13 @@ def update_static(space, plane, inner, ties, row_of, state, work, width, length,
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq)
+        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last, work.q_line)
         if ties is not None:
             tie_coordinates(ties, work.dq)
+            tie_coordinates(ties, work.q_line)
     if plane is not None:
-        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq)
+        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last,
+                                   work.q_line)
     for k in range(work.dq.shape[0]):
         state.q[k] += work.dq[k]
     return move / length + spin
@@ -316,6 +320,7 @@ def update_static(space, plane, inner, ties, row_of, state, work, width, length,
 def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, pardiso, row_of, state, work, width, length,
                       max_iterations, largest, sizes_out):
     """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
+    forget_line(state, work)
     before = np.inf
     for it in range(max_iterations):
         assemble_static(space, plane, simo, green, inner, ties, held, state, work)

@@ -31,6 +31,8 @@ class Work(NamedTuple):
     keep_force: np.ndarray  # float64 [3 S]
     past: np.ndarray      # float64 [3 + 2 (6 N + 4 S)]: mean rates of the last two steps, nodes.remember
     keep_past: np.ndarray
+    q_last: np.ndarray    # float64 [12 N]: shape before the last increment, at first that before the step
+    q_line: np.ndarray    # float64 [12 N]: where that increment led in a straight line
 
 
 class State(NamedTuple):
@@ -46,6 +48,13 @@ class State(NamedTuple):
 def copy(x, y_out):
     for i in range(x.shape[0]):
         y_out[i] = x[i]
+
+
+@kernel
+def forget_line(state, work):
+    """No increment yet: the tangent takes the stresses before the step."""
+    copy(state.q, work.q_last)
+    copy(state.q, work.q_line)
 
 
 @kernel
