@@ -18,7 +18,7 @@ from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.slider import Contact, Curves, Sliders
 from .kernels.ties import Ties
-from .kernels.work import State, Work
+from .kernels.work import Line, State, Work
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -133,7 +133,21 @@ class Model:
     @property
     def past_size(self) -> int:
         """Numbers that a run keeps of the last two steps for the first guess of the next."""
-        return 3 + 2 * (len(self.size) * self.n_nodes + (self.dim + 1) * self.n_sliders)
+        return 4 + 2 * (len(self.size) * self.n_nodes + (self.dim + 1) * self.n_sliders)
+
+    @cached_property
+    def softest(self) -> float:
+        """EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion
+        and bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
+        their square, bends a beam more than they do."""
+        out = np.inf
+        for tables in (self.simo, self.green):
+            if tables is not None:
+                stiff = tables.tab[tables.meta[:, 2, None, None] + 56 * np.arange(6)[:, None] + np.arange(8)]
+                long, bend = stiff[:, :3].max(axis=1), stiff[:, 3:]
+                bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
+                out = min(out, float(np.min(bend / (long * self.length**2))))
+        return out
 
     @property
     def n_unknowns(self) -> int:
@@ -202,7 +216,7 @@ class Model:
                     panel=_aligned(size * n * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=_aligned(self._scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
                     keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size),
-                    q_last=np.zeros(q), q_line=np.zeros(q))
+                    line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(q)))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,19 +74,25 @@ class Plane:
 
     def expand(self, flat: State) -> State:
         """Coordinates in space."""
-        n = len(self.factor)
-        out = []
-        for x, height, normal in ((flat.q, self.height, self.normal), (flat.v, 0.0, 0.0 * self.normal)):
-            z = x.reshape(n, 2, 2) @ np.array([1.0, 1j])
-            place = np.concatenate((z[:, :1], self.factor * z[:, 1:]), axis=1)
-            up = np.concatenate((np.full((n, 1), height), normal), axis=1)
-            out.append((_vectors(place, self.axes) + up[:, :, None] * self.axes[2]).reshape(-1))
-        return State(out[0], out[1], flat.s.copy(), self.forces(flat.force))
+        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), self.forces(flat.force))
+
+    def _within(self, x: Array) -> Array:
+        """[12 N] from [4 N], without what points along the normal."""
+        z = x.view(complex).reshape(-1, 2)
+        place = np.empty((len(z), 4), complex)
+        place[:, 0] = z[:, 0]
+        np.multiply(self.factor, z[:, 1:], out=place[:, 1:])
+        return _vectors(place, self.axes).reshape(-1)
+
+    @cached_property
+    def _above(self) -> Array:
+        """What points along the normal, [12 N]."""
+        up = np.concatenate((np.full((len(self.factor), 1), self.height), self.normal), axis=1)
+        return (up[:, :, None] * self.axes[2]).reshape(-1)
 
     def forces(self, force: Array) -> Array:
         """Contact forces [..., 2 S] in space, [..., 3 S]."""
-        z = force.reshape(*force.shape[:-1], -1, 2) @ np.array([1.0, 1j])
-        return _vectors(z, self.axes).reshape(*force.shape[:-1], -1)
+        return _vectors(force.view(complex), self.axes).reshape(*force.shape[:-1], -1)
 
     def holds(self, state: State) -> bool:
         """Whether a state lies in the plane."""
@@ -106,7 +113,7 @@ def _numbers(z: Array) -> Array:
 
 
 def _vectors(z: Array, axes: Array) -> Array:
-    return z.real[..., None] * axes[0] + z.imag[..., None] * axes[1]
+    return z.view(float).reshape(*z.shape, 2) @ axes[:2]
 
 
 def find_plane(model: Model) -> tuple[Plane | None, str]:
@@ -228,11 +235,13 @@ def _reduced(model: Model, plane: Plane) -> Model:
     if loads.size:
         rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
-    return replace(
+    flat = replace(
         model, simo=_elements(model, model.simo, plane), green=_elements(model, model.green, plane), inner=_inner(model.inner),
         bodies=_bodies(model, plane), ties=_ties(model, plane, state), held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=state.q,
         v0=state.v, size=THREE, plane=None)
+    flat.softest = model.softest
+    return flat
 
 
 def _elements(model: Model, tables: ElementTables | None, plane: Plane) -> ElementTables | None:

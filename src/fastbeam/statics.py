@@ -190,7 +190,7 @@ class _StaticSolver:
             return self._plain(False).signs(factors)
         model, work = self.core, self.work
         self._load(factors)
-        kernels.forget_line(self.stepper.core_state, work)
+        work.line.use[0] = 0.0
         kernels.assemble_static(*self.stepper.kind[:2], model.simo, model.green, None, model.ties, model.static_held,
                                 self.stepper.core_state, work)
         return self.linear.superlu.signs(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
@@ -199,7 +199,7 @@ class _StaticSolver:
         model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
         row_of = model.pattern.row_of
         sizes: list[float] = []
-        kernels.forget_line(state, work)
+        work.line.use[0] = 0.0
         for _ in range(self.max_iterations):
             kernels.assemble_static(*kind[:2], model.simo, model.green, self.inner, model.ties, model.static_held, state, work)
             kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.static_held, row_of.shape[0], model.width, work,

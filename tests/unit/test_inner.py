@@ -24,8 +24,8 @@ def frame(strain: str = "simo_reissner", degree: int = 3, loads: bool = False) -
     parts = [boom, cable, load, fb.Clamp(boom.start), fb.RigidConnection(boom.end, load),
              fb.BallJoint(load.point((-0.05, 0.1, -0.02)), cable.start)]
     if loads:
-        wind = fb.DistributedLoad("wind", cable, force=(0.3, 0.1, 0))
-        return fb.Scene(*parts, wind, fb.Clamp(cable.end), gravity=(0, 0, -9.81))
+        wind = fb.DistributedLoad("wind", cable, force=(0.06, 0.02, 0))
+        return fb.Scene(*parts, wind, fb.Clamp(cable.end), gravity=(0, 0, -2.0))
     return fb.Scene(*parts, mast, bead, fb.Slider("on boom", bead, boom, at=1.1, rate=0.4),
                     fb.Slider("on cable", mast.node(2), cable, at=0.6), gravity=(0, 0, -9.81))
 

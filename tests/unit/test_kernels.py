@@ -16,12 +16,13 @@ from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.nodes import add_bodies, advance, predict, set_directors, spread, update_nodes
 from fastbeam.kernels.slider import Contact, Curves, contact_basis, find_element, legendre, point_on_curve
 from fastbeam.kernels.ties import tie_arm, tie_coordinates
+from fastbeam.kernels.work import Line
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
 from fastbeam.tables import pack_curves
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import Twin, cay, cayley_vector, increments, skew  # noqa: E402
+from naive import Twin, beam_strains, cay, cayley_vector, increments, project, skew, strain_matrix  # noqa: E402
 
 Array = np.ndarray
 EXACT = 1e-14  # a handful of operations on numbers of order one
@@ -206,7 +207,13 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     panel = np.full((n, 6, width), np.nan)
     panel[row_of, :, 0] = change
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
-    move, spin = update_nodes(row_of, panel.reshape(-1), width, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1))
+    before = q + dq
+    last, line = np.zeros_like(q), np.zeros_like(q)
+    move, spin = update_nodes(row_of, panel.reshape(-1), width, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
+                              last.reshape(-1), line.reshape(-1))
+    np.testing.assert_array_equal(last, before)
+    np.testing.assert_allclose(line[:, 0], before[:, 0] + change[:, :3], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(line[:, 1:], before[:, 1:] + np.cross(change[:, None, 3:], before[:, 1:]), rtol=0, atol=1e-15)
     assert move == np.max(np.abs(change[:, :3]))
     assert spin == pytest.approx(np.max(np.linalg.norm(new_theta - theta, axis=1) / np.sqrt(1.0 + np.sum(theta**2, axis=1) / 4)))
     np.testing.assert_allclose(dq, increments(q, dphi + change[:, :3], new_theta), rtol=0, atol=3e-15)
@@ -223,7 +230,8 @@ def test_update_does_not_lose_nan(node: int, component: int) -> None:
     panel = np.ones((3, 6, 8))
     panel[node, component] = np.nan
     q = np.tile(np.eye(4, 3, -1), (3, 1, 1))
-    move, spin = update_nodes(np.arange(3), panel.reshape(-1), 8, q.reshape(-1), np.zeros(9), np.zeros(36))
+    move, spin = update_nodes(np.arange(3), panel.reshape(-1), 8, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36),
+                              np.zeros(36))
     assert np.isnan(move + spin)
 
 
@@ -314,11 +322,14 @@ class Elements:
 
     def assemble(self, tables: ElementTables, inertia: bool = True) -> tuple[Array, Array]:
         """Residual rows and blocks at a fixed random state, without what idle lanes write to."""
-        rng = np.random.default_rng(10)
-        mid, end, u = rng.standard_normal((3, 12 * self.model.n_nodes))
+        mid, end, u = np.random.default_rng(10).standard_normal((3, 12 * self.model.n_nodes))
+        return self.at(mid, end, u if inertia else None, Line(np.zeros(3), end, end), 800.0, tables)
+
+    def at(self, mid: Array, end: Array, u: Array | None, line: Line, rate: float, tables: ElementTables) -> tuple[Array, Array]:
+        """Residual rows and blocks."""
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, None, mid, end, end, end, u if inertia else None, 800.0, None, self.green, None, r.reshape(-1),
-                       blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
+        element_groups(tables, None, mid, end, line, u, rate, None, self.green, None, r.reshape(-1), blocks.reshape(-1),
+                       np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
         return r[:-1], blocks[:-1]
 
 
@@ -368,6 +379,62 @@ def test_statics_is_dynamics_without_inertia() -> None:
     row_of = elements.model.pattern.row_of
     np.testing.assert_allclose((moving[0] - static[0])[row_of, :3], shift, rtol=0, atol=1e-11)
     assert not np.any(static[0][:, 6:])
+
+
+@pytest.mark.parametrize("moving", [True, False])
+@pytest.mark.parametrize("strain", ["simo_reissner", "green_lagrange"])
+def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool) -> None:
+    # one element: the forces of stresses that follow from a straight line are differentiated by central differences, theory.md (4.6)
+    rng = np.random.default_rng(11)
+    beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.1, section=SECTION, elements=1, degree=2, strain=strain)
+    elements = Elements(compile_scene(Scene(beam), eliminate_inner=False))
+    n = beam.n_nodes
+    nodes, reference = beam.basis.element_nodes, elements.model.q0.reshape(n, 4, 3)
+    last, mid = reference + 0.3 * rng.standard_normal((2, n, 4, 3))
+    spin, move = 0.2 * rng.standard_normal((2, n, 3))
+    change = np.concatenate((move[:, None], np.cross(spin[:, None], last[:, 1:])), axis=1)
+    end = last + change + 0.05 * rng.standard_normal((n, 4, 3))
+    mid = mid if moving else end
+
+    def strain_of(q: Array) -> Array:
+        return beam_strains(beam, q[nodes]) - beam_strains(beam, reference[nodes])
+
+    slope = 0.5 * (strain_of(last + change) - strain_of(last - change))  # exact, strains are quadratic
+    # (E(start) + E(end))/2 from mid and end as the kernel forms it, with the end on the line; at rest the start moves, too
+    now = 0.5 * (strain_of(2.0 * mid - end) + strain_of(end)) if moving else strain_of(end)
+    on_line = now + (0.5 if moving else 1.0) * (strain_of(last) + slope - strain_of(end))
+
+    def rows(x: Array) -> Array:
+        moved = np.concatenate((x[:, None, :3], np.cross(x[:, None, 3:], end[:, 1:])), axis=1)
+        at = mid + 0.5 * moved
+        stress = (on_line + 0.5 * np.einsum("xegi,x->egi", strain_matrix(beam, end[nodes]), moved[nodes].reshape(-1))) @ SECTION.C
+        f = np.einsum("xegi,egi,eg->x", strain_matrix(beam, at[nodes]), stress, beam.basis.weight).reshape(n, 4, 3)
+        return project(at, f)
+
+    expected = np.zeros((6 * n, 6 * n))
+    for k in range(6 * n):
+        x = np.zeros(6 * n)
+        x[k] = 1e-5
+        expected[:, k] = (rows(x.reshape(n, 6)) - rows(-x.reshape(n, 6))).reshape(-1) / 2e-5
+    line = Line(np.array([1.0, 0.0, -1.0]), last.reshape(-1), (last + change).reshape(-1))
+    row_of, pattern = elements.model.pattern.row_of, elements.model.pattern
+
+    def dense(line: Line) -> Array:
+        u = np.zeros(12 * n) if moving else None
+        r, blocks = elements.at(mid.reshape(-1), end.reshape(-1), u, line, 0.0, elements.tables)
+        out = np.zeros((n, 6, n, 6))
+        for block, i, j in zip(blocks.reshape(-1, 6, 8), pattern.rows, pattern.columns):
+            out[i, :, j] = block[:, :6]
+        found = out[row_of][:, :, row_of].reshape(6 * n, 6 * n)
+        stress = now @ SECTION.C
+        f = np.einsum("xegi,egi,eg->x", strain_matrix(beam, mid[nodes]), stress, beam.basis.weight).reshape(n, 4, 3)
+        np.testing.assert_allclose(r[row_of, :6], project(mid, f), rtol=0, atol=1e-12 * np.max(np.abs(f)))
+        return found
+
+    mixed, plain = dense(line), dense(Line(np.zeros(3), line.q_last, line.q_line))
+    scale = np.max(np.abs(expected))
+    np.testing.assert_allclose(mixed, expected, rtol=0, atol=1e-8 * scale)
+    assert np.max(np.abs(mixed - plain)) > 1e-2 * scale
 
 
 # --------------------------------------------------------------------------------------------------------------- contact

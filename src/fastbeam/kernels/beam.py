@@ -104,7 +104,7 @@ def mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room):
 @kernel
 def unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room):
     """What the mean strains, linear in the last increment, lack to those of the present shape: what the tangent must not use,
-    theory.md (4.4). zl: the shape to which the last increment leads in a straight line, zs: that increment."""
+    theory.md (4.6). zl: the shape to which the last increment leads in a straight line, zs: that increment."""
     if middle is not None:
         for i in range(0, 168, 8):
             vst(scratch, zl + i, 0, vld(scratch, zm + i, 0) + 0.5 * (vld(scratch, zl + i, 0) - vld(scratch, ze + i, 0)))
@@ -421,12 +421,11 @@ def project_node(scratch, q, fo, go, ro, ko):
 
 
 @kernel
-def element_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
-                   size):
+def element_groups(tables, inner, q_mid, q_end, line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, u: [12 N]; u is None in statics. q_last, q_line [12 N]: the shape before the last increment and where that led
-    in a straight line; the tangent takes the stresses that belong to them (theory.md (4.4)). rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
+    q_mid, q_end, u: [12 N]; u is None in statics. line: the last increment (work.Line); where it says so, the tangent takes the
+    stresses to which that led in a straight line, theory.md (4.6), else those of the present shape. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
     second rates of d2, d3 by the spins (generalised alpha). green: None for strain set (2.2), else (2.1); branches on what is
     None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit
     midpoint). inner: None, else inner nodes are eliminated where the tables say so.
@@ -434,6 +433,7 @@ def element_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, spin_ra
     """
     meta = tables.meta
     tab = tables.tab
+    mixed = line.use[0] != 0.0
     for k in range(meta.shape[0]):
         nn = meta[k, 0]
         nq = meta[k, 1]
@@ -463,12 +463,13 @@ def element_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, spin_ra
         vo = so0 + nq * ps
         lo = vo + 144 * nn
         go = lo + Q_LANES * nn
-        for a in range(nn):
-            q = lo + Q_LANES * a
-            gather_lanes(q_line, tables.nodes, no + 8 * a, 12, 12, scratch, q)
-            gather_lanes(q_last, tables.nodes, no + 8 * a, 12, 12, scratch, q + 96)
-            for i in range(q, q + 96, 8):
-                vst(scratch, i + 96, 0, vld(scratch, i, 0) - vld(scratch, i + 96, 0))
+        if mixed:
+            for a in range(nn):
+                q = lo + Q_LANES * a
+                gather_lanes(line.q_line, tables.nodes, no + 8 * a, 12, 12, scratch, q)
+                gather_lanes(line.q_last, tables.nodes, no + 8 * a, 12, 12, scratch, q + 96)
+                for i in range(q, q + 96, 8):
+                    vst(scratch, i + 96, 0, vld(scratch, i, 0) - vld(scratch, i + 96, 0))
         for i in range(go, go + 96 * nn):
             scratch[i] = 0.0
         if spin_rate is not None:
@@ -484,19 +485,20 @@ def element_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, spin_ra
             eo = zm + 336
             interpolate(tab, to, nn, scratch, 0, zm)
             interpolate(tab, to, nn, scratch, 96, ze)
-            zl = zm + 384
-            zs = zm + 552
             room = zm + 720
-            interpolate(tab, to, nn, scratch, lo, zl)
-            interpolate(tab, to, nn, scratch, lo + 96, zs)
             mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room)
             stresses(tab, co, to, coupled, scratch, eo, so)
             add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
-            unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room)
-            stresses(tab, co, to, coupled, scratch, eo, room)
-            add_forces(tab, to, nn, scratch, zm, room, green, None, go)
-            for i in range(0, 48, 8):
-                vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
+            if mixed:
+                zl = zm + 384
+                zs = zm + 552
+                interpolate(tab, to, nn, scratch, lo, zl)
+                interpolate(tab, to, nn, scratch, lo + 96, zs)
+                unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room)
+                stresses(tab, co, to, coupled, scratch, eo, room)
+                add_forces(tab, to, nn, scratch, zm, room, green, None, go)
+                for i in range(0, 48, 8):
+                    vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
             point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, 0, so, po)
         for a in range(nn):
             for b in range(nn):

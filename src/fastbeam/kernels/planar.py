@@ -6,13 +6,13 @@ from .nodes import apply_held, extrapolation, spread
 from .planar_beam import planar_groups
 from .planar_nodes import add_planar_bodies, apply_planar_ties, planar_predict, tie_planar
 from .planar_slider import add_planar_sliders, predict_planar_sliders
-from .work import clear, copy, forget_line
+from .work import clear, copy, start_line
 
 
 @kernel
 def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    forget_line(state, work)
+    start_line(state, work)
     c = extrapolation(work.past, h)
     planar_predict(state.q, state.v, h, c, work.past, spinless, work.theta, work.dq)
     if ties is not None:
@@ -31,10 +31,10 @@ def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, con
         add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                            work.s_end, state.force, work.r)
     if simo is not None:
-        planar_groups(simo, inner, work.q_mid, work.q_end, work.q_last, work.q_line, work.u, rate, None, work.r,
+        planar_groups(simo, inner, work.q_mid, work.q_end, work.line, work.u, rate, None, work.r,
                       work.blocks, work.scratch, size)
     if green is not None:
-        planar_groups(green, inner, work.q_mid, work.q_end, work.q_last, work.q_line, work.u, rate, 1, work.r,
+        planar_groups(green, inner, work.q_mid, work.q_end, work.line, work.u, rate, 1, work.r,
                       work.blocks, work.scratch, size)
     if bodies is not None:
         add_planar_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
@@ -51,10 +51,10 @@ def planar_static(simo, green, inner, ties, held, state, work, size):
     copy(state.q, work.q_end)
     clear(inner, work)
     if simo is not None:
-        planar_groups(simo, inner, work.q_mid, work.q_end, work.q_last, work.q_line, None, None, None, work.r,
+        planar_groups(simo, inner, work.q_mid, work.q_end, work.line, None, None, None, work.r,
                       work.blocks, work.scratch, size)
     if green is not None:
-        planar_groups(green, inner, work.q_mid, work.q_end, work.q_last, work.q_line, None, None, 1, work.r,
+        planar_groups(green, inner, work.q_mid, work.q_end, work.line, None, None, 1, work.r,
                       work.blocks, work.scratch, size)
     if ties is not None:
         apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)

@@ -35,12 +35,11 @@ def planar_scratch_size(nn: int, nq: int) -> int:
 
 
 @kernel
-def planar_point(tab, co, to, nn, scratch, fo, lo, u_step, po, green):
+def planar_point(tab, co, to, nn, scratch, fo, lo, mixed, u_step, po, green):
     """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
     (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4, then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns
     rotation-translation 2 and translation-rotation 2."""
     f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
-    fl = vzero2(); ul = vzero2(); kl = vzero2(); fs = vzero2(); us = vzero2(); ks = vzero2()
     for a in range(nn):
         t = to + 8 + 24 * a
         q = 64 * a
@@ -48,25 +47,15 @@ def planar_point(tab, co, to, nn, scratch, fo, lo, u_step, po, green):
         x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
         f += dp * vld2(scratch, q, 8); u += n * x; k += dn * x
         fe += dp * vld2(scratch, q + 32, 8); ue += n * y; ke += dn * y
-        q = lo + 80 * a
-        x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
-        fl += dp * vld2(scratch, q, 8); ul += n * x; kl += dn * x
-        fs += dp * vld2(scratch, q + 32, 8); us += n * y; ks += dn * y
     # mean strains: quadratic forms, so those of the midpoint plus those of half the increment
     df = fe - f; du = ue - u; dk = ke - k
     g = cross2(u, f) + cross2(du, df)
-    # what those linear in the last increment lack to them, theory.md (4.4)
-    lg = cross2(ul, fl) - cross2(us, fs) - cross2(ue, fe)
     if green is None:
         e = dot(f, u) + dot(df, du)
         c = cross2(u, k) + cross2(du, dk)
-        le = dot(fl, ul) - dot(fs, us) - dot(fe, ue)
-        lc = cross2(ul, kl) - cross2(us, ks) - cross2(ue, ke)
     else:
         e = 0.5 * (dot(f, f) + dot(df, df))
         c = cross2(f, k) + cross2(df, dk)
-        le = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
-        lc = cross2(fl, kl) - cross2(fs, ks) - cross2(fe, ke)
     w = vld(tab, to, 0)
     e0 = to + 8 + 24 * nn
     e -= vld(tab, e0, 0); g -= vld(tab, e0 + 8, 0); c -= vld(tab, e0 + 16, 0)
@@ -75,26 +64,49 @@ def planar_point(tab, co, to, nn, scratch, fo, lo, u_step, po, green):
     s1 = c00 * e + c01 * g + c02 * c
     s2 = c01 * e + c11 * g + c12 * c
     s3 = c02 * e + c12 * g + c22 * c
-    share = 1.0
-    if u_step is not None:
-        share = 0.5    # the start of the step stays as it is
-    m1 = share * (c00 * le + c01 * lg + c02 * lc)
-    m2 = share * (c01 * le + c11 * lg + c12 * lc)
-    m3 = share * (c02 * le + c12 * lg + c22 * lc)
-    vst(scratch, po, 0, s1 + m1); vst(scratch, po + 8, 0, s2 + m2); vst(scratch, po + 16, 0, s3 + m3)
+    vst(scratch, po, 0, s1); vst(scratch, po + 8, 0, s2); vst(scratch, po + 16, 0, s3)
+    if mixed:
+        # what the mean strains, linear in the last increment, lack to them, theory.md (4.6)
+        fl = vzero2(); ul = vzero2(); kl = vzero2(); fs = vzero2(); us = vzero2(); ks = vzero2()
+        for a in range(nn):
+            t = to + 8 + 24 * a
+            q = lo + 80 * a
+            dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+            x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
+            fl += dp * vld2(scratch, q, 8); ul += n * x; kl += dn * x
+            fs += dp * vld2(scratch, q + 32, 8); us += n * y; ks += dn * y
+        g = cross2(ul, fl) - cross2(us, fs) - cross2(ue, fe)
+        if green is None:
+            e = dot(fl, ul) - dot(fs, us) - dot(fe, ue)
+            c = cross2(ul, kl) - cross2(us, ks) - cross2(ue, ke)
+        else:
+            e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
+            c = cross2(fl, kl) - cross2(fs, ks) - cross2(fe, ke)
+        share = 1.0
+        if u_step is not None:
+            share = 0.5    # the start of the step stays as it is
+        m1 = share * (c00 * e + c01 * g + c02 * c)
+        m2 = share * (c01 * e + c11 * g + c12 * c)
+        m3 = share * (c02 * e + c12 * g + c22 * c)
+        vst(scratch, po, 0, s1 + m1); vst(scratch, po + 8, 0, s2 + m2); vst(scratch, po + 16, 0, s3 + m3)
+        if green is None:
+            x = m1 * f - m2 * perp(f) - m3 * perp(k)
+            y = m3 * perp(u)
+        else:
+            x = vzero2() - m2 * perp(f)
+            y = m3 * perp(f)
+        for a in range(nn):
+            t = to + 8 + 24 * a
+            vadd2(scratch, lo + 80 * a + 64, 8, vld(tab, t + 8, 0) * x + vld(tab, t + 16, 0) * y)
     # rows of the position: t_i phi', of the midpoint and of the end
     if green is None:
         t1 = u; t3 = vzero2(); t1e = ue; t3e = vzero2()
         x1 = s1 * f - s2 * perp(f) - s3 * perp(k)
         y1 = s3 * perp(u)
-        z1 = m1 * f - m2 * perp(f) - m3 * perp(k)
-        w1 = m3 * perp(u)
     else:
         t1 = f; t3 = vzero2() - perp(k); t1e = fe; t3e = vzero2() - perp(ke)
         x1 = vzero2() - s2 * perp(f)
         y1 = s3 * perp(f)
-        z1 = vzero2() - m2 * perp(f)
-        w1 = m3 * perp(f)
     t2 = perp(u); t2e = perp(ue)
     x0 = s1 * t1 + s2 * t2 + s3 * t3
     # half the stiffness times the rows of the end, shared by all nodes
@@ -111,7 +123,6 @@ def planar_point(tab, co, to, nn, scratch, fo, lo, u_step, po, green):
         o = fo + 32 * a
         vadd2(scratch, o, 8, vld(tab, t, 0) * x0)
         vadd2(scratch, o + 16, 8, n * x1 + dn * y1)
-        vadd2(scratch, lo + 80 * a + 64, 8, n * z1 + dn * w1)
         # rotation rows: a node's director moves with J u
         z = perp(vld2(scratch, q + 16, 8)); ze = perp(vld2(scratch, q + 48, 8))
         r2 = n * cross2(z, f)
@@ -185,14 +196,15 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
 
 
 @kernel
-def planar_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, green, r_out, blocks_out, scratch, size):
+def planar_groups(tables, inner, q_mid, q_end, line, u, rate, green, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, q_last, q_line, u: [4 N], see `beam.element_groups`; u is None in statics. rate: 2/h^2, None in statics. green: None for strain set (2.2), else (2.1).
+    q_mid, q_end, u: [4 N], the latter None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics. green: None for strain set (2.2), else (2.1).
     inner: None, else inner nodes are eliminated where the tables say so. r_out [8 rows], blocks_out [24 blocks].
     """
     meta = tables.meta
     tab = tables.tab
+    mixed = line.use[0] != 0.0
     for k in range(meta.shape[0]):
         nn = meta[k, 0]
         nq = meta[k, 1]
@@ -210,13 +222,15 @@ def planar_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, green, r
         po0 = ko + 72 * nn * nn
         ps = 8 * (7 + 10 * nn)
         lo = po0 + nq * ps
+        if mixed:
+            for a in range(nn):
+                q = lo + 80 * a
+                gather_lanes(line.q_line, tables.nodes, no + 8 * a, 4, 4, scratch, q)
+                gather_lanes(line.q_last, tables.nodes, no + 8 * a, 4, 4, scratch, q + 32)
+                for i in range(q, q + 32, 8):
+                    vst(scratch, i + 32, 0, vld(scratch, i, 0) - vld(scratch, i + 32, 0))
         for a in range(nn):
-            q = lo + 80 * a
-            gather_lanes(q_line, tables.nodes, no + 8 * a, 4, 4, scratch, q)
-            gather_lanes(q_last, tables.nodes, no + 8 * a, 4, 4, scratch, q + 32)
-            for i in range(q, q + 32, 8):
-                vst(scratch, i + 32, 0, vld(scratch, i, 0) - vld(scratch, i + 32, 0))
-            vst2(scratch, q + 64, 8, vzero2())
+            vst2(scratch, lo + 80 * a + 64, 8, vzero2())
         for a in range(nn):
             gather_lanes(q_mid, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a)
             gather_lanes(q_end, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a + 32)
@@ -234,7 +248,7 @@ def planar_groups(tables, inner, q_mid, q_end, q_last, q_line, u, rate, green, r
                 vst2(scratch, fo + 32 * a, 8, rho * p)
                 vst2(scratch, fo + 32 * a + 16, 8, j * d)
         for g in range(nq):
-            planar_point(tab, co, to0 + pt * g, nn, scratch, fo, lo, u, po0 + ps * g, green)
+            planar_point(tab, co, to0 + pt * g, nn, scratch, fo, lo, mixed, u, po0 + ps * g, green)
         for a in range(nn):
             for b in range(nn):
                 planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))

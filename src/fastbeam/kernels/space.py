@@ -7,13 +7,13 @@ from .beam import element_groups
 from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
 from .ties import apply_ties, tie_coordinates
-from .work import clear, copy, forget_line
+from .work import clear, copy, start_line
 
 
 @kernel
 def space_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    forget_line(state, work)
+    start_line(state, work)
     c = extrapolation(work.past, h)
     predict(state.q, state.v, h, c, work.past, spinless, work.theta, work.dq)
     if ties is not None:
@@ -26,10 +26,10 @@ def space_start(ties, curves, sliders, contact, spinless, state, work, h):
 def add_elements(simo, green, inner, rate, spin_rate, middle, work, size):
     """Residual and tangent of all beams; what acts on inner nodes has to stand in the residual already."""
     if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, work.q_last, work.q_line, work.u, rate, spin_rate, None, middle, work.r, work.blocks,
+        element_groups(simo, inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, None, middle, work.r, work.blocks,
                        work.scratch, size)
     if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, work.q_last, work.q_line, work.u, rate, spin_rate, 1, middle, work.r, work.blocks,
+        element_groups(green, inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, 1, middle, work.r, work.blocks,
                        work.scratch, size)
 
 
@@ -80,7 +80,7 @@ def assemble_rest(simo, green, bodies, ties, held, state, work, size):
     """Residual at the present configuration for the second rates in work.u, without contact forces."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
-    forget_line(state, work)
+    start_line(state, work)
     clear(None, work)
     add_elements(simo, green, None, 0.0, None, None, work, size)
     if bodies is not None:
@@ -98,10 +98,10 @@ def space_static(simo, green, inner, ties, held, state, work, size):
     copy(state.q, work.q_end)
     clear(inner, work)
     if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, work.q_last, work.q_line, None, None, None, None, None, work.r,
+        element_groups(simo, inner, work.q_mid, work.q_end, work.line, None, None, None, None, None, work.r,
                        work.blocks, work.scratch, size)
     if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, work.q_last, work.q_line, None, None, None, 1, None, work.r,
+        element_groups(green, inner, work.q_mid, work.q_end, work.line, None, None, None, 1, None, work.r,
                        work.blocks, work.scratch, size)
     if ties is not None:
         apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)

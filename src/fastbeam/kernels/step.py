@@ -19,7 +19,7 @@ from .slider import border_of, clear_held, dim_of, fill_panel, gaps_are_closed, 
 from .space import space_assemble, space_start, space_static
 from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates
-from .work import copy, forget_line
+from .work import copy, follow_line
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 END_SLACK = 1e-12
@@ -106,10 +106,11 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last, work.q_line)
+        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq, work.line.q_last,
+                                  work.line.q_line)
         if ties is not None:
             tie_coordinates(ties, work.dq)
-            tie_coordinates(ties, work.q_line)
+            tie_coordinates(ties, work.line.q_line)
             for k in range(ties.slave.shape[0]):
                 i = ties.slave[k]
                 for e in range(ties.start[i], ties.start[i + 1]):
@@ -117,8 +118,9 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
                         for c in range(3):
                             work.theta[3 * i + c] = work.theta[3 * ties.target[e] + c]
     if plane is not None:
-        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last,
-                                   work.q_line)
+        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq, work.line.q_last,
+                                   work.line.q_line)
+    follow_line(work.line, move / length + spin)
     return move / length + spin + slide / length
 
 
@@ -187,6 +189,7 @@ def slider_outside(state, lengths):
 @kernel
 def finish_step(space, plane, ties, alpha, state, work, h):
     """Accept a converged step."""
+    work.past[work.past.shape[0] - 1] = work.line.use[2]
     if space is not None:
         remember(work.theta, work.dq, state.s, work.s_end, state.force, h, work.past)
     if plane is not None:
@@ -304,15 +307,17 @@ def update_static(space, plane, inner, ties, row_of, state, work, width, length,
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last, work.q_line)
+        move, spin = update_nodes(row_of, work.panel, width, state.q, work.theta, work.dq, work.line.q_last,
+                                  work.line.q_line)
         if ties is not None:
             tie_coordinates(ties, work.dq)
-            tie_coordinates(ties, work.q_line)
+            tie_coordinates(ties, work.line.q_line)
     if plane is not None:
-        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq, work.q_last,
-                                   work.q_line)
+        move, spin = planar_update(ties, row_of, work.panel, width, state.q, work.theta, work.dq, work.line.q_last,
+                                   work.line.q_line)
     for k in range(work.dq.shape[0]):
         state.q[k] += work.dq[k]
+    follow_line(work.line, move / length + spin)
     return move / length + spin
 
 
@@ -320,7 +325,7 @@ def update_static(space, plane, inner, ties, row_of, state, work, width, length,
 def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, pardiso, row_of, state, work, width, length,
                       max_iterations, largest, sizes_out):
     """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
-    forget_line(state, work)
+    work.line.use[0] = 0.0
     before = np.inf
     for it in range(max_iterations):
         assemble_static(space, plane, simo, green, inner, ties, held, state, work)

@@ -8,6 +8,15 @@ import numpy as np
 from .._jit import kernel
 
 
+class Line(NamedTuple):
+    """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
+
+    use: np.ndarray       # float64 [3]: not 0 where the tangent needs it; increments of which size it can do without, relative
+    #                       to the length of the scene; size of the first increment of the step, -1 before
+    q_last: np.ndarray    # float64 [12 N]: shape before the increment, at first that before the step
+    q_line: np.ndarray    # float64 [12 N]: where it led in a straight line
+
+
 class Work(NamedTuple):
     """Everything a step writes besides the state; sizes are those in space."""
 
@@ -29,10 +38,10 @@ class Work(NamedTuple):
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
-    past: np.ndarray      # float64 [3 + 2 (6 N + 4 S)]: mean rates of the last two steps, nodes.remember
+    past: np.ndarray      # float64 [3 + 2 (6 N + 4 S) + 1]: mean rates of the last two steps, nodes.remember, and the size of the
+    #                       first increment of the last
     keep_past: np.ndarray
-    q_last: np.ndarray    # float64 [12 N]: shape before the last increment, at first that before the step
-    q_line: np.ndarray    # float64 [12 N]: where that increment led in a straight line
+    line: Line
 
 
 class State(NamedTuple):
@@ -51,10 +60,22 @@ def copy(x, y_out):
 
 
 @kernel
-def forget_line(state, work):
-    """No increment yet: the tangent takes the stresses before the step."""
-    copy(state.q, work.q_last)
-    copy(state.q, work.q_line)
+def start_line(state, work):
+    """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step."""
+    first = work.past[work.past.shape[0] - 1]
+    follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
+    work.line.use[2] = -1.0
+    if work.line.use[0] != 0.0:
+        copy(state.q, work.line.q_last)
+        copy(state.q, work.line.q_line)
+
+
+@kernel
+def follow_line(line, moved):
+    """Whether an increment of this size is too long for the stresses at its end."""
+    line.use[0] = 0.0 if moved <= line.use[1] else 1.0
+    if line.use[2] < 0.0:
+        line.use[2] = moved
 
 
 @kernel
