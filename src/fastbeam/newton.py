@@ -89,7 +89,7 @@ class Stepper:
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
         self.model = model
-        start = model.state() if state is None else _own_state(model, state)
+        start = None if state is None else _own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
         if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
             raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
@@ -98,11 +98,11 @@ class Stepper:
         # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
         flat = model.plane is not None and method.middle is None and method.parameters is None
         from_space = memory is not None and memory.size == model.past_size
-        self.plane = model.plane if flat and not from_space and model.plane.holds(start) else None
+        self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         self.core: Model = model if self.plane is None else self.plane.model
         self.kind = (SIX, None, SIX) if self.plane is None else (None, THREE, THREE)
-        self.core_state = start if self.plane is None else self.plane.reduce(start)
         core = self.core
+        self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         self.weights = np.ascontiguousarray(weights, dtype=float)
         self.work = core.work()
         self.inner = core.inner_work()
@@ -111,6 +111,8 @@ class Stepper:
         self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._spare: Stepper | None = None
+        mass = float(model.gravity_weight.sum())
+        self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
         if not self._timed and model.loads.shape[0]:
             kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
@@ -254,9 +256,7 @@ class Stepper:
         """Settings of the augmented Lagrangian for steps of size h."""
         if self.contact is None:
             return
-        shortest = h * float(np.min(np.abs(self.weights)))
-        least = LEAST_COMPLIANCE * shortest**2 / float(self.model.gravity_weight.sum())
-        self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, least
+        self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
         """The same loop in Python around SuperLU."""
@@ -329,7 +329,8 @@ class Stepper:
 
     def largest_turn(self) -> tuple[int, float]:
         """(node, angle in rad) of the largest turn of a triad in the last substep."""
-        size = np.linalg.norm(self.work.theta.reshape(self.model.n_nodes, -1), axis=1)
+        theta = self.work.theta.reshape(self.model.n_nodes, -1)
+        size = np.abs(theta[:, 0]) if self.plane is not None else np.linalg.norm(theta, axis=1)
         node = int(np.argmax(size))
         return node, float(2.0 * np.arctan(0.5 * size[node]))
 

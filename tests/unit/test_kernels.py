@@ -384,7 +384,7 @@ def test_statics_is_dynamics_without_inertia() -> None:
 @pytest.mark.parametrize("moving", [True, False])
 @pytest.mark.parametrize("strain", ["simo_reissner", "green_lagrange"])
 def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool) -> None:
-    # one element: the forces of stresses that follow from a straight line are differentiated by central differences, theory.md (4.6)
+    # one element: forces of stresses that follow from a straight line, by central differences; theory.md (4.6)
     rng = np.random.default_rng(11)
     beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.1, section=SECTION, elements=1, degree=2, strain=strain)
     elements = Elements(compile_scene(Scene(beam), eliminate_inner=False))
