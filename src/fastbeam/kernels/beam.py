@@ -341,8 +341,9 @@ def element_groups(tables, inner, q_mid, q_end, line, u, rate, spin_rate, green,
     """Add residual rows and tangent blocks of all groups.
 
     q_mid, q_end, u: [12 N]; u is None in statics. line: the last increment (work.Line); where it says so, the tangent takes the
-    stresses to which that led in a straight line, theory.md (4.6), else those of the present shape. rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the
-    second rates of d2, d3 by the spins (generalised alpha). green: None for strain set (2.2), else (2.1); branches on what is
+    stresses to which that led in a straight line, theory.md (4.6), else those of the present shape.
+    rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of d2, d3 by the spins (generalised
+    alpha). green: None for strain set (2.2), else (2.1); branches on what is
     None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit
     midpoint). inner: None, else inner nodes are eliminated where the tables say so.
     r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.

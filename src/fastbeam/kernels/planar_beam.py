@@ -37,8 +37,9 @@ def planar_scratch_size(nn: int, nq: int) -> int:
 @kernel
 def planar_point(tab, co, to, nn, scratch, fo, lo, mixed, u_step, po, green):
     """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
-    (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4, then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns
-    rotation-translation 2 and translation-rotation 2."""
+    (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4,
+    then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns rotation-translation 2
+    and translation-rotation 2."""
     f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
     for a in range(nn):
         t = to + 8 + 24 * a
@@ -199,8 +200,8 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
 def planar_groups(tables, inner, q_mid, q_end, line, u, rate, green, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of all groups.
 
-    q_mid, q_end, u: [4 N], the latter None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics. green: None for strain set (2.2), else (2.1).
-    inner: None, else inner nodes are eliminated where the tables say so. r_out [8 rows], blocks_out [24 blocks].
+    q_mid, q_end, u: [4 N], the latter None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
+    green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables say so. r_out [8 rows], blocks_out [24 blocks].
     """
     meta = tables.meta
     tab = tables.tab
