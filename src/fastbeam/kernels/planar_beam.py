@@ -201,7 +201,8 @@ def planar_groups(tables, inner, q_mid, q_end, line, u, rate, green, r_out, bloc
     """Add residual rows and tangent blocks of all groups.
 
     q_mid, q_end, u: [4 N], the latter None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
-    green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables say so. r_out [8 rows], blocks_out [24 blocks].
+    green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
+    say so. r_out [8 rows], blocks_out [24 blocks].
     """
     meta = tables.meta
     tab = tables.tab
