@@ -5,7 +5,7 @@ OUT ?= out
 BIN := $(VENV)/bin
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow study peers clean
+.PHONY: help demo test test-slow study peers perf perf-compare clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
@@ -13,6 +13,8 @@ help:
 	@echo "make test-slow  the long physics runs"
 	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
 	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
+	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
+	@echo "make perf-compare BASE=revision   the suite on this state and on another in turn; fails where this one is slower"
 	@echo "make clean      remove $(VENV), $(OUT) and caches"
 
 demo: $(VENV)/.installed
@@ -34,6 +36,14 @@ study: $(VENV)/.installed
 
 peers: $(VENV)/.installed .peers/.installed
 	$(BIN)/python perf/peers/run.py
+
+perf: $(VENV)/.installed
+	@mkdir -p $(OUT)
+	$(BIN)/python perf/suite.py --large --json $(OUT)/perf.json
+
+perf-compare: $(VENV)/.installed
+	@test -n "$(BASE)" || { echo "perf-compare: name a revision, as in make perf-compare BASE=main~5"; exit 2; }
+	$(BIN)/python perf/compare.py $(BASE)
 
 # the first Python in the list that is recent enough makes the environment
 $(BIN)/python:
