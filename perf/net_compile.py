@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 
 # one thread everywhere, before any library starts its pool
-os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")})
+os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS",
+                                           "FASTBEAM_THREADS")})
 
 import argparse  # noqa: E402
 import json  # noqa: E402

@@ -22,13 +22,16 @@ from .pattern import Pattern, ascending, build_pattern, widen
 from .planar import find_plane
 from .report import describe
 from .scene import Beam, RigidBody, Scene
-from .tables import ElementPacker, Elements, elements_of, pack_curves, pack_inner
+from .tables import ElementPacker, Elements, condensed_ends, elements_of, pack_curves, pack_inner, pack_substructures
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
+# elements in beams that can be condensed, from which on it pays
+WORTH_CONDENSING = 2000
 
 
-def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto") -> Model:
+def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto",
+                  condense: bool | str = "auto") -> Model:
     """Compile a scene to constant tables.
 
     Parameters
@@ -44,6 +47,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         Run a scene that lies and moves in a plane with 3 unknowns a node instead of 6: same results to round-off, several times
         faster. True refuses a scene that does not stay in a plane and says why. False runs every scene in space, like the methods
         that conserving steps are compared with. Instabilities out of the plane need a disturbance out of it (theory.md 10).
+    condense : {'auto', True, False}
+        Condense the beams of nets to their ends, eight equal ones at a time and on several threads, so that the solver sees the
+        nodes of the nets only (theory.md 9). Same results to round-off; 'auto' does it in large nets, where it pays.
 
     Raises
     ------
@@ -61,6 +67,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise SceneError(f"compile_scene: solver {solver!r} does not exist: choose 'auto', 'chain' or 'sparse'")
     if not (planar == "auto" or isinstance(planar, bool)):
         raise SceneError(f"compile_scene: planar must be 'auto', True or False, got {planar!r}")
+    if not (condense == "auto" or isinstance(condense, bool)):
+        raise SceneError(f"compile_scene: condense must be 'auto', True or False, got {condense!r}")
     scene.check()
     nodes = NodeList(scene)
     n = len(nodes)
@@ -70,17 +78,25 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
 
     elements = [elements_of(part, nodes.start(part)) for part in [*scene.beams, *scene.nets]]
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    for part in elements:
-        packers[part.strain].add(part, nodes.phi, nodes.directors)
+    beams = _condensed_beams(scene, nodes, joints, condense)
+    for source, part in zip([*scene.beams, *scene.nets], elements):
+        some, found = beams.get(source.name, (None, []))
+        packers[part.strain].add(part, nodes.phi, nodes.directors, some)
+        for lanes in found:
+            packers[part.strain].add(part, nodes.phi, nodes.directors, lanes.reshape(-1), lanes.shape[1])
     used = [packers[name] for name in packers if packers[name].meta]
+    ends = condensed_ends(used)
     size = 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         for packer in used:
             size = packer.eliminate(eligible, size)
-    pairs = np.concatenate([p.pairs(joints.row_root) for p in used]) if used else np.zeros(0, np.int64)
-    band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta in p.meta] + [0])
-    blocks = _Blocks(n, pairs, joints, band, solver, _end_nodes(n, used))
+    root = joints.row_root[ends]
+    pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
+                            (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1)])
+    band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
+    level = _levels(n, used)
+    blocks = _Blocks(n, pairs, joints, band, solver, level)
     del pairs
 
     tables = {}
@@ -90,7 +106,10 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         m = packer.n_blocks
         tables[name] = packer.tables(row_of, blocks.element[at:at + m]) if packer.meta else None
         at += m
-    inner = pack_inner(used, row_of, blocks.pattern.n, blocks.n_rows, size)
+    n_panel = blocks.pattern.n + int(np.sum(level == 1))
+    inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size)
+    substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:].reshape(-1, 4), blocks.n_blocks,
+                                       blocks.pattern.n, blocks.n_rows, n_panel)
     del used, packers
     bodies = _bodies(scene, nodes, blocks)
     ties = _ties(joints.apart(), blocks)
@@ -102,7 +121,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     state = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves, sliders=sliders,
+        inner=inner, substructures=substructures, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves,
+        sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
@@ -119,7 +139,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_compiled = copy(scene)
     as_compiled.parts = list(scene.parts)
     model.massless = tuple(beam.label for beam in scene.beams if _is_massless(scene, beam))
-    model.plain = partial(compile_scene, as_compiled, solver="sparse", eliminate_inner=False)
+    model.plain = partial(compile_scene, as_compiled, solver="sparse", eliminate_inner=False, condense=False)
+    model.uncondensed = partial(compile_scene, as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False,
+                                condense=False)
     return model
 
 
@@ -141,14 +163,54 @@ def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> A
     return eligible
 
 
-def _end_nodes(n: int, packers: list[ElementPacker]) -> Array:
-    """Nodes that the solver sees, bool [N]."""
-    end = np.ones(n, dtype=bool)
+def _levels(n: int, packers: list[ElementPacker]) -> Array:
+    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 within its condensed beam, [N]."""
+    level = np.zeros(n, np.int8)
     for packer in packers:
         for meta, live in packer.lanes():
             gone = live[meta[:, 6] >= 0, 1:-1]
-            end[gone[gone >= 0]] = False
-    return end
+            level[gone[gone >= 0]] = 1
+        for _, live in packer.condensed():
+            level[live] = 2
+    level[condensed_ends(packers)] = 0
+    return level
+
+
+def _condensed_beams(scene: Scene, nodes: NodeList, joints: Connections, condense: bool | str) -> dict[str, tuple[Array, Any]]:
+    """Beams of nets that are condensed to their ends, of every net that has any: elements of the others, int [*], and those of
+    groups of eight equal beams, [groups, elements of a beam, 8] for every number of elements. Nothing but elements and loads may
+    touch the nodes between the ends of such a beam, and no slider runs on it."""
+    if not condense:
+        return {}
+    n = len(nodes)
+    free = (joints.held == 0) & ~joints.tied & (joints.row_root == np.arange(n)) & (joints.spin_root == np.arange(n))
+    free[joints.row_root[joints.row_root != np.arange(n)]] = False
+    free[joints.target] = False
+    for slider in scene.sliders:
+        free[nodes.number(slider.point)] = False
+        free[nodes.span(slider.beam)] = False
+    out: dict[str, tuple[Array, Any]] = {}
+    total = 0
+    for net in scene.nets:
+        taken = np.concatenate(([0], np.cumsum(~free[nodes.span(net)])))
+        first, last = net.end_node.T
+        whole = taken[last] == taken[first + 1]
+        for slider in scene.sliders:
+            if getattr(slider.beam, "net", None) is net:
+                whole[slider.beam.index] = False
+        element = np.cumsum(net.elements) - net.elements
+        found = []
+        rest = np.ones(int(net.elements.sum()), bool)
+        for count in np.unique(net.elements[whole]).tolist():
+            equal = np.flatnonzero(whole & (net.elements == count))
+            equal = equal[:equal.size // 8 * 8].reshape(-1, 1, 8)
+            if equal.size:
+                found.append(element[equal] + np.arange(count)[:, None])
+                rest[found[-1].reshape(-1)] = False
+        total += int(np.sum(~rest))
+        if found:
+            out[net.name] = np.flatnonzero(rest), found
+    return out if condense is True or total >= WORTH_CONDENSING else {}
 
 
 def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
@@ -173,9 +235,10 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
 
 class _Blocks:
     """Numbers of all blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
-    pairs: coupled nodes as i N + j, or -1; end: bool [N], the nodes that the solver sees."""
+    pairs: coupled nodes as i N + j, or -1; level: int [N], 0 for the nodes that the solver sees."""
 
-    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, end: Array) -> None:
+    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array) -> None:
+        end = level == 0
         own = joints.row_root == np.arange(n)
         tied = joints.tied & own
         live = pairs >= 0
@@ -193,7 +256,7 @@ class _Blocks:
         number = np.cumsum(seen) - 1
         among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse")
         del final
-        self.pattern: Pattern = widen(among_ends, end, joints.row_root)
+        self.pattern: Pattern = widen(among_ends, level, joints.row_root)
         self.n_rows = int(own.sum())
         if solver == "chain" and self.pattern.plan is None:
             raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
@@ -263,6 +326,8 @@ def _ties(joints: Connections, blocks: _Blocks) -> Ties | None:
     slaves = np.flatnonzero(joints.tied)
     pair, row, column, a, b = blocks.moves.T
     moves = np.stack((blocks.base + pair, row, column, pattern.block(a, b)), axis=1)
+    # by target: threads take ranges of targets
+    moves = moves[np.argsort(moves[:, 3], kind="stable")]
     return Ties(slaves, pattern.row_of[slaves], joints.start, joints.target, pattern.row_of[joints.target],
                 pattern.block(joints.target, joints.target), joints.kind, joints.offset.reshape(-1), joints.rotation.reshape(-1),
                 np.ascontiguousarray(moves))

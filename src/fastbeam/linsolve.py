@@ -10,6 +10,8 @@ import ctypes.util
 import glob
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -194,6 +196,7 @@ class LinearSystem:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
+        self._mkl: Any = None
         self._superlu: SuperLU | None = None
         self._why = ""
         if pattern.plan is not None or backend == "superlu":
@@ -205,7 +208,20 @@ class LinearSystem:
             self._why = "MKL not found"
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
+        self._mkl = mkl
         self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size)
+
+    @contextmanager
+    def threads(self, n: int) -> Iterator[None]:
+        """Let PARDISO use n threads, where the matrix is large enough for more than one."""
+        if self._mkl is None:
+            yield
+            return
+        before = self._mkl.MKL_Set_Num_Threads_Local(n if self.size * self.pattern.n >= SMALL else 1)
+        try:
+            yield
+        finally:
+            self._mkl.MKL_Set_Num_Threads_Local(before)
 
     @property
     def is_compiled(self) -> bool:

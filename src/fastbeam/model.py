@@ -17,6 +17,7 @@ from .kernels.nodes import Bodies, Held
 from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.slider import Contact, Curves, Sliders
+from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
 from .pattern import Pattern
@@ -32,7 +33,7 @@ class Model:
     ----------
     simo, green : ElementTables or None
         Elements with strain set (2.2), (2.1).
-    inner, bodies, ties, held, curves, sliders : tables or None
+    inner, substructures, bodies, ties, held, curves, sliders : tables or None
         None where the scene has none; then no code is compiled for them.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
@@ -57,6 +58,8 @@ class Model:
         Why there is no plane.
     plain : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
+    uncondensed : callable
+        Makes the model of the same scene in space, whose beams are not condensed.
     massless : tuple of str
         Beams without rotary inertia whose triads nothing holds.
     """
@@ -66,6 +69,7 @@ class Model:
     simo: ElementTables | None
     green: ElementTables | None
     inner: Inner | None
+    substructures: Substructures | None
     bodies: Bodies | PlanarBodies | None
     ties: Ties | PlanarTies | None
     held: Held | None
@@ -95,6 +99,7 @@ class Model:
     plane: Any = None
     not_planar: str = ""
     plain: Callable[..., Model] | None = None
+    uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
 
     @property
@@ -203,7 +208,29 @@ class Model:
         """Doubles that the largest group of elements needs."""
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
         room = scratch_size if self.dim == 3 else planar_scratch_size
-        return max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
+        most = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
+        return most if self.substructures is None else most + front_size(len(self.size))
+
+    @property
+    def panel_rows(self) -> int:
+        """Rows of the panel of right-hand sides: all but those of condensed beams."""
+        return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
+
+    def groups_of_beams(self) -> tuple[Array, Array]:
+        """Rows of `substructures.group` of the condensed beams with strain set (2.2), and of those with (2.1)."""
+        assert self.substructures is not None
+        n = int(self.substructures.counts[1])
+        return self.substructures.group[:n], self.substructures.group[n:]
+
+    def scratch(self) -> Array:
+        """Scratch of one thread."""
+        return _aligned(self._scratch)
+
+    def substructure_work(self) -> Substructures | None:
+        """The condensed beams with work arrays of one run."""
+        if self.substructures is None:
+            return None
+        return place_stores(self.substructures, len(self.size))._replace(x=np.zeros_like(self.substructures.x))
 
     def work(self) -> Work:
         """Work arrays of one run."""
@@ -213,8 +240,8 @@ class Model:
         return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
                     s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
-                    panel=_aligned(size * n * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
-                    scratch=_aligned(self._scratch), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
+                    panel=_aligned(size * self.panel_rows * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
+                    scratch=self.scratch(), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
                     keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size),
                     line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(q)))
 

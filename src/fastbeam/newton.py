@@ -8,12 +8,14 @@ import numpy as np
 
 from ._jit import announce_first_use
 from .arguments import count, number
+from .condensed import CondensedIteration, thread_count
 from .errors import SceneError
+from .iteration import Iteration
 from .kernels import step as kernels
 from .kernels.blocks import SIX, THREE
 from .kernels.space import assemble_rest
 from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
-from .kernels.work import State, Work
+from .kernels.work import State
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
 from .model import Model
@@ -74,6 +76,8 @@ class Stepper:
         As `memory` gave it; default: consistent with the state.
     augmentation : float
         Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
+    threads : int, optional
+        Of models with condensed beams.
 
     Raises
     ------
@@ -83,11 +87,14 @@ class Stepper:
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
-                 augmentation: float = AUGMENTATION) -> None:
+                 augmentation: float = AUGMENTATION, threads: int | None = None) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
+        compared = method.middle is not None or method.parameters is not None
+        if compared and model.substructures is not None and model.uncondensed is not None:
+            model = model.uncondensed()
         self.model = model
         start = None if state is None else _own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
@@ -96,7 +103,7 @@ class Stepper:
                              f"is {AUGMENTATION:g}")
         self.method = method
         # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
-        flat = model.plane is not None and method.middle is None and method.parameters is None
+        flat = model.plane is not None and not compared
         from_space = memory is not None and memory.size == model.past_size
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         self.core: Model = model if self.plane is None else self.plane.model
@@ -109,6 +116,9 @@ class Stepper:
         self.contact = core.contact()
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size))
         self.alpha = empty_rates(method, model.n_nodes)
+        condensed = core.substructures is not None
+        self.threads = thread_count(threads, condensed)
+        self.parts = CondensedIteration(self, self.threads) if condensed else Iteration(self)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._spare: Stepper | None = None
         mass = float(model.gravity_weight.sum())
@@ -163,7 +173,7 @@ class Stepper:
     @property
     def pivots_everywhere(self) -> bool:
         """Whether all unknowns are solved for by SuperLU, after which there is nothing left to try."""
-        return self.inner is None and not self.linear.is_compiled
+        return self.inner is None and self.core.substructures is None and not self.linear.is_compiled
 
     @property
     def spare(self) -> Stepper:
@@ -220,7 +230,7 @@ class Stepper:
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
-        if self.linear.is_compiled:
+        if self.linear.is_compiled and model.substructures is None:
             kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
                         model.sliders, self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables,
                         model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n,
@@ -259,13 +269,13 @@ class Stepper:
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
     def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
-        """The same loop in Python around SuperLU."""
-        model, state, work = self.core, self.core_state, self.work
+        """The same loop in Python, around SuperLU or on several threads."""
+        model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, model.dim * model.n_sliders))
         iterations = 0
         sizes = np.zeros(0)
         for k in range(n):
-            kernels.keep_state(self.alpha, state, work)
+            parts.keep()
             last = np.zeros(model.dim * model.n_sliders)
             status, slider = OK, -1
             for m, weight in enumerate(self.weights):
@@ -275,13 +285,13 @@ class Stepper:
                 iterations += len(sizes)
                 if status != OK:
                     break
-                kernels.finish_step(*self.kind[:2], model.ties, self.alpha, state, work, weight * h)
+                parts.finish(weight * h)
                 last += weight * state.force
             if status == OK:
                 slider = int(kernels.slider_outside(state, model.slider_lengths))
                 status = SLIDER_END if slider >= 0 else OK
             if status != OK:
-                kernels.restore_state(self.alpha, state, work)
+                parts.restore()
                 return Outcome(status, k, iterations, slider, sizes, self._in_space(force))
             force[1] = last
             if k == 0:
@@ -289,35 +299,25 @@ class Stepper:
         return Outcome(OK, n, iterations, -1, sizes, self._in_space(force))
 
     def _python_step(self, h: float) -> tuple[int, Array]:
-        model, state, work, contact = self.core, self.core_state, self.work, self.contact
-        kind = self.kind[:2]
-        row_of, width = model.pattern.row_of, model.width
-        kernels.start_step(*kind, model.ties, model.curves, model.sliders, contact, model.spinless, state, work, h)
+        model, parts = self.core, self.parts
+        parts.start(h)
         sizes: list[float] = []
         before = np.inf
         for _ in range(self.max_iterations):
-            kernels.assemble_step(*kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
-                                  model.sliders, contact, self.method.middle, self.alpha, row_of, state, work, h)
-            kernels.prepare_panel(*kind, self.inner, model.ties, contact, model.held, row_of.shape[0], width, work, model.size)
-            if not self.inner_is_regular or not solve_panel(self.linear, model, work):
-                return (SINGULAR if np.isfinite(work.r).all() else NOT_FINITE), np.array(sizes)
-            size = kernels.update_step(*kind, self.inner, model.ties, contact, row_of, state, work, width, model.length,
-                                       model.size)
+            parts.assemble(h)
+            if not parts.solve():
+                return (SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE), np.array(sizes)
+            size = parts.update()
             sizes.append(size)
             if size < 0.0:
                 return BORDER_SINGULAR, np.array(sizes)
             if not size < 1e6:
                 return NOT_FINITE, np.array(sizes)
-            closed = kernels.gaps_are_closed(contact, model.sliders, state.q, model.length, model.size)
+            closed = kernels.gaps_are_closed(self.contact, model.sliders, self.core_state.q, model.length, model.size)
             if closed and kernels.has_converged(size, before, 1e-9):
                 return OK, np.array(sizes)
             before = size
         return NOT_CONVERGED, np.array(sizes)
-
-    @property
-    def inner_is_regular(self) -> bool:
-        """Whether all eliminations of inner nodes went well."""
-        return self.inner is None or self.inner.state[0] != 0.0
 
     def worst_slider(self) -> tuple[int, float, float]:
         """(slider, gap in m, residual of its sliding equation in N) where the gap of the last iteration is largest."""
@@ -347,18 +347,6 @@ class Stepper:
         r = np.abs(self.work.r[:8 * self.model.n_nodes].reshape(-1, 8)[:, :len(self.core.size)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(self.model.pattern.row_of == row)[0]), float(r[row])
-
-
-def solve_panel(linear: LinearSystem, model: Model, work: Work) -> bool:
-    """Solve the panel of right-hand sides with SuperLU; False where no acceptable solution was found."""
-    columns, size = model.columns, len(model.size)
-    panel = work.panel.reshape(-1, model.width)[:size * model.pattern.n]
-    blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
-    x = linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))
-    if x is None:
-        return False
-    panel[:, :columns] = x.T
-    return True
 
 
 def _own_state(model: Model, state: State) -> State:

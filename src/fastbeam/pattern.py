@@ -92,13 +92,14 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
     return Pattern(natural, np.sort(row * n + column), None, n)
 
 
-def widen(pattern: Pattern, end: Array, row_root: Array) -> Pattern:
-    """The pattern of the nodes `end` (bool [N]) with rows for all N nodes: the others follow, and nodes share the row of
-    row_root, int [N]."""
-    own = row_root == np.arange(end.size)
-    row_of = np.empty(end.size, np.int64)
-    row_of[end & own] = pattern.row_of
-    row_of[~end & own] = pattern.n + np.arange(int((~end & own).sum()))
+def widen(pattern: Pattern, level: Array, row_root: Array) -> Pattern:
+    """The pattern of the nodes of level 0 (int [N]) with rows for all N nodes: the others follow, level by level, and nodes share
+    the row of row_root, int [N]."""
+    own = row_root == np.arange(level.size)
+    row_of = np.empty(level.size, np.int64)
+    row_of[(level == 0) & own] = pattern.row_of
+    rest = np.flatnonzero((level > 0) & own)
+    row_of[rest[np.argsort(level[rest], kind="stable")]] = pattern.n + np.arange(rest.size)
     return Pattern(row_of[row_root], pattern.keys, pattern.plan, pattern.n)
 
 

@@ -13,6 +13,7 @@ from .kernels.inner import Inner
 from .kernels.nodes import Bodies, Held
 from .kernels.planar_beam import planar_group_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
+from .kernels.substructures import place_stores
 from .kernels.ties import Ties
 from .kernels.work import State
 
@@ -237,6 +238,7 @@ def _reduced(model: Model, plane: Plane) -> Model:
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
     flat = replace(
         model, simo=_elements(model, model.simo, plane), green=_elements(model, model.green, plane), inner=_inner(model.inner),
+        substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=_bodies(model, plane), ties=_ties(model, plane, state), held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=state.q,
         v0=state.v, size=THREE, plane=None)

@@ -35,7 +35,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
-             augmentation: float = AUGMENTATION, progress: bool | None = None) -> Result:
+             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None) -> Result:
     """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
     With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
@@ -83,6 +83,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     augmentation : float
         Augmented Lagrangian of the sliders: stiffness of a contact over that of the parts it joins in a step, 1 to 1e12 or 0 for
         plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
+    threads : int
+        Of models with condensed beams; default: FASTBEAM_THREADS, else all processors of this process. Results are the same for
+        any number, to the last bit.
     progress : bool
         Progress bar; default: on anything longer than a second.
 
@@ -142,7 +145,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         control = StepControl(tolerance, order, smallest, largest)
     memory = start.memory if isinstance(start, Checkpoint) else None
-    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation)
+    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation,
+                      threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     return run.go(every)

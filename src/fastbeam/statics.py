@@ -15,7 +15,7 @@ from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.work import State
 from .model import Model, check_model
-from .newton import Outcome, Stepper, solve_panel
+from .newton import Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
 from .result import Result, ResultBuffer
@@ -31,7 +31,7 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
 
 def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
                  start: State | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
-                 max_iterations: int = 20, backend: str = "auto") -> Result:
+                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -49,6 +49,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
+    threads : int
+        As in `simulate`.
 
     Returns
     -------
@@ -78,7 +80,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         raise SceneError("solve_static: loads have time functions; say with at_time=... where to evaluate them")
     check_supports(model)
     factors = np.array([1.0 if t is None else float(t(at_time)) for t in model.load_times])
-    solver = _StaticSolver(model, start, max_iterations, backend)
+    solver = _StaticSolver(model, start, max_iterations, backend, threads)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
     observer = Observer(model, ("energy",) if "energy" in observe else (), points)
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": []}
@@ -132,8 +134,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
 class _StaticSolver:
     """Newton iterations of one model; keeps the last equilibrium."""
 
-    def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str) -> None:
-        self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend)
+    def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
+        self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
         self.stepper.core_state.v[:] = 0.0
         self.history: list[int] = []
@@ -155,14 +157,14 @@ class _StaticSolver:
         model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
         self._load(factors)
         before = state.q.copy()
-        if self.linear.is_compiled:
+        if self.linear.is_compiled and model.substructures is None:
             buffer = np.zeros(self.max_iterations)
             status, n = kernels.solve_static_step(
                 *kind, model.simo, model.green, self.inner, model.ties, model.static_held, model.pattern.plan, self.linear.tables,
                 model.pattern.row_of, state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         else:
-            status, sizes = self._by_superlu()
+            status, sizes = self._in_python()
         if status == SINGULAR and not self.stepper.pivots_everywhere:
             state.q[:] = before
             status, sizes = self.spare.equilibrium(factors)
@@ -195,23 +197,18 @@ class _StaticSolver:
                                 self.stepper.core_state, work)
         return self.linear.superlu.signs(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
 
-    def _by_superlu(self) -> tuple[int, list[float]]:
-        model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
-        row_of = model.pattern.row_of
+    def _in_python(self) -> tuple[int, list[float]]:
+        parts = self.stepper.parts
         sizes: list[float] = []
-        work.line.use[0] = 0.0
+        self.work.line.use[0] = 0.0
         for _ in range(self.max_iterations):
-            kernels.assemble_static(*kind[:2], model.simo, model.green, self.inner, model.ties, model.static_held, state, work)
-            kernels.prepare_panel(*kind[:2], self.inner, model.ties, None, model.static_held, row_of.shape[0], model.width, work,
-                                  kind[2])
-            if not self.stepper.inner_is_regular or not solve_panel(self.linear, model, work):
+            parts.assemble_static()
+            if not parts.solve(static=True):
                 return SINGULAR, sizes
-            size = kernels.update_static(*kind[:2], self.inner, model.ties, row_of, state, work, model.width, model.length,
-                                         kind[2])
-            sizes.append(size)
-            if not size < LARGEST_INCREMENT:
+            sizes.append(parts.update_static())
+            if not sizes[-1] < LARGEST_INCREMENT:
                 return NOT_FINITE, sizes
-            if kernels.has_converged(size, sizes[-2] if len(sizes) > 1 else np.inf, 1e-9):
+            if kernels.has_converged(sizes[-1], sizes[-2] if len(sizes) > 1 else np.inf, 1e-9):
                 return OK, sizes
         return NOT_CONVERGED, sizes
 
@@ -234,6 +231,15 @@ def check_supports(model: Model) -> None:
         # an eliminated node hangs on the first node of its element
         rows.append(pattern.n + np.arange(model.inner.element.size))
         columns.append(model.inner.rows[model.inner.where[model.inner.element, 2]])
+    if model.substructures is not None:
+        # a node of a condensed beam hangs on the start of the beam
+        for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
+            for count, nn in np.unique(groups[:, 1:3], axis=0).tolist():
+                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), 0]
+                at = tables.meta[first[:, None] + np.arange(count), 3]
+                own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
+                rows.append(own.reshape(-1))
+                columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))
     if model.ties is not None:
         # a tied node hangs on its targets
         count = np.diff(model.ties.start)

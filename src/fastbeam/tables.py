@@ -10,6 +10,7 @@ from .basis import CurveBasis, build_basis
 from .kernels.beam import ElementTables, group_table_size
 from .kernels.inner import Inner, store_size
 from .kernels.slider import Curves
+from .kernels.substructures import Substructures, place_stores
 from .scene import Beam, Net
 
 Array = np.ndarray
@@ -69,12 +70,12 @@ def elements_of(part: Beam | Net, first: int) -> Elements:
                     basis.mass_dir, section.C[None], np.array([section.inertia]), none, coupled)
 
 
-def reference_strains(elements: Elements, phi: Array, d: Array) -> Array:
-    """Quadratic part of the six strains in the reference configuration phi [N, 3], d [N, 3, 3]: [E, nq, 6]. The kernels subtract
-    it, so that any initial shape is free of stress (theory.md 2)."""
-    out = np.empty((*elements.weight.shape, 6))
+def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
+    """Quadratic part of the six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3]:
+    [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
+    out = np.empty((some.size, elements.weight.shape[1], 6))
     for at in range(0, len(out), CHUNK):
-        part = slice(at, at + CHUNK)
+        part = some[at:at + CHUNK]
         nodes = elements.nodes[part]
         f = np.einsum("egn,enc->egc", elements.phi_s[part], phi[nodes])
         d_g = np.einsum("egn,enkc->egkc", elements.dir[part], d[nodes])
@@ -87,7 +88,7 @@ def reference_strains(elements: Elements, phi: Array, d: Array) -> Array:
                  0.5 * (_dot(k1, d2) - _dot(k2, d1))]
         else:
             e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
-        out[part] = np.stack(e, axis=-1)
+        out[at:at + CHUNK] = np.stack(e, axis=-1)
     return out
 
 
@@ -102,16 +103,21 @@ class ElementPacker:
     meta: list[Array] = field(default_factory=list)
     tab: list[Array] = field(default_factory=list)
     nodes: list[Array] = field(default_factory=list)
+    beam: list[int] = field(default_factory=list)
     n_tab: int = 0
     n_nodes: int = 0
     n_blocks: int = 0
 
-    def add(self, elements: Elements, phi: Array, d: Array) -> None:
-        """Append elements; phi [N, 3], d [N, 3, 3]: reference of all nodes."""
-        ne, nq, nn = elements.phi_s.shape
-        groups = -(-ne // 8)
+    def add(self, elements: Elements, phi: Array, d: Array, some: Array | None = None, beam: int = 0) -> None:
+        """Append elements; phi [N, 3], d [N, 3, 3]: reference of all nodes. some: int [S], which of them and in what order, all
+        by default; beam: where beams are condensed, elements of each: lane l of so many groups are those of beam l."""
+        nq, nn = elements.phi_s.shape[1:]
+        some = np.arange(len(elements.nodes)) if some is None else some
+        if not some.size:
+            return
+        groups = -(-some.size // 8)
         # idle lanes of the last group repeat its last element
-        lane = np.minimum(np.arange(8 * groups), ne - 1)
+        lane = some[np.minimum(np.arange(8 * groups), some.size - 1)]
 
         def lanes(x: Array) -> Array:
             return x[lane].reshape(groups, 8, *x.shape[1:])
@@ -124,28 +130,38 @@ class ElementPacker:
         points[:, :, 0] = lanes(elements.weight).transpose(0, 2, 1)
         for k, shape in enumerate((elements.phi_s, elements.dir, elements.dir_s)):
             points[:, :, 1 + k:1 + 3 * nn:3] = lanes(shape).transpose(0, 2, 3, 1)
-        points[:, :, 1 + 3 * nn:] = lanes(reference_strains(elements, phi, d)).transpose(0, 2, 3, 1)
+        points[:, :, 1 + 3 * nn:] = reference_strains(elements, lane, phi, d).reshape(groups, 8, nq, 6).transpose(0, 2, 3, 1)
         rest = tab[:, 36 + nq * (7 + 3 * nn):]
         rest[:, :3] = elements.inertia[section].transpose(0, 2, 1)
         for k, mass in enumerate((elements.mass_phi, elements.mass_dir)):
             at = 3 + k * nn * nn
-            rest[:, at:at + nn * nn] = lanes(mass.reshape(ne, -1)).transpose(0, 2, 1)
+            rest[:, at:at + nn * nn] = lanes(mass.reshape(len(mass), -1)).transpose(0, 2, 1)
         coupled = elements.coupled[lane].reshape(groups, 8).any(axis=1)
         k = np.arange(groups)
         self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), self.n_tab + size * k, self.n_nodes + 8 * nn * k,
-                                   self.n_blocks + 8 * nn * nn * k, coupled.astype(np.int64), np.full(groups, -1)), axis=1))
+                                   0 * k if beam else self.n_blocks + 8 * nn * nn * k, coupled.astype(np.int64),
+                                   np.full(groups, -1)), axis=1))
         self.tab.append(tab.reshape(-1))
         nodes = lanes(elements.nodes)
-        idle = (np.arange(8 * groups) >= ne).reshape(groups, 8)
+        idle = (np.arange(8 * groups) >= some.size).reshape(groups, 8)
         self.nodes.append(np.stack((nodes, np.where(idle[:, :, None], -1, nodes)), axis=-1).transpose(0, 2, 1, 3).reshape(-1, 2))
         self.n_tab += groups * size
         self.n_nodes += 8 * nn * groups
-        self.n_blocks += 8 * nn * nn * groups
+        self.n_blocks += 0 if beam else 8 * nn * nn * groups
+        self.beam.append(beam)
 
     def lanes(self) -> Any:
-        """(meta [groups, 7], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net."""
-        for meta, nodes in zip(self.meta, self.nodes):
-            yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
+        """(meta [groups, 7], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams."""
+        for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
+            if not beam:
+                yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
+
+    def condensed(self) -> Any:
+        """(elements of a beam, nodes [groups of beams, elements, nn, 8]) of condensed beams, in the order of their groups, which
+        come last in the tables."""
+        for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
+            if beam:
+                yield beam, nodes[:, 0].reshape(len(meta) // beam, beam, -1, 8)
 
     def eliminate(self, eligible: Array, offset: int) -> int:
         """Have the inner nodes of groups eliminated where all of them are eligible, bool [N + 1]; `offset`: where their factors
@@ -170,7 +186,7 @@ class ElementPacker:
             live[meta[:, 6] >= 0, 1:-1] = -1
             a, b = live[:, :, None, :], live[:, None, :, :]
             out.append(np.where((a < 0) | (b < 0), -1, a * n + b).reshape(-1))
-        return np.concatenate(out)
+        return np.concatenate([np.zeros(0, np.int64), *out])
 
     def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
         """The finished tables; blocks: block of every pair (idle ones already set), in the order of `pairs`."""
@@ -179,7 +195,8 @@ class ElementPacker:
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
         tab = self.tab[0] if len(self.tab) == 1 else np.concatenate(self.tab)
-        return ElementTables(np.ascontiguousarray(np.concatenate(self.meta)).astype(np.int64), tab,
+        meta = [x for last in (False, True) for x, beam in zip(self.meta, self.beam) if (beam > 0) == last]
+        return ElementTables(np.ascontiguousarray(np.concatenate(meta)).astype(np.int64), tab,
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
 
@@ -205,6 +222,47 @@ def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: 
     return Inner(np.zeros(size), np.zeros(8 * (row_of.size + 1)), np.concatenate(where).astype(np.int64),
                  np.concatenate(rows).astype(np.int64), element, np.zeros(n_places, np.int64), np.zeros(n_places, np.int64),
                  np.array([n_end]), np.ones(1))
+
+
+def condensed_ends(packers: list[ElementPacker]) -> Array:
+    """First and last node of all condensed beams, int [B, 2]."""
+    out = [np.stack((live[:, 0, 0], live[:, -1, -1]), axis=-1).reshape(-1, 2) for p in packers for _, live in p.condensed()]
+    return np.concatenate([np.zeros((0, 2), np.int64), *out])
+
+
+def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array, n_blocks: int, n_end: int, n_rows: int,
+                       first: int) -> Substructures | None:
+    """Tables of the condensed beams, for 6 unknowns a node.
+
+    Parameters
+    ----------
+    rows, blocks : int [B, 2], [B, 4]
+        Rows and blocks of their ends: start and end; start-start, start-end, end-start, end-end.
+    n_blocks, n_end, n_rows : int
+        Blocks of the tangent; rows that ends may have; rows in all.
+    first : int
+        Where the rows of their interior nodes begin.
+    """
+    if not len(rows):
+        return None
+    group = []
+    for p in packers:
+        at = sum(len(meta) for meta, _ in p.lanes())
+        for count, live in p.condensed():
+            g = np.arange(len(live))
+            group.append(np.stack((at + count * g, np.full(g.size, count), np.full(g.size, live.shape[2]), 0 * g), axis=1))
+            at += count * g.size
+    counts = [sum(len(live) for _, live in p.condensed()) for p in packers]
+
+    def terms(keys: Array, n: int) -> tuple[Array, Array]:
+        order = np.argsort(keys.reshape(-1), kind="stable")
+        return np.searchsorted(keys.reshape(-1)[order], np.arange(n + 1)), order
+
+    block_start, block_term = terms(blocks, n_blocks)
+    row_start, row_term = terms(rows, n_end)
+    empty = np.zeros(0)
+    return place_stores(Substructures(np.concatenate(group), np.arange(len(rows)), block_start, block_term, row_start, row_term,
+                                      np.array([first, *counts]), empty, empty, empty, np.zeros(8 * (n_rows + 1))), 6)
 
 
 def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:

@@ -174,7 +174,7 @@ def test_prediction_moves_and_spins_on() -> None:
     v = np.concatenate((velocity[:, None], np.cross(omega[:, None], q[:, 1:])), axis=1)
     inert = np.array([0, 0, 1, 0], np.int8)
     theta, dq = np.zeros((4, 3)), np.zeros((4, 4, 3))
-    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(3), inert, theta.reshape(-1), dq.reshape(-1))
+    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(3), inert, 0, len(q), theta.reshape(-1), dq.reshape(-1))
     expected = np.where(inert[:, None], 0.0, h * omega)
     np.testing.assert_allclose(theta, expected, rtol=0.0, atol=EXACT)
     np.testing.assert_allclose(dq, increments(q, h * velocity, expected), rtol=0.0, atol=EXACT)
@@ -209,7 +209,7 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
     before = q + dq
     last, line = np.zeros_like(q), np.zeros_like(q)
-    move, spin = update_nodes(row_of, panel.reshape(-1), width, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
+    move, spin = update_nodes(row_of, panel.reshape(-1), 6 * width, width, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
                               last.reshape(-1), line.reshape(-1))
     np.testing.assert_array_equal(last, before)
     np.testing.assert_allclose(line[:, 0], before[:, 0] + change[:, :3], rtol=0, atol=1e-15)
@@ -230,7 +230,7 @@ def test_update_does_not_lose_nan(node: int, component: int) -> None:
     panel = np.ones((3, 6, 8))
     panel[node, component] = np.nan
     q = np.tile(np.eye(4, 3, -1), (3, 1, 1))
-    move, spin = update_nodes(np.arange(3), panel.reshape(-1), 8, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36),
+    move, spin = update_nodes(np.arange(3), panel.reshape(-1), 48, 8, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36),
                               np.zeros(36))
     assert np.isnan(move + spin)
 

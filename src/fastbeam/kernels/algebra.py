@@ -358,39 +358,44 @@ def largest_of_row(tc, array, offset):
     return f8(array, offset), codegen
 
 
-@intrinsic
-def scatter_rows(tc, source, offset, index, index_offset, scale, shift, target, size):
-    """Add n lane columns, n the length of the tuple `size`, to 8 rows: for lane l,
-    target[index[index_offset + l]*scale + shift + c] += source[offset + 8 c + l], c < n. An 8 x 8 transposition in
-    registers; rows are padded to 8 doubles, the rest stays as it is."""
-    def codegen(ctx, b, sig, args):
-        src, o, idx, io, scale_, shift_, dst, _ = args
-        t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst, t_size = sig.args
-        o, io = _int(ctx, b, o, t_o), _int(ctx, b, io, t_io)
-        scale_, shift_ = _int(ctx, b, scale_, t_scale), _int(ctx, b, shift_, t_shift)
-        p = _pointer(ctx, b, t_src, src, o, vec)
-        rows = [b.load(b.gep(p, [ir.Constant(_I64, c)]), align=8) for c in range(t_size.count)]
-        rows += [ir.Constant(_VECTOR, [0.0] * LANES)] * (LANES - t_size.count)
+def _make_rows(accumulate):
+    @intrinsic
+    def rows(tc, source, offset, index, index_offset, scale, shift, target, size):
+        def codegen(ctx, b, sig, args):
+            src, o, idx, io, scale_, shift_, dst, _ = args
+            t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst, t_size = sig.args
+            o, io = _int(ctx, b, o, t_o), _int(ctx, b, io, t_io)
+            scale_, shift_ = _int(ctx, b, scale_, t_scale), _int(ctx, b, shift_, t_shift)
+            p = _pointer(ctx, b, t_src, src, o, vec)
+            rows = [b.load(b.gep(p, [ir.Constant(_I64, c)]), align=8) for c in range(t_size.count)]
+            rows += [ir.Constant(_VECTOR, [0.0] * LANES)] * (LANES - t_size.count)
 
-        def mask(m):
-            return ir.Constant(ir.VectorType(_I32, LANES), m)
+            def mask(m):
+                return ir.Constant(ir.VectorType(_I32, LANES), m)
 
-        for st in (4, 2, 1):
-            new = [None] * 8
-            for i in range(8):
-                if i & st:
-                    continue
-                x, y = rows[i], rows[i + st]
-                new[i] = b.shuffle_vector(x, y, mask([j if not j & st else 8 + j - st for j in range(8)]))
-                new[i + st] = b.shuffle_vector(x, y, mask([j + st if not j & st else 8 + j for j in range(8)]))
-            rows = new
-        indices = ctx.make_array(t_idx)(ctx, b, idx).data
-        for lane in range(8):
-            k = b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))]))
-            q = _pointer(ctx, b, t_dst, dst, b.add(b.mul(k, scale_), shift_), vec)
-            b.store(_add(b, b.load(q, align=8), rows[lane]), q, align=8)
-        return ctx.get_dummy_value()
-    return types.void(source, offset, index, index_offset, scale, shift, target, size), codegen
+            for st in (4, 2, 1):
+                new = [None] * 8
+                for i in range(8):
+                    if i & st:
+                        continue
+                    x, y = rows[i], rows[i + st]
+                    new[i] = b.shuffle_vector(x, y, mask([j if not j & st else 8 + j - st for j in range(8)]))
+                    new[i + st] = b.shuffle_vector(x, y, mask([j + st if not j & st else 8 + j for j in range(8)]))
+                rows = new
+            indices = ctx.make_array(t_idx)(ctx, b, idx).data
+            for lane in range(8):
+                k = b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))]))
+                q = _pointer(ctx, b, t_dst, dst, b.add(b.mul(k, scale_), shift_), vec)
+                b.store(_add(b, b.load(q, align=8), rows[lane]) if accumulate else rows[lane], q, align=8)
+            return ctx.get_dummy_value()
+        return types.void(source, offset, index, index_offset, scale, shift, target, size), codegen
+    return rows
+
+
+# n lane columns to 8 rows, n the length of the tuple `size`: for lane l, target[index[index_offset + l]*scale + shift + c] takes
+# source[offset + 8 c + l], c < n. An 8 x 8 transposition in registers; rows are padded to 8 doubles. The first adds and leaves
+# the pads as they are, the second overwrites and puts zeros there.
+scatter_rows, put_rows = _make_rows(True), _make_rows(False)
 
 
 @intrinsic

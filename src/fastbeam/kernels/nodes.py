@@ -57,12 +57,11 @@ def extrapolation(past, h):
 
 
 @kernel
-def predict(q, v, h, c, past, held_theta, theta_out, dq_out):
-    """First guess of a step from the mean rates of the last two (`extrapolation` c); where c is NaN positions move on and triads
-    spin on with omega = 1/2 sum d_i x v_i."""
-    n = q.shape[0] // 12
+def predict(q, v, h, c, past, held_theta, first, last, theta_out, dq_out):
+    """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`;
+    where c is NaN positions move on and triads spin on with omega = 1/2 sum d_i x v_i."""
     m = (past.shape[0] - 3) // 2
-    for i in range(n):
+    for i in range(first, last):
         if c == c:
             o = 3 + 6 * i
             st3(dq_out, 12 * i, 1, h * ((1.0 + c) * ld3(past, o, 1) - c * ld3(past, o + m, 1)))
@@ -78,23 +77,32 @@ def predict(q, v, h, c, past, held_theta, theta_out, dq_out):
 
 
 @kernel
-def remember(theta, dq, s, s_end, force, h, past):
-    """Keep the mean rates of a converged step as the newest of two. past: how many, times of their middles from now on, then two
-    times (position and Cayley vector of every node, s and force of every slider)."""
-    n = dq.shape[0] // 12
+def spatial_remember(theta, dq, h, first, last, past):
+    """Keep the mean rates of the nodes from `first` to before `last` in a converged step as the newest of two. past: how many,
+    times of their middles from now on, then two times (position and Cayley vector of every node, s and force of every slider)."""
     m = (past.shape[0] - 3) // 2
-    for k in range(3, 3 + m):
+    for i in range(first, last):
+        for k in range(3 + 6 * i, 9 + 6 * i):
+            past[k + m] = past[k]
+        st3(past, 3 + 6 * i, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
+        st3(past, 6 + 6 * i, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
+
+
+@kernel
+def remember_sliders(s, s_end, force, h, rates, past):
+    """The same of sliders, behind `rates` rates of nodes, and the times."""
+    d = force.shape[0] // max(s.shape[0], 1)
+    m = (past.shape[0] - 3) // 2
+    for k in range(3 + rates, 3 + m):
         past[k + m] = past[k]
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
-    for i in range(n):
-        st3(past, 3 + 6 * i, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
-        st3(past, 6 + 6 * i, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
-    o = 3 + 6 * n
+    o = 3 + rates
     for k in range(s.shape[0]):
-        past[o + 4 * k] = (s_end[k] - s[k]) / h
-        st3(past, o + 4 * k + 1, 1, ld3(force, 3 * k, 1))
+        past[o + (d + 1) * k] = (s_end[k] - s[k]) / h
+        for c in range(d):
+            past[o + (d + 1) * k + 1 + c] = force[d * k + c]
 
 
 @kernel
@@ -107,14 +115,14 @@ def spread(q, v, dq, h, q_mid_out, q_end_out, u_out):
 
 
 @kernel
-def update_nodes(row_of, x, width, q, theta, dq, q_last_out, q_line_out):
-    """Add the solution x [rows, 6, width] (column 0) to the increments of a step. Returns the largest position increment and
-    the largest increment of a Cayley vector next to the vector itself: spins alone also vanish where it runs away to infinity,
-    towards half a turn."""
+def update_nodes(row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out):
+    """Add the solution x, `pitch` doubles a row and `width` an unknown, to the increments of a step. Returns the largest position
+    increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish where it runs away
+    to infinity, towards half a turn."""
     largest = 0.0
     spin = 0.0
     for i in range(row_of.shape[0]):
-        o = 6 * width * row_of[i]
+        o = pitch * row_of[i]
         turn = ld3(x, o + 3 * width, width)
         for c in range(12):
             q_last_out[12 * i + c] = q[12 * i + c] + dq[12 * i + c]

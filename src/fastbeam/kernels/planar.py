@@ -2,19 +2,16 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .nodes import apply_held, extrapolation, spread
+from .nodes import apply_held, spread
 from .planar_beam import planar_groups
-from .planar_nodes import add_planar_bodies, apply_planar_ties, planar_predict, tie_planar
+from .planar_nodes import add_planar_bodies, apply_planar_ties, tie_planar
 from .planar_slider import add_planar_sliders, predict_planar_sliders
-from .work import clear, copy, start_line
+from .work import clear, copy
 
 
 @kernel
-def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
-    """First guess of everything."""
-    start_line(state, work)
-    c = extrapolation(work.past, h)
-    planar_predict(state.q, state.v, h, c, work.past, spinless, work.theta, work.dq)
+def planar_start(ties, curves, sliders, contact, state, work, h, c):
+    """First guess of tied nodes and sliders from that of the other nodes; c: `nodes.extrapolation`."""
     if ties is not None:
         tie_planar(ties, work.dq)
     if sliders is not None:
@@ -22,10 +19,17 @@ def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
 
 
 @kernel
-def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
-    """Residual and tangent of the conserving step."""
-    clear(inner, work)
-    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+def planar_close(ties, held, work, size):
+    """Rows and blocks of tied nodes to those they follow, held unknowns out of the system."""
+    if ties is not None:
+        apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)
+
+
+@kernel
+def add_planar_parts(simo, green, inner, bodies, ties, curves, sliders, contact, row_of, state, work, h, size):
+    """Residual and tangent of everything, its coordinates spread already."""
     rate = 2.0 / (h * h)
     if sliders is not None:
         add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
@@ -38,10 +42,26 @@ def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, con
                       work.blocks, work.scratch, size)
     if bodies is not None:
         add_planar_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
-    if ties is not None:
-        apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
-    if held is not None:
-        apply_held(held, work.r, work.blocks, size)
+
+
+@kernel
+def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
+    """Residual and tangent of the conserving step."""
+    clear(inner, work)
+    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+    add_planar_parts(simo, green, inner, bodies, ties, curves, sliders, contact, row_of, state, work, h, size)
+    planar_close(ties, held, work, size)
+
+
+@kernel
+def add_planar_static(simo, green, inner, work, size):
+    """Residual f_int - f_ext and half the static tangent of all beams at q_mid = q_end."""
+    if simo is not None:
+        planar_groups(simo, inner, work.q_mid, work.q_end, work.line, None, None, None, work.r,
+                      work.blocks, work.scratch, size)
+    if green is not None:
+        planar_groups(green, inner, work.q_mid, work.q_end, work.line, None, None, 1, work.r,
+                      work.blocks, work.scratch, size)
 
 
 @kernel
@@ -50,13 +70,5 @@ def planar_static(simo, green, inner, ties, held, state, work, size):
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
     clear(inner, work)
-    if simo is not None:
-        planar_groups(simo, inner, work.q_mid, work.q_end, work.line, None, None, None, work.r,
-                      work.blocks, work.scratch, size)
-    if green is not None:
-        planar_groups(green, inner, work.q_mid, work.q_end, work.line, None, None, 1, work.r,
-                      work.blocks, work.scratch, size)
-    if ties is not None:
-        apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
-    if held is not None:
-        apply_held(held, work.r, work.blocks, size)
+    add_planar_static(simo, green, inner, work, size)
+    planar_close(ties, held, work, size)

@@ -30,7 +30,7 @@ class PlanarTies(NamedTuple):
     diagonal: np.ndarray   # int64 [M]: diagonal block of the target
     kind: np.ndarray       # int64 [M]
     factor: np.ndarray     # float64 [2 M]: offset (kind 1) or rotation (kind 2)
-    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to
+    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to (ascending)
 
 
 @kernel
@@ -42,11 +42,10 @@ def set_director(q, theta, dq_out, i):
 
 
 @kernel
-def planar_predict(q, v, h, c, past, held_theta, theta_out, dq_out):
+def planar_predict(q, v, h, c, past, held_theta, first, last, theta_out, dq_out):
     """As `nodes.predict`."""
-    n = q.shape[0] // 4
     m = (past.shape[0] - 3) // 2
-    for i in range(n):
+    for i in range(first, last):
         if c == c:
             o = 3 + 3 * i
             st2(dq_out, 4 * i, 1, h * ((1.0 + c) * ld2(past, o, 1) - c * ld2(past, o + m, 1)))
@@ -58,31 +57,23 @@ def planar_predict(q, v, h, c, past, held_theta, theta_out, dq_out):
 
 
 @kernel
-def planar_remember(theta, dq, s, s_end, force, h, past):
-    """As `nodes.remember`: (position and Cayley number of every node, s and force of every slider), two times."""
-    n = dq.shape[0] // 4
+def planar_remember(theta, dq, h, first, last, past):
+    """As `nodes.spatial_remember`, with one Cayley number a node."""
     m = (past.shape[0] - 3) // 2
-    for k in range(3, 3 + m):
-        past[k + m] = past[k]
-    past[2] = past[1] - h
-    past[1] = -0.5 * h
-    past[0] = min(past[0] + 1.0, 2.0)
-    for i in range(n):
+    for i in range(first, last):
+        for k in range(3 + 3 * i, 6 + 3 * i):
+            past[k + m] = past[k]
         st2(past, 3 + 3 * i, 1, (1.0 / h) * ld2(dq, 4 * i, 1))
         past[5 + 3 * i] = (1.0 / h) * theta[i]
-    o = 3 + 3 * n
-    for k in range(s.shape[0]):
-        past[o + 3 * k] = (s_end[k] - s[k]) / h
-        st2(past, o + 3 * k + 1, 1, ld2(force, 2 * k, 1))
 
 
 @kernel
-def planar_update(ties, row_of, x, width, q, theta, dq, q_last_out, q_line_out):
-    """As `nodes.update_nodes`, with the solution x [rows, 3, width]; ties included."""
+def planar_update(row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out):
+    """As `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
     for i in range(row_of.shape[0]):
-        o = 3 * width * row_of[i]
+        o = pitch * row_of[i]
         for c in range(4):
             q_last_out[4 * i + c] = q[4 * i + c] + dq[4 * i + c]
         u = ld2(q_last_out, 4 * i + 2, 1)
@@ -100,14 +91,6 @@ def planar_update(ties, row_of, x, width, q, theta, dq, q_last_out, q_line_out):
         if z > spin or z != z:
             spin = z
         set_director(q, theta, dq, i)
-    if ties is not None:
-        tie_planar(ties, dq)
-        tie_planar(ties, q_line_out)
-        for k in range(ties.slave.shape[0]):
-            i = ties.slave[k]
-            for e in range(ties.start[i], ties.start[i + 1]):
-                if ties.kind[e] == 2:
-                    theta[i] = theta[ties.target[e]]
     return largest, spin
 
 
@@ -160,8 +143,27 @@ def tie_planar(ties, x_out):
 
 
 @kernel
+def tie_planar_increments(ties, theta, dq, q_line):
+    """As `ties.tie_increments`."""
+    tie_planar(ties, dq)
+    tie_planar(ties, q_line)
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        for e in range(ties.start[i], ties.start[i + 1]):
+            if ties.kind[e] == 2:
+                theta[i] = theta[ties.target[e]]
+
+
+@kernel
 def apply_planar_ties(ties, q_mid, q_end, r, blocks, scratch):
     """As `ties.apply_ties`: rows and blocks of tied nodes to their targets."""
+    move_planar_rows(ties, q_mid, q_end, r, blocks)
+    move_planar_blocks(ties, 0, ties.moves.shape[0], q_mid, q_end, blocks, scratch)
+
+
+@kernel
+def move_planar_rows(ties, q_mid, q_end, r, blocks):
+    """As `ties.move_tied_rows`."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         o = 8 * ties.row[k]
@@ -178,7 +180,12 @@ def apply_planar_ties(ties, q_mid, q_end, r, blocks, scratch):
                 blocks[24 * ties.diagonal[e] + 18] -= 0.5 * dot(planar_arm(ties, e, q_end), f)
             else:
                 r[t + 2] += m
-    for p in range(ties.moves.shape[0]):
+
+
+@kernel
+def move_planar_blocks(ties, first, last, q_mid, q_end, blocks, scratch):
+    """As `ties.move_tied_blocks`."""
+    for p in range(first, last):
         source = 24 * ties.moves[p, 0]
         ea = ties.moves[p, 1]
         eb = ties.moves[p, 2]

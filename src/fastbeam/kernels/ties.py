@@ -25,7 +25,7 @@ class Ties(NamedTuple):
     kind: np.ndarray       # int64 [M]
     offset: np.ndarray     # float64 [3 M]
     rotation: np.ndarray   # float64 [9 M]: d_i = sum_j R_ij d_j of the target
-    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to
+    moves: np.ndarray      # int64 [P, 4]: block, entry of its row or -1, entry of its column or -1, block it adds to (ascending)
 
 
 @kernel
@@ -56,6 +56,19 @@ def tie_coordinates(ties, x_out):
 
 
 @kernel
+def tie_increments(ties, theta, dq, q_line):
+    """Increments of a step, of the tied nodes."""
+    tie_coordinates(ties, dq)
+    tie_coordinates(ties, q_line)
+    for k in range(ties.slave.shape[0]):
+        i = ties.slave[k]
+        for e in range(ties.start[i], ties.start[i + 1]):
+            if ties.kind[e] == 2:
+                for c in range(3):
+                    theta[3 * i + c] = theta[3 * ties.target[e] + c]
+
+
+@kernel
 def tie_arm(ties, e, q):
     """Offset of an entry of kind 1 in space."""
     t = 12 * ties.target[e]
@@ -69,6 +82,13 @@ def tie_arm(ties, e, q):
 def apply_ties(ties, q_mid, q_end, r, blocks, scratch):
     """Move residual rows and tangent blocks of tied nodes to their targets: r <- L(q_mid)^T r, K <- L(q_mid)^T K L(q_end),
     plus the change of L with the target's spin."""
+    move_tied_rows(ties, q_mid, q_end, r, blocks)
+    move_tied_blocks(ties, 0, ties.moves.shape[0], q_mid, q_end, blocks, scratch)
+
+
+@kernel
+def move_tied_rows(ties, q_mid, q_end, r, blocks):
+    """Rows of the residual, and the change of L in the diagonal blocks of the targets."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         o = 8 * ties.row[k]
@@ -86,7 +106,12 @@ def apply_ties(ties, q_mid, q_end, r, blocks, scratch):
                 add_matrix(blocks, 48 * ties.diagonal[e] + 27, 8, 1, 0.5 * add_iso(outer(d, f), -dot(d, f)))
             else:
                 add3(r, t + 3, 1, m)
-    for p in range(ties.moves.shape[0]):
+
+
+@kernel
+def move_tied_blocks(ties, first, last, q_mid, q_end, blocks, scratch):
+    """Blocks, the moves from `first` to before `last`."""
+    for p in range(first, last):
         source = 48 * ties.moves[p, 0]
         ea = ties.moves[p, 1]
         eb = ties.moves[p, 2]

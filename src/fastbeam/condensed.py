@@ -1,0 +1,295 @@
+"""Newton iterations of nets whose beams are condensed to their ends, on several threads (theory.md 9).
+
+Threads take chunks of beams, nodes, blocks and rows. Every chunk writes what belongs to it, sums have a fixed order, and the
+largest increment is that of all chunks: results do not depend on the number of threads. Compiled code runs without Python's lock.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from .arguments import count
+from .errors import SceneError
+from .iteration import Iteration, Owner
+from .kernels import step as kernels
+from .kernels import substructures as beams
+from .kernels.beam import ElementTables
+from .kernels.nodes import advance, apply_held, extrapolation, remember_sliders, spread
+from .kernels.work import follow_line, needs_line
+
+Array = np.ndarray
+Chunk = tuple[int, int]
+# chunks of one kind at most, and the least number of things in one
+MOST_CHUNKS = 64
+
+
+def thread_count(threads: int | None, condensed: bool) -> int:
+    """Threads of a run: as asked for, else FASTBEAM_THREADS, else for models with condensed beams all processors that this
+    process may use.
+
+    Raises
+    ------
+    SceneError
+        Not a whole number >= 1.
+    """
+    if threads is not None:
+        return count("threads", threads)
+    named = os.environ.get("FASTBEAM_THREADS")
+    if named:
+        if not named.isdigit() or int(named) < 1:
+            raise SceneError(f"FASTBEAM_THREADS: must be a whole number >= 1, got {named!r}; unset it, or use threads=...")
+        return int(named)
+    if not condensed:
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def chunks(n: int, least: int, first: int = 0) -> list[Chunk]:
+    """first .. first + n cut into equal parts of at least so many."""
+    parts = max(1, min(MOST_CHUNKS, n // least)) if n else 0
+    edges = [first + n * k // max(parts, 1) for k in range(parts + 1)]
+    return list(zip(edges[:-1], edges[1:]))
+
+
+class Team:
+    """A number of threads, the calling one among them."""
+
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
+        self._pool = ThreadPoolExecutor(threads - 1, "fastbeam") if threads > 1 else None
+
+    def each(self, work: Callable[[int, Any], Any], items: Sequence[Any]) -> list[Any]:
+        """work(thread, item) for all items, in any order; the results in that of the items."""
+        out: list[Any] = [None] * len(items)
+        # taking the next from a list iterator is one operation to Python
+        left = iter(list(enumerate(items)))
+
+        def go_on(thread: int, left: Iterator[Any]) -> None:
+            for k, item in left:
+                out[k] = work(thread, item)
+
+        others = [self._pool.submit(go_on, k, left) for k in range(1, min(self.threads, len(items)))] if self._pool else []
+        try:
+            go_on(0, left)
+        finally:
+            for other in others:
+                other.result()
+        return out
+
+
+class CondensedIteration(Iteration):
+    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk.
+
+    Parameters
+    ----------
+    owner : Stepper
+    threads : int
+    """
+
+    def __init__(self, owner: Owner, threads: int) -> None:
+        super().__init__(owner)
+        self.team = Team(threads)
+        model = owner.core
+        subs = model.substructure_work()
+        assert subs is not None
+        self.subs = subs
+        self._scratch = [model.scratch() for _ in range(threads)]
+        parts = model.groups_of_beams()
+        self._rest: list[ElementTables | None] = []
+        self._groups: list[tuple[ElementTables, int | None, Chunk]] = []
+        done = 0
+        for tables, groups, green in ((model.simo, parts[0], None), (model.green, parts[1], 1)):
+            n = 0 if tables is None else len(tables.meta) - int(groups[:, 1].sum())
+            self._rest.append(tables._replace(meta=tables.meta[:n]) if tables is not None and n else None)
+            self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done)]
+            done += len(groups)
+        self._any_rest = any(tables is not None for tables in self._rest)
+        self._nodes = chunks(model.n_nodes, 1024)
+        self._blocks = chunks(model.n_blocks + 1, 512)
+        self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
+        self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
+        self._moves: list[Chunk] = []
+        if model.ties is not None:
+            # what adds to one block stays together
+            target = model.ties.moves[:, 3]
+            edges = [0, *(int(np.searchsorted(target, target[a])) for a, _ in chunks(target.size, 256)[1:]), target.size]
+            self._moves = [(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]
+        self._q = model.q0.size // model.n_nodes
+        self._theta = len(model.size) - model.dim
+
+    # --- loops over nodes ---------------------------------------------------------------------------------------------
+    def _copy(self, *pairs: tuple[Array, Array]) -> None:
+        """Copy arrays, each a number of doubles for every node."""
+        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(source.size, 16384)]
+        self.team.each(lambda _, x: np.copyto(x[1][x[2]:x[3]], x[0][x[2]:x[3]]), items)
+
+    def keep(self) -> None:
+        state, work = self.owner.core_state, self.owner.work
+        self._copy((state.q, work.keep_q), (state.v, work.keep_v), (state.s, work.keep_s), (state.force, work.keep_force),
+                   (work.past, work.keep_past))
+
+    def restore(self) -> None:
+        state, work = self.owner.core_state, self.owner.work
+        self._copy((work.keep_q, state.q), (work.keep_v, state.v), (work.keep_s, state.s), (work.keep_force, state.force),
+                   (work.keep_past, work.past))
+
+    def start(self, h: float) -> None:
+        s, m = self.owner, self.owner.core
+        state, work = s.core_state, s.work
+        if needs_line(work):
+            self._copy((state.q, work.line.q_last), (state.q, work.line.q_line))
+        c = extrapolation(work.past, h)
+        self.team.each(lambda _, x: kernels.start_nodes(*s.kind[:2], m.spinless, state, work, h, c, *x), self._nodes)
+        kernels.start_rest(*s.kind[:2], m.ties, m.curves, m.sliders, s.contact, state, work, h, c)
+
+    def finish(self, h: float) -> None:
+        s, m = self.owner, self.owner.core
+        state, work, q = s.core_state, s.work, self._q
+        work.past[-1] = work.line.use[2]
+
+        def accept(_: int, x: Chunk) -> None:
+            some = slice(q * x[0], q * x[1])
+            kernels.remember_nodes(*s.kind[:2], work, h, *x)
+            advance(state.q[some], state.v[some], work.dq[some], h)
+
+        self.team.each(accept, self._nodes)
+        remember_sliders(state.s, work.s_end, state.force, h, len(m.size) * m.n_nodes, work.past)
+        state.s[:] = work.s_end
+
+    # --- the system of equations --------------------------------------------------------------------------------------
+    def assemble(self, h: float) -> None:
+        s, m = self.owner, self.owner.core
+        state, work, q = s.core_state, s.work, self._q
+
+        def spread_nodes(x: Chunk) -> None:
+            some = slice(q * x[0], q * x[1])
+            spread(state.q[some], state.v[some], work.dq[some], h, work.q_mid[some], work.q_end[some], work.u[some])
+
+        def add_rest() -> None:
+            if self._any_rest or m.bodies is not None or m.sliders is not None:
+                kernels.add_rest(*s.kind[:2], *self._rest, s.inner, m.bodies, m.ties, m.curves, m.sliders, s.contact,
+                                 m.pattern.row_of, state, work, h, m.size)
+
+        self._assemble(spread_nodes, add_rest, work.u, 2.0 / (h * h), m.held)
+
+    def assemble_static(self) -> None:
+        s, m = self.owner, self.owner.core
+        state, work, q = s.core_state, s.work, self._q
+
+        def spread_nodes(x: Chunk) -> None:
+            some = slice(q * x[0], q * x[1])
+            work.q_mid[some] = state.q[some]
+            work.q_end[some] = state.q[some]
+
+        def add_rest() -> None:
+            if self._any_rest:
+                kernels.add_static_rest(*s.kind[:2], *self._rest, s.inner, work, m.size)
+
+        self._assemble(spread_nodes, add_rest, None, None, m.static_held)
+
+    def _assemble(self, spread_nodes: Callable[[Chunk], None], add_rest: Callable[[], None], u: Array | None, rate: float | None,
+                  held: Any) -> None:
+        s, m = self.owner, self.owner.core
+        work, n = s.work, 8 * len(m.size)
+        if s.inner is not None:
+            s.inner.state[0] = 1.0
+            s.inner.rhs[:] = 0.0
+
+        def begin(_: int, x: tuple[str, Chunk]) -> None:
+            kind, (a, b) = x
+            if kind == "nodes":
+                spread_nodes((a, b))
+                np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
+            else:
+                work.blocks[n * a:n * b] = 0.0
+
+        self.team.each(begin, [*(("nodes", x) for x in self._nodes), *(("blocks", x) for x in self._blocks)])
+        work.r[8 * m.n_nodes:] = 0.0
+
+        def condense(thread: int, x: tuple[ElementTables, int | None, Chunk] | None) -> None:
+            if x is None:
+                add_rest()
+                return
+            tables, green, some = x
+            beams.condense(self.subs, tables, *some, *s.kind[:2], work.q_mid, work.q_end, work.line, u, rate, green, work.r,
+                           self._scratch[thread], m.size)
+
+        self.team.each(condense, [None, *self._groups])
+        self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
+        if m.ties is not None:
+            kernels.move_rows(*s.kind[:2], m.ties, work)
+            self.team.each(lambda thread, x: kernels.move_blocks(*s.kind[:2], m.ties, *x, work, self._scratch[thread]),
+                           self._moves)
+        if held is not None:
+            apply_held(held, work.r, work.blocks, m.size)
+
+    @property
+    def is_regular(self) -> bool:
+        return super().is_regular and bool(self.subs.state.all())
+
+    def solve_panel(self) -> bool:
+        s, m = self.owner, self.owner.core
+        if not s.linear.is_compiled:
+            return super().solve_panel()
+        with s.linear.threads(self.team.threads):
+            return bool(kernels.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
+
+    # --- increments ---------------------------------------------------------------------------------------------------
+    def _complete(self) -> None:
+        """Solutions of tied and inner nodes from those that the solver saw."""
+        s, m = self.owner, self.owner.core
+        if s.inner is not None:
+            kernels.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, s.work, m.size)
+        elif m.ties is not None:
+            kernels.push_ties(*s.kind[:2], m.ties, m.width, s.work)
+
+    def _move(self, factor: float, of_panel: float) -> float:
+        """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations,
+        of_panel: the same of what stands in the panel. Returns their size."""
+        s, m = self.owner, self.owner.core
+        work, subs = s.work, self.subs
+        beams.take_solution(work.panel, m.width, m.panel_rows, of_panel, subs.x, m.size)
+        self.team.each(lambda thread, x: beams.recover(subs, x[0], *x[2], factor, self._scratch[thread], m.size), self._groups)
+        q, t, line, row_of = self._q, self._theta, work.line, m.pattern.row_of
+
+        def update(_: int, x: Chunk) -> tuple[float, float]:
+            some = slice(q * x[0], q * x[1])
+            return kernels.update_range(*s.kind[:2], row_of[x[0]:x[1]], subs.x, 8, 1, s.core_state.q[some],
+                                        work.theta[t * x[0]:t * x[1]], work.dq[some], line.q_last[some], line.q_line[some])
+
+        found = np.array(self.team.each(update, self._nodes))
+        # NaN stays the largest
+        move, spin = (float(x) for x in found.max(axis=0))
+        if m.ties is not None:
+            kernels.follow_ties(*s.kind[:2], m.ties, work)
+        follow_line(line, move / m.length + spin)
+        return move / m.length + spin
+
+    def update(self) -> float:
+        s, m = self.owner, self.owner.core
+        self._complete()
+        slide = kernels.close_border(s.contact, m.panel_rows, s.core_state, s.work, m.width, m.size)
+        if slide < 0.0:
+            return float(slide)
+        return self._move(-1.0, 1.0) + float(slide) / m.length
+
+    def update_static(self) -> float:
+        s, m, q, t = self.owner, self.owner.core, self._q, self._theta
+        self._complete()
+        work, state = s.work, s.core_state
+
+        def clear(_: int, x: Chunk) -> None:
+            work.theta[t * x[0]:t * x[1]] = 0.0
+            work.dq[q * x[0]:q * x[1]] = 0.0
+
+        def add(_: int, x: Chunk) -> None:
+            state.q[q * x[0]:q * x[1]] += work.dq[q * x[0]:q * x[1]]
+
+        self.team.each(clear, self._nodes)
+        moved = self._move(-0.5, -0.5)
+        self.team.each(add, self._nodes)
+        return moved

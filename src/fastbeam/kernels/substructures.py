@@ -1,0 +1,255 @@
+"""Beams condensed to their ends, eight at a time: lane l of a group of elements walks along beam l (theory.md 9).
+
+Per element inner nodes are eliminated as in kernels/inner.py. Then, at the present node c between the start o of the beam and the
+next node e, with what the elements behind c left (S) and the present element (K),
+
+    A = S_cc + K_cc,   U = A^-1 K_ce,   P = A^-1 S_co,   y = A^-1 r_c
+    S_ee = K_ee - K_ec U,   S_eo = - K_ec P,   S_oe = - S_oc U,   S_oo -= S_oc P,   r_e -= K_ec y,   r_o -= S_oc y
+
+and the four blocks and two residuals of the ends are what the solver sees. Recovered in reverse: x_c = y - U x_e - P x_o.
+Threads take groups of beams; each writes what belongs to its beams only, and what ends add to a block or row is summed up in a
+fixed order.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import gather_lanes, put_rows, vld, vst
+from .beam import element_group
+from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
+from .inner import PIVOT, complete_row, eliminate_node
+from .planar_beam import planar_group
+
+
+class Substructures(NamedTuple):
+    """Condensed beams, B of them in groups of 8 equal ones, and the work arrays of their elimination; n unknowns a node."""
+
+    group: np.ndarray       # int64 [G, 4]: first group of elements, elements of a beam, nodes of an element, offset in store
+    beam: np.ndarray        # int64 [B]: 0 .. B - 1
+    block_start: np.ndarray  # int64 [blocks + 1]: range of every block of the tangent in the next
+    block_term: np.ndarray  # int64 [4 B]: 4 beam + (0: start-start, 1: start-end, 2: end-start, 3: end-end)
+    row_start: np.ndarray   # int64 [rows of ends + 1]: range of every row of the residual in the next
+    row_term: np.ndarray    # int64 [2 B]: 2 beam + (0: start, 1: end)
+    counts: np.ndarray      # int64 [3]: first row of their interior nodes, which are the last rows; groups with strain set (2.2),
+    #                         then with (2.1)
+    store: np.ndarray       # float64: U, P and y of every interior node, lanes last
+    ends: np.ndarray        # float64 [B, 32 n + 16]: four blocks and two residuals, rows padded to 8
+    state: np.ndarray       # float64 [G]: 0 where an elimination failed
+    x: np.ndarray           # float64 [8 rows]: the solution, all rows of the scene
+
+
+def place_stores(subs: Substructures, n: int) -> Substructures:
+    """The same beams with n unknowns a node, and room for their elimination."""
+    group = subs.group.copy()
+    size = 8 * n * (2 * n + 1) * (group[:, 1] - 1)
+    for nn in np.unique(group[:, 2]).tolist():
+        size += np.where(group[:, 2] == nn, group[:, 1] * sum(8 * n * (n * (nn - i) + 1) for i in range(1, nn - 1)), 0)
+    group[:, 3] = np.cumsum(size) - size
+    return subs._replace(group=group, store=np.zeros(size.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
+                         state=np.ones(len(group)))
+
+
+def front_size(n: int) -> int:
+    """Doubles of scratch behind those of an element group."""
+    return 8 * n * (7 * n + 2)
+
+
+@kernel
+def inner_store(nn, n):
+    """Doubles in `store` for the inner nodes of 8 elements."""
+    room = 0
+    for i in range(1, nn - 1):
+        room += 8 * n * (n * (nn - i) + 1)
+    return room
+
+
+@kernel
+def move(source, offset, count, target, to):
+    """Copy `count` doubles, a multiple of 8."""
+    for i in range(0, count, 8):
+        vst(target, to + i, 0, vld(source, offset + i, 0))
+
+
+@kernel
+def clear_block(x, offset, count):
+    """Zero `count` doubles, a multiple of 8."""
+    for i in range(offset, offset + count, 8):
+        vst(x, i, 0, 0.0)
+
+
+@kernel
+def condense_node(scratch, so, present, nn, ro, ko, store, d, size):
+    """Eliminate the node between the elements behind it, whose condensed blocks stand from so on, and the present one at ro, ko.
+    present: where S_oc and S_co stand, 1 or 3 and 2 or 4. Returns False where a pivot is none."""
+    n = len(size)
+    column = 8 * n
+    block = column * n
+    last = nn - 1
+    oc = so + block * present
+    co = oc + 2 * block
+    oe = so + block * (3 - present)
+    eo = oe + 2 * block
+    lu = so + 6 * block
+    r = so + 7 * block
+    for c in range(0, block, 8):
+        vst(scratch, ko + c, 0, vld(scratch, ko + c, 0) + vld(scratch, so + 5 * block + c, 0))
+    if not lu_lanes(scratch, ko, scratch, lu, PIVOT, size):
+        return False
+    y = d + 2 * block
+    for c in range(0, column, 8):
+        solve_lanes(scratch, lu, scratch, ko + block * last + c, column, store, d + c, column, size)
+        solve_lanes(scratch, lu, scratch, co + c, column, store, d + block + c, column, size)
+    solve_lanes(scratch, lu, scratch, ro, 8, store, y, 8, size)
+    ec = ko + block * nn * last
+    ee = ec + block * last
+    clear_block(scratch, oe, block)
+    clear_block(scratch, eo, block)
+    subtract_lanes(scratch, ec, store, d, scratch, ee, size, size)
+    subtract_lanes(scratch, ec, store, d + block, scratch, eo, size, size)
+    subtract_lanes(scratch, oc, store, d, scratch, oe, size, size)
+    subtract_lanes(scratch, oc, store, d + block, scratch, so, size, size)
+    subtract_lanes(scratch, ec, store, y, scratch, ro + column * last, ONE, size)
+    subtract_lanes(scratch, oc, store, y, scratch, r, ONE, size)
+    move(scratch, ee, block, scratch, so + 5 * block)
+    move(scratch, ro + column * last, column, scratch, r + column)
+    return True
+
+
+@kernel
+def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rate, green, r_out, scratch, size):
+    """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`. Loads of
+    interior nodes stand in r_out already."""
+    n = len(size)
+    column = 8 * n
+    block = column * n
+    per_node = 2 * block + column
+    per_beam = 4 * column + 16
+    so = scratch.shape[0] - 7 * block - 2 * column
+    r = so + 7 * block
+    mixed = line.use[0] != 0.0
+    for g in range(first, last):
+        nn = subs.group[g, 2]
+        inner = inner_store(nn, n)
+        d = subs.group[g, 3] - per_node
+        present = 1
+        subs.state[g] = 1.0
+        for j in range(subs.group[g, 1]):
+            k = subs.group[g, 0] + j
+            no = tables.meta[k, 3]
+            ro = 0
+            ko = 0
+            if space is not None:
+                ro, ko = element_group(tables, k, q_mid, q_end, line, mixed, u, rate, None, green, None, scratch)
+            if plane is not None:
+                ro, ko = planar_group(tables, k, q_mid, q_end, line, mixed, u, rate, green, scratch)
+            good = True
+            s = d + per_node
+            for i in range(1, nn - 1):
+                complete_row(tables, no + 8 * i, scratch, ro + column * i, r_out, size)
+            for i in range(1, nn - 1):
+                good = good and eliminate_node(nn, i, scratch, ro, ko, scratch, so + 6 * block, subs.store, s, block, size)
+                s += block * (nn - i)
+                move(scratch, ko + block * (nn + 1) * i, column, subs.store, s)
+                s += column
+            if j == 0:
+                end = ko + block * (nn - 1)
+                move(scratch, ko, block, scratch, so)
+                move(scratch, end, block, scratch, so + block)
+                move(scratch, end + block * (nn - 1) * (nn - 1), block, scratch, so + 3 * block)
+                move(scratch, ko + block * (nn * nn - 1), block, scratch, so + 5 * block)
+                move(scratch, ro, column, scratch, r)
+                move(scratch, ro + column * (nn - 1), column, scratch, r + column)
+            else:
+                for c in range(0, column, 8):
+                    vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
+                complete_row(tables, no, scratch, ro, r_out, size)
+                good = good and condense_node(scratch, so, present, nn, ro, ko, subs.store, d, size)
+                present = 3 - present
+            d += per_node + inner
+            if not good:
+                subs.state[g] = 0.0
+                break
+        for i in range(n):
+            o = so + column * i
+            for p in range(4):
+                # start-start, start-end, end-start, end-end
+                at = o + block * (0 if p == 0 else present if p == 1 else present + 2 if p == 2 else 5)
+                put_rows(scratch, at, subs.beam, 8 * g, per_beam, column * p + 8 * i, subs.ends, size)
+        put_rows(scratch, r, subs.beam, 8 * g, per_beam, 4 * column, subs.ends, size)
+        put_rows(scratch, r + column, subs.beam, 8 * g, per_beam, 4 * column + 8, subs.ends, size)
+
+
+@kernel
+def add_end_blocks(subs, first, last, blocks_out, size):
+    """Sum up what ends of beams add to the blocks of the tangent from `first` to before `last`."""
+    n = len(size)
+    per_beam = 32 * n + 16
+    for k in range(first, last):
+        for t in range(subs.block_start[k], subs.block_start[k + 1]):
+            o = per_beam * (subs.block_term[t] // 4) + 8 * n * (subs.block_term[t] % 4)
+            for i in range(0, 8 * n, 8):
+                vst(blocks_out, 8 * n * k + i, 0, vld(blocks_out, 8 * n * k + i, 0) + vld(subs.ends, o + i, 0))
+
+
+@kernel
+def add_end_rows(subs, first, last, r_out, size):
+    """The same for rows of the residual."""
+    n = len(size)
+    per_beam = 32 * n + 16
+    for k in range(first, last):
+        for t in range(subs.row_start[k], subs.row_start[k + 1]):
+            o = per_beam * (subs.row_term[t] // 2) + 32 * n + 8 * (subs.row_term[t] % 2)
+            vst(r_out, 8 * k, 0, vld(r_out, 8 * k, 0) + vld(subs.ends, o, 0))
+
+
+@kernel
+def take_solution(panel, width, n_rows, factor, x_out, size):
+    """`factor` times column 0 of the panel to the rows of x."""
+    n = len(size)
+    for i in range(n_rows):
+        for c in range(n):
+            x_out[8 * i + c] = factor * panel[(n * i + c) * width]
+
+
+@kernel
+def recover(subs, tables, first, last, factor, scratch, size):
+    """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends; factor:
+    increment per solution, -1 in a step."""
+    n = len(size)
+    column = 8 * n
+    block = column * n
+    per_node = 2 * block + column
+    for g in range(first, last):
+        k0 = subs.group[g, 0]
+        count = subs.group[g, 1]
+        nn = subs.group[g, 2]
+        end = column * nn
+        inner = inner_store(nn, n)
+        # start of the beam, then the nodes of an element
+        gather_lanes(subs.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
+        gather_lanes(subs.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
+        for j in range(count - 1, -1, -1):
+            no = tables.meta[k0 + j, 3]
+            d = subs.group[g, 3] + j * (per_node + inner) - per_node
+            if j == 0:
+                move(scratch, 0, column, scratch, column)
+            else:
+                for c in range(0, column, 8):
+                    vst(scratch, column + c, 0, factor * vld(subs.store, d + 2 * block + c, 0))
+                subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
+                subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
+                put_rows(scratch, column, tables.rows, no, 8, 0, subs.x, size)
+            s = d + per_node + inner
+            for i in range(nn - 2, 0, -1):
+                s -= block * (nn - i) + column
+                xi = column * (1 + i)
+                for c in range(0, column, 8):
+                    vst(scratch, xi + c, 0, factor * vld(subs.store, s + block * (nn - i) + c, 0))
+                for m in range(nn - i):
+                    a = i + 1 + m if m < nn - 1 - i else 0
+                    subtract_lanes(subs.store, s + block * m, scratch, column * (1 + a), scratch, xi, ONE, size)
+                put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, subs.x, size)
+            move(scratch, column, column, scratch, end)

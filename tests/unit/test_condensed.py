@@ -1,0 +1,270 @@
+"""Beams of nets condensed to their ends: the matrix is the Schur complement, steps and equilibria are the same, on any number of
+threads to the last bit."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam import condensed
+from fastbeam.errors import SceneError
+from fastbeam.kernels import substructures as beams
+from fastbeam.newton import Stepper
+
+Array = np.ndarray
+TUBE = fb.Section.circle(radius=0.03, E=5e7, rho=1000.0)
+ROD = fb.Section.circle(radius=0.02, E=8e7, rho=2000.0)
+# against each other two orders of elimination differ by round-off times the condition of the matrix
+SAME = 1e-9
+
+
+def grid(m: int, flat: bool = False, seed: int = 0, name: str = "net", **changes: Any) -> fb.Net:
+    """Beams between (m + 1)^2 nodes, held along one side."""
+    k = np.arange((m + 1)**2).reshape(m + 1, m + 1)
+    x, y = np.divmod(k, m + 1)
+    z = np.zeros(x.shape) if flat else 0.2 * np.random.default_rng(seed).standard_normal(x.shape)
+    edges = np.concatenate([np.stack(pair, axis=-1).reshape(-1, 2) for pair in ((k[:-1], k[1:]), (k[:, :-1], k[:, 1:]))])
+    options = {"section": TUBE, "elements": 3, "degree": 1, "clamps": np.arange(m + 1)} | changes
+    return fb.Net(name, np.stack((x, y, z), axis=-1).reshape(-1, 3), edges, **options)
+
+
+def random_scene(seed: int, strain: str, degree: int, sliders: bool) -> fb.Scene:
+    """Beams of one to three elements and two sections, welds and ball joints, masses, loads inside beams, a second net with the
+    other strains, a slider on a beam and another at a node inside of one."""
+    rng = np.random.default_rng(seed)
+    m = 4
+    n, count = (m + 1)**2, 2 * m * (m + 1)
+    joints = rng.choice(["rigid", "ball"], n).tolist()
+    net = grid(m, seed=seed, strain=strain, degree=degree, elements=rng.integers(1, 4, count), section=[TUBE, ROD],
+               section_of=rng.integers(0, 2, count), joints=joints, masses=rng.uniform(0.0, 2.0, n),
+               velocity=0.2 * rng.standard_normal((n, 3)))
+    long = net.beam(int(np.argmax(net.elements)))
+    parts: list[Any] = [net, fb.Load("push", long.node(1), force=(1.0, 2.0, -3.0)),
+                        fb.DistributedLoad("wind", net.beam(1), force=(0.5, 0.0, 1.0))]
+    if strain == "green_lagrange":
+        parts.append(grid(3, name="other", degree=2))
+    if sliders:
+        bead = fb.PointMass("bead", mass=0.3)
+        first, second = (net.beam(int(k)) for k in np.flatnonzero(net.elements == 3)[:2])
+        ends = net.nodes[net.edges[second.index]]
+        there, along = ends[0] + (ends[1] - ends[0]) / 3.0, np.array([0.3, 0.4, 1.2])
+        wire = fb.Beam.straight("wire", there - along, there + along, section=ROD, elements=2, degree=degree, strain=strain)
+        parts += [bead, wire, fb.Clamp(wire.start), fb.Clamp(wire.end), fb.Slider("bead on net", bead, first, at=0.4),
+                  fb.Slider("net on wire", second.node(degree), wire, at=1.3)]
+    return fb.Scene(*parts, gravity=(0.5, 0.3, -9.81), project_velocities=True)
+
+
+def models(scene: fb.Scene, **options: Any) -> tuple[Any, Any]:
+    """The same scene with and without condensed beams."""
+    one, other = (fb.compile_scene(scene, condense=condense, **options) for condense in (True, False))
+    assert one.substructures is not None and other.substructures is None
+    assert one.pattern.n < other.pattern.n
+    return one, other
+
+
+def assert_same(one: fb.Result, other: fb.Result, tolerance: float = SAME) -> None:
+    for name in ("q", "v", "s", "force"):
+        x, y = getattr(one.state, name), getattr(other.state, name)
+        assert np.max(np.abs(x - y), initial=0.0) <= tolerance * max(1.0, np.max(np.abs(y), initial=0.0)), name
+
+
+def same_bits(one: fb.Result, other: fb.Result) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(one.state, other.state))
+
+
+# ------------------------------------------------------------------------------------------------------- the condensation
+def dense(stepper: Stepper) -> tuple[Array, Array]:
+    """Matrix and residual of the rows that the solver sees."""
+    model = stepper.core
+    pattern, n = model.pattern, len(model.size)
+    matrix = np.zeros((pattern.n, n, pattern.n, n))
+    matrix[pattern.rows, :, pattern.columns] = stepper.work.blocks[:8 * n * pattern.keys.size].reshape(-1, n, 8)[:, :, :n]
+    rest = stepper.work.r[:8 * pattern.n].reshape(-1, 8)[:, :n]
+    return matrix.reshape(n * pattern.n, -1), rest.reshape(-1)
+
+
+@pytest.mark.parametrize(("changes", "planar"), [
+    ({"degree": 1}, False), ({"degree": 3, "joints": "ball"}, False), ({"degree": 2, "strain": "green_lagrange"}, False),
+    ({"degree": 1, "elements": 1}, False), ({"degree": 2, "flat": True}, True)])
+def test_condensed_matrix_is_the_schur_complement_and_its_interior_solves_the_whole_system(changes: Any, planar: bool) -> None:
+    scene = fb.Scene(grid(3, **changes), gravity=(0.0, -9.81, 0.0))
+    one = fb.compile_scene(scene, condense=True)
+    whole = fb.compile_scene(scene, condense=False, eliminate_inner=False, solver="sparse")
+    assert (one.plane is not None) == planar
+    a, b = Stepper(one, np.ones(1), threads=2), Stepper(whole, np.ones(1))
+    n = len(a.core.size)
+    seen = one.pattern.row_of < one.pattern.n
+
+    def numbers(rows: Array) -> Array:
+        return (n * rows[:, None] + np.arange(n)).reshape(-1)
+
+    for stepper in (a, b):
+        stepper.parts.start(0.02)
+    for _ in range(2):
+        # the second tangent takes the stresses that the first increment led to; of the same increment, or residuals differ by
+        # stiffness times round-off
+        for mine, other in zip((b.work.dq, b.work.theta, *b.work.line), (a.work.dq, a.work.theta, *a.work.line)):
+            mine[:] = other
+        a.parts.assemble(0.02)
+        b.parts.assemble(0.02)
+        condensed_matrix, condensed_rest = dense(a)
+        matrix, rest = dense(b)
+        # of every row of the condensed system one node
+        node = np.zeros(one.pattern.n, np.int64)
+        node[one.pattern.row_of[seen]] = np.flatnonzero(seen)
+        ends = numbers(whole.pattern.row_of[node])
+        inside = np.setdiff1d(np.arange(len(matrix)), ends)
+        recovered = np.linalg.solve(matrix[np.ix_(inside, inside)], np.column_stack((matrix[np.ix_(inside, ends)], rest[inside])))
+        schur = matrix[np.ix_(ends, ends)] - matrix[np.ix_(ends, inside)] @ recovered[:, :-1]
+        right = rest[ends] - matrix[np.ix_(ends, inside)] @ recovered[:, -1]
+        np.testing.assert_allclose(condensed_matrix, schur, rtol=0.0, atol=1e-12 * np.max(np.abs(matrix)))
+        np.testing.assert_allclose(condensed_rest, right, rtol=0.0, atol=1e-12 * np.max(np.abs(rest)))
+        x = np.linalg.solve(matrix, rest)
+        assert a.parts.solve() and b.parts.solve()
+        a.parts.update(), b.parts.update()
+        found = a.parts.subs.x.reshape(-1, 8)[one.pattern.row_of, :n]
+        expected = -x.reshape(-1, n)[whole.pattern.row_of]
+        free = ~np.isin(np.arange(one.n_nodes), one.ties.slave if one.ties is not None else [])
+        np.testing.assert_allclose(found[free], expected[free], rtol=0.0, atol=1e-11 * np.max(np.abs(expected)))
+
+
+def test_beam_whose_elimination_fails_is_told_apart_from_the_others() -> None:
+    stepper = Stepper(fb.compile_scene(fb.Scene(grid(3)), condense=True, planar=False), np.ones(1))
+    tables, group = stepper.core.simo, stepper.parts.subs.group
+    stepper.parts.start(0.01)
+    stepper.parts.assemble(0.01)
+    assert stepper.parts.is_regular
+    # no stiffness of the second group's first element
+    at = tables.meta[group[1, 0], 2]
+    before = tables.tab[at:at + 288].copy()
+    tables.tab[at:at + 288] = np.nan
+    stepper.parts.assemble(0.01)
+    assert stepper.parts.subs.state.tolist() == [1.0, 0.0, *[1.0] * (len(group) - 2)]
+    assert not stepper.parts.solve()
+    tables.tab[at:at + 288] = before
+    stepper.parts.assemble(0.01)
+    assert stepper.parts.solve()
+
+
+# --------------------------------------------------------------------------------------------------- steps and equilibria
+@pytest.mark.parametrize(("seed", "strain", "degree", "sliders"), [
+    (1, "simo_reissner", 1, False), (2, "green_lagrange", 2, False), (3, "simo_reissner", 3, True)])
+def test_steps_of_random_nets_are_the_same(seed: int, strain: str, degree: int, sliders: bool) -> None:
+    results = [fb.simulate(model, t_end=0.05, step=5e-3, progress=False, threads=2)
+               for model in models(random_scene(seed, strain, degree, sliders))]
+    assert_same(*results)
+    assert results[0].info["fallbacks"] == results[1].info["fallbacks"] == 0
+    assert results[0].info["iterations"] == results[1].info["iterations"]
+
+
+def test_steps_of_order_four_in_a_plane_are_the_same() -> None:
+    scene = fb.Scene(grid(4, flat=True, degree=2), gravity=(0.0, -9.81, 0.0))
+    results = [fb.simulate(model, t_end=0.02, step=5e-3, order=4, progress=False) for model in models(scene)]
+    assert_same(*results)
+    assert results[0].drift("total") < 1e-12
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_equilibria_are_the_same(flat: bool) -> None:
+    scene = fb.Scene(grid(4, flat=flat, degree=2), gravity=(0.0, -0.5, 0.0) if flat else (0.1, 0.2, -0.5))
+    one, other = models(scene)
+    results = [fb.solve_static(one, threads=1), fb.solve_static(one, threads=2), fb.solve_static(other)]
+    assert_same(results[0], results[2])
+    assert same_bits(results[0], results[1])
+    assert results[0].info["unstable_directions"] == results[2].info["unstable_directions"] == 0
+
+
+def test_other_solvers_and_methods_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = fb.Scene(grid(4), gravity=(0.3, 0.2, -9.81))
+    one, other = models(scene, solver="sparse")
+    options: dict[str, Any] = {"t_end": 0.01, "step": 5e-3, "progress": False}
+    expected = fb.simulate(other, **options)
+    for backend in ("auto", "superlu"):
+        assert_same(fb.simulate(one, backend=backend, **options), expected)
+    # the methods for comparison run without
+    assert same_bits(*(fb.simulate(model, method="midpoint", **options) for model in (one, other)))
+
+
+def test_step_that_cannot_be_condensed_is_taken_by_superlu(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = models(fb.Scene(grid(4), gravity=(0.3, 0.2, -9.81)))
+    real, calls = beams.condense, [0]
+
+    def fails_once_in_a_while(subs: Any, *arguments: Any) -> None:
+        real(subs, *arguments)
+        calls[0] += 1
+        if calls[0] % 20 == 0:
+            subs.state[0] = 0.0
+
+    monkeypatch.setattr(condensed.beams, "condense", fails_once_in_a_while)
+    result = fb.simulate(one, t_end=0.04, step=5e-3, progress=False, threads=1)
+    monkeypatch.undo()
+    assert result.info["steps"] == 8
+    assert_same(result, fb.simulate(other, t_end=0.04, step=5e-3, progress=False))
+
+    def never_regular(subs: Any, *arguments: Any) -> None:
+        real(subs, *arguments)
+        subs.state[0] = 0.0
+
+    monkeypatch.setattr(condensed.beams, "condense", never_regular)
+    result = fb.simulate(one, t_end=0.01, step=5e-3, progress=False)
+    assert result.info["fallbacks"] == 2
+    assert_same(result, fb.simulate(other, t_end=0.01, step=5e-3, progress=False))
+    static = [fb.solve_static(fb.compile_scene(fb.Scene(grid(3), gravity=(0, 0, -0.1)), condense=c)) for c in (True, False)]
+    assert_same(*static)
+
+
+def test_results_are_the_same_bits_on_any_number_of_threads() -> None:
+    # more than one chunk of everything, ties and a solver with threads of its own
+    joints = np.random.default_rng(0).choice(["rigid", "ball"], 23**2).tolist()
+    scene = fb.Scene(grid(22, joints=joints, elements=2), gravity=(0.3, 0.2, -9.81))
+    model = fb.compile_scene(scene, condense=True, solver="sparse")
+    results = [fb.simulate(model, t_end=0.01, step=5e-3, progress=False, threads=k) for k in (1, 2, 3)]
+    assert same_bits(results[0], results[1]) and same_bits(results[0], results[2])
+    stepper = Stepper(model, np.ones(1), threads=2)
+    assert min(len(x) for x in (stepper.parts._groups, stepper.parts._nodes, stepper.parts._moves, stepper.parts._terms)) > 1
+
+
+def test_run_goes_on_bit_for_bit() -> None:
+    scene = random_scene(3, "simo_reissner", 3, True)
+    model = fb.compile_scene(scene, condense=True)
+    options: dict[str, Any] = {"step": 5e-3, "progress": False}
+    through = fb.simulate(model, t_end=0.04, **options)
+    half = fb.simulate(model, t_end=0.02, **options)
+    assert same_bits(fb.simulate(fb.compile_scene(scene, condense=True), start=half.checkpoint, t_end=0.04, **options), through)
+
+
+# ------------------------------------------------------------------------------------------------------------ what is chosen
+def test_beams_that_something_touches_are_not_condensed() -> None:
+    net = grid(4)
+    bead = fb.PointMass("bead", mass=1.0)
+    body = fb.RigidBody("body", mass=1.0, inertia=(1, 1, 1), position=net.nodes[net.edges[2]].mean(axis=0))
+    touched = [fb.Slider("slider", bead, net.beam(0), at=0.5), fb.Pin(net.beam(1).node(1)),
+               fb.RigidConnection(net.beam(2).node(2), body)]
+    model = fb.compile_scene(fb.Scene(net, bead, body, *touched), condense=True)
+    ends = model.simo.nodes.reshape(-1, 2, 8)[model.substructures.group[:, 0], 0]
+    beam_of = np.searchsorted(net.node_start, ends.reshape(-1), side="right") - 1
+    assert model.substructures.beam.size == beam_of.size == (len(net.edges) - 3) // 8 * 8 == len(set(beam_of.tolist()))
+    assert not {0, 1, 2} & set(beam_of.tolist())
+    assert f"{beam_of.size} beams of nets condensed" in str(model)
+
+
+def test_condensing_is_left_to_large_nets() -> None:
+    assert fb.compile_scene(fb.Scene(grid(10))).substructures is None
+    assert fb.compile_scene(fb.Scene(grid(30, elements=2))).substructures is not None
+
+
+def test_arguments_out_of_range_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(SceneError, match="condense must be 'auto', True or False, got 'yes'"):
+        fb.compile_scene(fb.Scene(grid(2)), condense="yes")
+    model = fb.compile_scene(fb.Scene(grid(3)), condense=True)
+    with pytest.raises(SceneError, match="threads"):
+        fb.simulate(model, t_end=0.1, step=0.01, threads=0)
+    monkeypatch.setenv("FASTBEAM_THREADS", "many")
+    with pytest.raises(SceneError, match="FASTBEAM_THREADS: must be a whole number >= 1, got 'many'"):
+        fb.simulate(model, t_end=0.1, step=0.01)
+    monkeypatch.setenv("FASTBEAM_THREADS", "3")
+    assert condensed.thread_count(None, True) == 3 and condensed.thread_count(2, True) == 2
+    monkeypatch.delenv("FASTBEAM_THREADS")
+    assert condensed.thread_count(None, False) == 1 <= condensed.thread_count(None, True)
