@@ -48,8 +48,7 @@ def iteration(model: fb.model.Model, threads: int) -> Callable[[], float]:
 
     def run() -> float:
         begin = time.perf_counter()
-        with stepper.linear.threads(threads):
-            outcome = stepper.advance(0.0, STEP, 1)
+        outcome = stepper.advance(0.0, STEP, 1)
         if outcome.status:
             raise SystemExit(f"the step failed with status {outcome.status}")
         return (time.perf_counter() - begin) / outcome.iterations
@@ -60,7 +59,7 @@ def iteration(model: fb.model.Model, threads: int) -> Callable[[], float]:
 
 def solver(model: fb.model.Model, threads: int) -> Callable[[], float]:
     """A function that factors the matrix of the first iteration by PARDISO, solves once and returns the seconds."""
-    stepper = Stepper(model, np.ones(1), threads=1)
+    stepper = Stepper(model, np.ones(1), threads=threads)
     if stepper.linear.tables is None:
         raise SystemExit("MKL was not found: pip install pypardiso")
     t, n = stepper.linear.tables, len(model.size)
@@ -71,7 +70,7 @@ def solver(model: fb.model.Model, threads: int) -> Callable[[], float]:
     t.b[0] = stepper.work.r[:8 * model.pattern.n].reshape(-1, 8)[:, :n].reshape(-1)
 
     def run() -> float:
-        with stepper.linear.threads(threads):
+        with stepper.linear.threads():
             begin = time.perf_counter()
             code = call_pardiso(t, FACTOR, t.b, t.x) or call_pardiso(t, SOLVE, t.b, t.x)
             seconds = time.perf_counter() - begin

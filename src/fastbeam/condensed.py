@@ -27,9 +27,8 @@ Chunk = tuple[int, int]
 MOST_CHUNKS = 64
 
 
-def thread_count(threads: int | None, condensed: bool) -> int:
-    """Threads of a run: as asked for, else FASTBEAM_THREADS, else for models with condensed beams all processors that this
-    process may use.
+def thread_count(threads: int | None) -> int:
+    """Threads of a run: as asked for, else FASTBEAM_THREADS, else all processors that this process may use.
 
     Raises
     ------
@@ -43,8 +42,6 @@ def thread_count(threads: int | None, condensed: bool) -> int:
         if not named.isdigit() or int(named) < 1:
             raise SceneError(f"FASTBEAM_THREADS: must be a whole number >= 1, got {named!r}; unset it, or use threads=...")
         return int(named)
-    if not condensed:
-        return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -235,7 +232,7 @@ class CondensedIteration(Iteration):
         s, m = self.owner, self.owner.core
         if not s.linear.is_compiled:
             return super().solve_panel()
-        with s.linear.threads(self.team.threads):
+        with s.linear.threads():
             return bool(kernels.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
 
     # --- increments ---------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import glob
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .pattern import Pattern
 
 Array = np.ndarray
+# PARDISO cuts a matrix for so many threads and gets the same bits on any number; another number gives other bits
+REPRODUCIBLE = 8
 # unknowns below which PARDISO runs on one thread
 SMALL = 5000
 # slender beams: round-off of their stiff directions may leave this relative residual, in a solution that is as good as can be
@@ -61,6 +63,10 @@ class Pardiso:
         Right-hand sides of a solve.
     size : int
         Of a block.
+    threads : int, optional
+        Default: as many as MKL likes.
+    reproducible : bool
+        The same bits for any number of threads.
 
     Raises
     ------
@@ -68,29 +74,41 @@ class Pardiso:
         The analysis fails.
     """
 
-    def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int, size: int) -> None:
+    def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int, size: int, threads: int | None = None,
+                 reproducible: bool = False) -> None:
         n = indptr.size - 1
-        if size * n < SMALL:
-            # threads cost more than they bring below
-            mkl.MKL_Set_Num_Threads_Local(1)
+        self._mkl = mkl
+        # threads cost more than they bring in small systems
+        self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
         iparm = np.zeros(64, np.int32)
         # METIS order, no scaling or matching (they are computed from the values of the analysis), two refinements at most
-        for k, value in {0: 1, 1: 2, 7: 2, 9: 13, 20: 1, 34: 1, 36: size}.items():
+        for k, value in {0: 1, 1: 2, 7: 2, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
             iparm[k] = value
         self._call = kernels.call_pardiso
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, 11, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
             indptr.astype(np.int32), indices.astype(np.int32), np.zeros(size**2 * indices.size),
             *(np.zeros((columns, size * n)) for _ in range(3)), np.zeros(2, np.int64), np.zeros(1))
-        code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
+        with self.threads():
+            code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
         if code:
             raise ArithmeticError(f"PARDISO error {code} in the analysis")
+
+    @contextmanager
+    def threads(self) -> Iterator[None]:
+        """Calls in here run on the threads of the analysis; PARDISO crashes with fewer."""
+        before = self._mkl.MKL_Set_Num_Threads_Local(self._threads)
+        try:
+            yield
+        finally:
+            self._mkl.MKL_Set_Num_Threads_Local(before)
 
     def __del__(self) -> None:
         # nothing to free where the analysis was never reached
         tables = getattr(self, "tables", None)
         if tables is not None and tables.handle.any():
-            self._call(tables, kernels.RELEASE, tables.b, tables.x)
+            with self.threads():
+                self._call(tables, kernels.RELEASE, tables.b, tables.x)
 
 
 class SuperLU:
@@ -185,6 +203,8 @@ class LinearSystem:
         For patterns without a plan.
     size : int
         Unknowns a node.
+    threads, reproducible
+        Of PARDISO.
 
     Raises
     ------
@@ -192,11 +212,11 @@ class LinearSystem:
         backend='pardiso' without MKL.
     """
 
-    def __init__(self, pattern: Pattern, columns: int, backend: str = "auto", size: int = 6) -> None:
+    def __init__(self, pattern: Pattern, columns: int, backend: str = "auto", size: int = 6, threads: int | None = None,
+                 reproducible: bool = False) -> None:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
-        self._mkl: Any = None
         self._superlu: SuperLU | None = None
         self._why = ""
         if pattern.plan is not None or backend == "superlu":
@@ -208,20 +228,11 @@ class LinearSystem:
             self._why = "MKL not found"
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
-        self._mkl = mkl
-        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size)
+        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size, threads, reproducible)
 
-    @contextmanager
-    def threads(self, n: int) -> Iterator[None]:
-        """Let PARDISO use n threads, where the matrix is large enough for more than one."""
-        if self._mkl is None:
-            yield
-            return
-        before = self._mkl.MKL_Set_Num_Threads_Local(n if self.size * self.pattern.n >= SMALL else 1)
-        try:
-            yield
-        finally:
-            self._mkl.MKL_Set_Num_Threads_Local(before)
+    def threads(self) -> AbstractContextManager[None]:
+        """Where the compiled loop has to run."""
+        return nullcontext() if self.pardiso is None else self.pardiso.threads()
 
     @property
     def is_compiled(self) -> bool:

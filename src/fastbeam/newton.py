@@ -77,7 +77,7 @@ class Stepper:
     augmentation : float
         Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
     threads : int, optional
-        Of models with condensed beams.
+        Of condensed beams (default: see `thread_count`) and of PARDISO.
 
     Raises
     ------
@@ -114,11 +114,12 @@ class Stepper:
         self.work = core.work()
         self.inner = core.inner_work()
         self.contact = core.contact()
-        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size))
-        self.alpha = empty_rates(method, model.n_nodes)
         condensed = core.substructures is not None
-        self.threads = thread_count(threads, condensed)
-        self.parts = CondensedIteration(self, self.threads) if condensed else Iteration(self)
+        if condensed or threads is not None:
+            threads = thread_count(threads)
+        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size), threads, reproducible=condensed)
+        self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
+        self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._spare: Stepper | None = None
         mass = float(model.gravity_weight.sum())
@@ -231,10 +232,11 @@ class Stepper:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
         if self.linear.is_compiled and model.substructures is None:
-            kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
-                        model.sliders, self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables,
-                        model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n,
-                        model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
+            with self.linear.threads():
+                kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
+                            model.sliders, self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables,
+                            model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n,
+                            model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
             result = self._python_run(factors if self._timed else None, h, n)

@@ -159,9 +159,11 @@ class _StaticSolver:
         before = state.q.copy()
         if self.linear.is_compiled and model.substructures is None:
             buffer = np.zeros(self.max_iterations)
-            status, n = kernels.solve_static_step(
-                *kind, model.simo, model.green, self.inner, model.ties, model.static_held, model.pattern.plan, self.linear.tables,
-                model.pattern.row_of, state, work, model.width, model.length, self.max_iterations, LARGEST_INCREMENT, buffer)
+            with self.linear.threads():
+                status, n = kernels.solve_static_step(
+                    *kind, model.simo, model.green, self.inner, model.ties, model.static_held, model.pattern.plan,
+                    self.linear.tables, model.pattern.row_of, state, work, model.width, model.length, self.max_iterations,
+                    LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         else:
             status, sizes = self._in_python()
