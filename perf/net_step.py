@@ -98,8 +98,8 @@ def main() -> None:
           f"{model.n_unknowns} unknowns; compiled in {time.perf_counter() - begin:.1f} s")
     work = {f"condensed, {k} threads": iteration(model, k) for k in options.threads}
     if not options.memory:
+        work["not condensed"] = iteration(fb.compile_scene(scene, condense=False, planar=False), 1)
         plain = fb.compile_scene(scene, solver="sparse", condense=False, planar=False)
-        work["not condensed"] = iteration(plain, 1)
         whole = fb.compile_scene(scene, solver="sparse", condense=False, eliminate_inner=False, planar=False)
         work |= {f"PARDISO alone, all nodes, {k} threads": solver(whole, k) for k in options.threads}
         if options.degree > 1:

@@ -27,7 +27,7 @@ from .tables import ElementPacker, Elements, condensed_ends, elements_of, pack_c
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
 # elements in beams that can be condensed, from which on it pays
-WORTH_CONDENSING = 2000
+WORTH_CONDENSING = 1000
 
 
 def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto",

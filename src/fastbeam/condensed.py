@@ -23,12 +23,15 @@ from .kernels.work import follow_line, needs_line
 
 Array = np.ndarray
 Chunk = tuple[int, int]
-# chunks of one kind at most, and the least number of things in one
+# chunks of one kind at most
 MOST_CHUNKS = 64
+# elements from which on one more thread pays
+ELEMENTS_A_THREAD = 2000
 
 
-def thread_count(threads: int | None) -> int:
-    """Threads of a run: as asked for, else FASTBEAM_THREADS, else all processors that this process may use.
+def thread_count(threads: int | None, elements: int) -> int:
+    """Threads of a run with so many elements in condensed beams: as asked for, else FASTBEAM_THREADS, else all processors that
+    this process may use and that have enough to do.
 
     Raises
     ------
@@ -42,7 +45,8 @@ def thread_count(threads: int | None) -> int:
         if not named.isdigit() or int(named) < 1:
             raise SceneError(f"FASTBEAM_THREADS: must be a whole number >= 1, got {named!r}; unset it, or use threads=...")
         return int(named)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(processors, elements // ELEMENTS_A_THREAD))
 
 
 def chunks(n: int, least: int, first: int = 0) -> list[Chunk]:

@@ -216,6 +216,11 @@ class Model:
         """Rows of the panel of right-hand sides: all but those of condensed beams."""
         return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
 
+    @property
+    def condensed_elements(self) -> int:
+        """Elements in condensed beams."""
+        return 0 if self.substructures is None else 8 * int(self.substructures.group[:, 1].sum())
+
     def groups_of_beams(self) -> tuple[Array, Array]:
         """Rows of `substructures.group` of the condensed beams with strain set (2.2), and of those with (2.1)."""
         assert self.substructures is not None

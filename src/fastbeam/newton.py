@@ -116,7 +116,7 @@ class Stepper:
         self.contact = core.contact()
         condensed = core.substructures is not None
         if condensed or threads is not None:
-            threads = thread_count(threads)
+            threads = thread_count(threads, core.condensed_elements)
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size), threads, reproducible=condensed)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self.alpha = empty_rates(method, model.n_nodes)

@@ -269,13 +269,14 @@ def calls(work: Callable[[], Any]) -> int:
     return count
 
 
+@pytest.mark.parametrize("condense", [True, False])
 @pytest.mark.parametrize("joints", ["rigid", "ball"])
-def test_compiling_a_net_calls_no_function_for_each_beam(joints: str) -> None:
+def test_compiling_a_net_calls_no_function_for_each_beam(joints: str, condense: bool) -> None:
     def build(m: int) -> None:
         nodes, edges = grid(m)
         net = fb.Net("net", nodes, edges, section=ROUND, degree=2, elements=2, joints=joints, pins=np.arange(m),
                      masses=np.ones(len(nodes)))
-        fb.compile_scene(fb.Scene(net, gravity=(0, 0, -9.81)), solver="sparse")
+        fb.compile_scene(fb.Scene(net, gravity=(0, 0, -9.81)), solver="sparse", condense=condense)
 
     build(3)  # imports
     few, many = calls(lambda: build(10)), calls(lambda: build(30))
