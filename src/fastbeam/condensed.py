@@ -15,11 +15,11 @@ import numpy as np
 from .arguments import count
 from .errors import SceneError
 from .iteration import Iteration, Owner
-from .kernels import step as kernels
+from .kernels import beam, nodes, planar_beam, planar_nodes, planar_slider, slider, step, ties
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
-from .kernels.nodes import advance, apply_held, extrapolation, remember_sliders, spread
-from .kernels.work import follow_line, needs_line
+from .kernels.nodes import advance, apply_held, extrapolation, spread
+from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
 Chunk = tuple[int, int]
@@ -82,6 +82,39 @@ class Team:
         return out
 
 
+class _Space:
+    """Kernels of nodes in space."""
+
+    predict, remember, update = nodes.predict, nodes.remember, nodes.update_nodes
+    tie, tie_increments, apply_ties, push_tied = (ties.tie_coordinates, ties.tie_increments, ties.apply_ties,
+                                                  ties.push_tied_columns)
+    predict_sliders, add_sliders, add_bodies = slider.predict_sliders, slider.add_sliders, nodes.add_bodies
+
+    @staticmethod
+    def add_elements(tables: ElementTables, inner: Any, work: Work, u: Array | None, rate: float | None, green: int | None,
+                     size: Any) -> None:
+        """Elements that are not in condensed beams."""
+        beam.element_groups(tables, 0, len(tables.meta), inner, work.q_mid, work.q_end, work.line, u, rate, None, green, None,
+                            work.r, work.blocks, work.scratch, size)
+
+
+class _Plane:
+    """The same in a plane."""
+
+    predict, remember, update = planar_nodes.planar_predict, planar_nodes.planar_remember, planar_nodes.planar_update
+    tie, tie_increments, apply_ties, push_tied = (planar_nodes.tie_planar, planar_nodes.tie_planar_increments,
+                                                  planar_nodes.apply_planar_ties, planar_nodes.planar_push)
+    predict_sliders, add_sliders, add_bodies = (planar_slider.predict_planar_sliders, planar_slider.add_planar_sliders,
+                                                planar_nodes.add_planar_bodies)
+
+    @staticmethod
+    def add_elements(tables: ElementTables, inner: Any, work: Work, u: Array | None, rate: float | None, green: int | None,
+                     size: Any) -> None:
+        """Elements that are not in condensed beams."""
+        planar_beam.planar_groups(tables, 0, len(tables.meta), inner, work.q_mid, work.q_end, work.line, u, rate, green, work.r,
+                                  work.blocks, work.scratch, size)
+
+
 class CondensedIteration(Iteration):
     """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk.
 
@@ -98,17 +131,18 @@ class CondensedIteration(Iteration):
         subs = model.substructure_work()
         assert subs is not None
         self.subs = subs
+        self.kernels: Any = _Space if owner.kind[1] is None else _Plane
         self._scratch = [model.scratch() for _ in range(threads)]
         parts = model.groups_of_beams()
-        self._rest: list[ElementTables | None] = []
+        self._rest: list[tuple[ElementTables, int | None]] = []
         self._groups: list[tuple[ElementTables, int | None, Chunk]] = []
         done = 0
         for tables, groups, green in ((model.simo, parts[0], None), (model.green, parts[1], 1)):
             n = 0 if tables is None else len(tables.meta) - int(groups[:, 1].sum())
-            self._rest.append(tables._replace(meta=tables.meta[:n]) if tables is not None and n else None)
+            if tables is not None and n:
+                self._rest.append((tables._replace(meta=tables.meta[:n]), green))
             self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done)]
             done += len(groups)
-        self._any_rest = any(tables is not None for tables in self._rest)
         self._nodes = chunks(model.n_nodes, 1024)
         self._blocks = chunks(model.n_blocks + 1, 512)
         self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
@@ -141,24 +175,27 @@ class CondensedIteration(Iteration):
     def start(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
-        if needs_line(work):
-            self._copy((state.q, work.line.q_last), (state.q, work.line.q_line))
+        start_line(state, work)
         c = extrapolation(work.past, h)
-        self.team.each(lambda _, x: kernels.start_nodes(*s.kind[:2], m.spinless, state, work, h, c, *x), self._nodes)
-        kernels.start_rest(*s.kind[:2], m.ties, m.curves, m.sliders, s.contact, state, work, h, c)
+        self.team.each(lambda _, x: self.kernels.predict(state.q, state.v, h, c, work.past, m.spinless, *x, work.theta, work.dq),
+                       self._nodes)
+        if m.ties is not None:
+            self.kernels.tie(m.ties, work.dq)
+        if s.contact is not None:
+            s.contact.augmented[2] = 1.0
+            self.kernels.predict_sliders(m.curves, m.sliders, s.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
+                                         state.force)
 
     def finish(self, h: float) -> None:
-        s, m = self.owner, self.owner.core
-        state, work, q = s.core_state, s.work, self._q
+        state, work, q = self.owner.core_state, self.owner.work, self._q
         work.past[-1] = work.line.use[2]
 
         def accept(_: int, x: Chunk) -> None:
             some = slice(q * x[0], q * x[1])
-            kernels.remember_nodes(*s.kind[:2], work, h, *x)
+            self.kernels.remember(work.theta, work.dq, state.s, work.s_end, state.force, h, *x, work.past)
             advance(state.q[some], state.v[some], work.dq[some], h)
 
         self.team.each(accept, self._nodes)
-        remember_sliders(state.s, work.s_end, state.force, h, len(m.size) * m.n_nodes, work.past)
         state.s[:] = work.s_end
 
     # --- the system of equations --------------------------------------------------------------------------------------
@@ -170,12 +207,22 @@ class CondensedIteration(Iteration):
             some = slice(q * x[0], q * x[1])
             spread(state.q[some], state.v[some], work.dq[some], h, work.q_mid[some], work.q_end[some], work.u[some])
 
-        def add_rest() -> None:
-            if self._any_rest or m.bodies is not None or m.sliders is not None:
-                kernels.add_rest(*s.kind[:2], *self._rest, s.inner, m.bodies, m.ties, m.curves, m.sliders, s.contact,
-                                 m.pattern.row_of, state, work, h, m.size)
+        rate = 2.0 / (h * h)
 
-        self._assemble(spread_nodes, add_rest, work.u, 2.0 / (h * h), m.held)
+        def add_rest() -> None:
+            # what acts on inner nodes stands in the residual before they are eliminated
+            if s.contact is not None:
+                self.kernels.add_sliders(m.curves, m.sliders, s.contact, m.ties, m.pattern.row_of, state.q, work.q_mid,
+                                         work.q_end, work.theta, state.s, work.s_end, state.force, work.r)
+            self._add_elements(work.u, rate)
+            if m.bodies is not None:
+                self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+
+        self._assemble(spread_nodes, add_rest, work.u, rate, m.held)
+
+    def _add_elements(self, u: Array | None, rate: float | None) -> None:
+        for tables, green in self._rest:
+            self.kernels.add_elements(tables, self.owner.inner, self.owner.work, u, rate, green, self.owner.core.size)
 
     def assemble_static(self) -> None:
         s, m = self.owner, self.owner.core
@@ -186,11 +233,7 @@ class CondensedIteration(Iteration):
             work.q_mid[some] = state.q[some]
             work.q_end[some] = state.q[some]
 
-        def add_rest() -> None:
-            if self._any_rest:
-                kernels.add_static_rest(*s.kind[:2], *self._rest, s.inner, work, m.size)
-
-        self._assemble(spread_nodes, add_rest, None, None, m.static_held)
+        self._assemble(spread_nodes, lambda: self._add_elements(None, None), None, None, m.static_held)
 
     def _assemble(self, spread_nodes: Callable[[Chunk], None], add_rest: Callable[[], None], u: Array | None, rate: float | None,
                   held: Any) -> None:
@@ -222,9 +265,10 @@ class CondensedIteration(Iteration):
         self.team.each(condense, [None, *self._groups])
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
         if m.ties is not None:
-            kernels.move_rows(*s.kind[:2], m.ties, work)
-            self.team.each(lambda thread, x: kernels.move_blocks(*s.kind[:2], m.ties, *x, work, self._scratch[thread]),
-                           self._moves)
+            apply, t = self.kernels.apply_ties, m.ties
+            apply(t, 0, t.slave.size, 0, 0, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
+            self.team.each(lambda thread, x: apply(t, 0, 0, *x, work.q_mid, work.q_end, work.r, work.blocks,
+                                                   self._scratch[thread]), self._moves)
         if held is not None:
             apply_held(held, work.r, work.blocks, m.size)
 
@@ -237,16 +281,16 @@ class CondensedIteration(Iteration):
         if not s.linear.is_compiled:
             return super().solve_panel()
         with s.linear.threads():
-            return bool(kernels.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
+            return bool(step.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
 
     # --- increments ---------------------------------------------------------------------------------------------------
     def _complete(self) -> None:
         """Solutions of tied and inner nodes from those that the solver saw."""
         s, m = self.owner, self.owner.core
         if s.inner is not None:
-            kernels.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, s.work, m.size)
+            step.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, s.work, m.size)
         elif m.ties is not None:
-            kernels.push_ties(*s.kind[:2], m.ties, m.width, s.work)
+            self.kernels.push_tied(m.ties, s.work.q_end, s.work.panel, m.width)
 
     def _move(self, factor: float, of_panel: float) -> float:
         """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations,
@@ -259,24 +303,30 @@ class CondensedIteration(Iteration):
 
         def update(_: int, x: Chunk) -> tuple[float, float]:
             some = slice(q * x[0], q * x[1])
-            return kernels.update_range(*s.kind[:2], row_of[x[0]:x[1]], subs.x, 8, 1, s.core_state.q[some],
-                                        work.theta[t * x[0]:t * x[1]], work.dq[some], line.q_last[some], line.q_line[some])
+            return self.kernels.update(row_of[x[0]:x[1]], subs.x, 8, 1, s.core_state.q[some], work.theta[t * x[0]:t * x[1]],
+                                       work.dq[some], line.q_last[some], line.q_line[some])
 
         found = np.array(self.team.each(update, self._nodes))
         # NaN stays the largest
         move, spin = (float(x) for x in found.max(axis=0))
         if m.ties is not None:
-            kernels.follow_ties(*s.kind[:2], m.ties, work)
+            self.kernels.tie_increments(m.ties, work.theta, work.dq, line.q_line)
         follow_line(line, move / m.length + spin)
         return move / m.length + spin
 
     def update(self) -> float:
         s, m = self.owner, self.owner.core
         self._complete()
-        slide = kernels.close_border(s.contact, m.panel_rows, s.core_state, s.work, m.width, m.size)
-        if slide < 0.0:
-            return float(slide)
-        return self._move(-1.0, 1.0) + float(slide) / m.length
+        state, work, slide, of_panel = s.core_state, s.work, 0.0, -1.0
+        if s.contact is not None:
+            singular = slider.solve_border(s.contact, state.force, work.panel, m.panel_rows, m.width, work.schur, work.y, m.size)
+            if singular >= 0:
+                return -1.0 - singular
+            found = work.y.reshape(m.n_sliders, m.border)
+            state.force[:] += found[:, :m.dim].reshape(-1)
+            work.s_end[:] += found[:, m.dim]
+            slide, of_panel = float(np.max(np.abs(found[:, m.dim]))), 1.0
+        return self._move(-1.0, of_panel) + slide / m.length
 
     def update_static(self) -> float:
         s, m, q, t = self.owner, self.owner.core, self._q, self._theta

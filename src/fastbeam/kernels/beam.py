@@ -337,92 +337,10 @@ def project_node(scratch, q, fo, go, ro, ko):
 
 
 @kernel
-def element_group(tables, k, q_mid, q_end, line, mixed, u, rate, spin_rate, green, middle, scratch):
-    """Residual rows and tangent blocks of the 8 elements of group k, left in `scratch`; returns where they begin. Arguments as in
-    `element_groups`; mixed: whether the tangent needs `line`."""
-    meta = tables.meta
-    tab = tables.tab
-    nn = meta[k, 0]
-    nq = meta[k, 1]
-    co = meta[k, 2]
-    no = meta[k, 3]
-    coupled = meta[k, 5] != 0
-    pt = 8 * (7 + 3 * nn)
-    to0 = co + 288
-    mo = to0 + nq * pt
-    # scratch: coordinates, inertia, forces, residual, tangent, then the points
-    uo = Q_LANES * nn
-    fo = uo + 96 * nn
-    ro = fo + 96 * nn
-    ko = ro + 48 * nn
-    so0 = ko + 288 * nn * nn
-    ps = 8 * (6 + 9 + 54 * nn + 78)
-    for a in range(nn):
-        gather_lanes(q_mid, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a)
-        gather_lanes(q_end, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a + 96)
-    for i in range(fo, ko):
-        scratch[i] = 0.0
-    if u is not None:
-        for a in range(nn):
-            gather_lanes(u, tables.nodes, no + 8 * a, 12, 12, scratch, uo + 96 * a)
-        add_inertia_forces(tab, mo, nn, scratch, uo, fo)
-    vo = so0 + nq * ps
-    lo = vo + 144 * nn
-    go = lo + Q_LANES * nn
-    if mixed:
-        for a in range(nn):
-            q = lo + Q_LANES * a
-            gather_lanes(line.q_line, tables.nodes, no + 8 * a, 12, 12, scratch, q)
-            gather_lanes(line.q_last, tables.nodes, no + 8 * a, 12, 12, scratch, q + 96)
-            for i in range(q, q + 96, 8):
-                vst(scratch, i + 96, 0, vld(scratch, i, 0) - vld(scratch, i + 96, 0))
-    for i in range(go, go + 96 * nn):
-        scratch[i] = 0.0
-    if spin_rate is not None:
-        for a in range(nn):
-            gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, 18, scratch, vo + 144 * a)
-    for g in range(nq):
-        to = to0 + pt * g
-        so = so0 + ps * g
-        po = so + 48
-        # z_mid and z_end share the room behind the rows of the point: t_mid 18, t_end 18, then 42
-        zm = ko            # the tangent room is free until the pair loop
-        ze = zm + 168
-        eo = zm + 336
-        interpolate(tab, to, nn, scratch, 0, zm)
-        interpolate(tab, to, nn, scratch, 96, ze)
-        room = zm + 720
-        mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room)
-        stresses(tab, co, to, coupled, scratch, eo, so)
-        add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
-        if mixed:
-            zl = zm + 384
-            zs = zm + 552
-            interpolate(tab, to, nn, scratch, lo, zl)
-            interpolate(tab, to, nn, scratch, lo + 96, zs)
-            unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room)
-            stresses(tab, co, to, coupled, scratch, eo, room)
-            add_forces(tab, to, nn, scratch, zm, room, green, None, go)
-            for i in range(0, 48, 8):
-                vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
-        point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, 0, so, po)
-    for a in range(nn):
-        for b in range(nn):
-            kab = ko + 288 * (nn * a + b)
-            if spin_rate is not None:
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, Q_LANES * a,
-                               Q_LANES * b + 96, green, kab)
-                add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, vo + 144 * b, kab)
-            else:
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, Q_LANES * a,
-                               Q_LANES * b + 96, green, kab)
-        project_node(scratch, Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
-    return ro, ko
-
-
-@kernel
-def element_groups(tables, inner, q_mid, q_end, line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch, size):
-    """Add residual rows and tangent blocks of all groups.
+def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
+                   size):
+    """Add residual rows and tangent blocks of the groups from `first` to before `last`; without r_out and blocks_out (None) they
+    stay in `scratch`: rows from 384 nn on, blocks from 432 nn on.
 
     q_mid, q_end, u: [12 N]; u is None in statics. line: the last increment (work.Line); where it says so, the tangent takes the
     stresses to which that led in a straight line, theory.md (4.6), else those of the present shape.
@@ -432,20 +350,96 @@ def element_groups(tables, inner, q_mid, q_end, line, u, rate, spin_rate, green,
     midpoint). inner: None, else inner nodes are eliminated where the tables say so.
     r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
     """
+    meta = tables.meta
+    tab = tables.tab
     mixed = line.use[0] != 0.0
-    for k in range(tables.meta.shape[0]):
-        nn = tables.meta[k, 0]
-        no = tables.meta[k, 3]
-        bo = tables.meta[k, 4]
-        ro, ko = element_group(tables, k, q_mid, q_end, line, mixed, u, rate, spin_rate, green, middle, scratch)
-        every = 1
-        if inner is not None:
-            if tables.meta[k, 6] >= 0:
-                eliminate_inner(inner, tables.meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, size)
-                every = nn - 1
-        for a in range(0, nn, every):
-            scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
-            for b in range(0, nn, every):
-                for i in range(6):
-                    scatter_rows(scratch, ko + 288 * (nn * a + b) + 48 * i, tables.blocks, bo + 8 * (nn * a + b), 48, 8 * i,
-                                 blocks_out, size)
+    for k in range(first, last):
+        nn = meta[k, 0]
+        nq = meta[k, 1]
+        co = meta[k, 2]
+        no = meta[k, 3]
+        bo = meta[k, 4]
+        coupled = meta[k, 5] != 0
+        pt = 8 * (7 + 3 * nn)
+        to0 = co + 288
+        mo = to0 + nq * pt
+        # scratch: coordinates, inertia, forces, residual, tangent, then the points
+        uo = Q_LANES * nn
+        fo = uo + 96 * nn
+        ro = fo + 96 * nn
+        ko = ro + 48 * nn
+        so0 = ko + 288 * nn * nn
+        ps = 8 * (6 + 9 + 54 * nn + 78)
+        for a in range(nn):
+            gather_lanes(q_mid, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a)
+            gather_lanes(q_end, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a + 96)
+        for i in range(fo, ko):
+            scratch[i] = 0.0
+        if u is not None:
+            for a in range(nn):
+                gather_lanes(u, tables.nodes, no + 8 * a, 12, 12, scratch, uo + 96 * a)
+            add_inertia_forces(tab, mo, nn, scratch, uo, fo)
+        vo = so0 + nq * ps
+        lo = vo + 144 * nn
+        go = lo + Q_LANES * nn
+        if mixed:
+            for a in range(nn):
+                q = lo + Q_LANES * a
+                gather_lanes(line.q_line, tables.nodes, no + 8 * a, 12, 12, scratch, q)
+                gather_lanes(line.q_last, tables.nodes, no + 8 * a, 12, 12, scratch, q + 96)
+                for i in range(q, q + 96, 8):
+                    vst(scratch, i + 96, 0, vld(scratch, i, 0) - vld(scratch, i + 96, 0))
+        for i in range(go, go + 96 * nn):
+            scratch[i] = 0.0
+        if spin_rate is not None:
+            for a in range(nn):
+                gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, 18, scratch, vo + 144 * a)
+        for g in range(nq):
+            to = to0 + pt * g
+            so = so0 + ps * g
+            po = so + 48
+            # z_mid and z_end share the room behind the rows of the point: t_mid 18, t_end 18, then 42
+            zm = ko            # the tangent room is free until the pair loop
+            ze = zm + 168
+            eo = zm + 336
+            interpolate(tab, to, nn, scratch, 0, zm)
+            interpolate(tab, to, nn, scratch, 96, ze)
+            room = zm + 720
+            mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room)
+            stresses(tab, co, to, coupled, scratch, eo, so)
+            add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
+            if mixed:
+                zl = zm + 384
+                zs = zm + 552
+                interpolate(tab, to, nn, scratch, lo, zl)
+                interpolate(tab, to, nn, scratch, lo + 96, zs)
+                unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room)
+                stresses(tab, co, to, coupled, scratch, eo, room)
+                add_forces(tab, to, nn, scratch, zm, room, green, None, go)
+                for i in range(0, 48, 8):
+                    vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
+            point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, 0, so, po)
+        for a in range(nn):
+            for b in range(nn):
+                kab = ko + 288 * (nn * a + b)
+                if spin_rate is not None:
+                    pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, Q_LANES * a,
+                                   Q_LANES * b + 96, green, kab)
+                    add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, vo + 144 * b, kab)
+                else:
+                    pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, Q_LANES * a,
+                                   Q_LANES * b + 96, green, kab)
+            project_node(scratch, Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
+        if blocks_out is not None:
+            every = 1
+            if inner is not None:
+                if meta[k, 6] >= 0:
+                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, inner.rhs, 0, size):
+                        inner.state[0] = 0.0
+                    every = nn - 1
+            for a in range(0, nn, every):
+                scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
+                for b in range(0, nn, every):
+                    for i in range(6):
+                        scatter_rows(scratch, ko + 288 * (nn * a + b) + 48 * i, tables.blocks, bo + 8 * (nn * a + b), 48, 8 * i,
+                                     blocks_out, size)

@@ -41,62 +41,60 @@ def store_size(nn: int, n: int = 6) -> int:
 
 
 @kernel
-def complete_row(tables, no, scratch, ro, r_out, size):
-    """Residual of a node that is eliminated, 8 lanes: its own part goes to r_out and comes back with what else stands there."""
-    scatter_rows(scratch, ro, tables.rows, no, 8, 0, r_out, size)
-    gather_lanes(r_out, tables.rows, no, 8, len(size), scratch, ro)
+def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, rhs_out, spare, size):
+    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Their own residual goes to r_out and comes back with
+    what loads and sliders put there. Returns False, and stops, where a pivot is none.
 
-
-@kernel
-def eliminate_node(nn, i, scratch, ro, ko, lu, lo, store, uo, step, size):
-    """Eliminate node i of nn from 8 elements: factors to lu, from lo on; U_ij of the others to `store`, from uo on `step` doubles
-    apart; y takes the room of K_ii. Returns False where a pivot is none.
-
+    store, from io on: of every node its factors, then U_ij, K_ji of every other; y_i go to rhs_out, by rows. Where rhs_out is
+    None no columns follow: only U_ij and y_i are stored, factors take the room of a block at `spare` in scratch.
     LU and triangular solutions: explicit inverses would be faster and are not accurate enough, because on slender beams the soft
     directions of the others' stiffness are small differences.
     """
     n = len(size)
     block = 8 * n * n
-    y = ko + block * (nn * i + i)
-    if not lu_lanes(scratch, y, lu, lo, PIVOT, size):
-        return False
-    solve_lanes(lu, lo, scratch, ro + 8 * n * i, 8, scratch, y, 8, size)
-    # others: i + 1 .. nn - 1, then 0
-    for m in range(nn - i):
-        j = i + 1 + m if m < nn - 1 - i else 0
-        for c in range(0, 8 * n, 8):
-            solve_lanes(lu, lo, scratch, ko + block * (nn * i + j) + c, 8 * n, store, uo + step * m + c, 8 * n, size)
-    for m in range(nn - i):
-        k = i + 1 + m if m < nn - 1 - i else 0
-        low = ko + block * (nn * k + i)
-        for l in range(nn - i):
-            j = i + 1 + l if l < nn - 1 - i else 0
-            subtract_lanes(scratch, low, store, uo + step * l, scratch, ko + block * (nn * k + j), size, size)
-        subtract_lanes(scratch, low, scratch, y, scratch, ro + 8 * n * k, ONE, size)
-    return True
-
-
-@kernel
-def eliminate_inner(inner, io, nn, tables, no, scratch, ro, ko, r_out, size):
-    """Eliminate the inner nodes of one group: rows at ro, blocks at ko."""
-    n = len(size)
-    block = 8 * n * n
-    store = inner.store
     for i in range(1, nn - 1):
-        complete_row(tables, no + 8 * i, scratch, ro + 8 * n * i, r_out, size)
+        scatter_rows(scratch, ro + 8 * n * i, tables.rows, no + 8 * i, 8, 0, r_out, size)
+        gather_lanes(r_out, tables.rows, no + 8 * i, 8, n, scratch, ro + 8 * n * i)
     d = io
     for i in range(1, nn - 1):
-        u0 = d + block
-        if not eliminate_node(nn, i, scratch, ro, ko, store, d, store, u0, 2 * block, size):
-            inner.state[0] = 0.0
-            return
-        scatter_rows(scratch, ko + block * (nn * i + i), tables.rows, no + 8 * i, 8, 0, inner.rhs, size)
+        diagonal = ko + block * (nn * i + i)
+        if rhs_out is None:
+            lu = scratch
+            lo = spare
+            u0 = d
+            step = block
+        else:
+            lu = store
+            lo = d
+            u0 = d + block
+            step = 2 * block
+        if not lu_lanes(scratch, diagonal, lu, lo, PIVOT, size):
+            return False
+        y = diagonal     # the block is done with, its room takes y
+        solve_lanes(lu, lo, scratch, ro + 8 * n * i, 8, scratch, y, 8, size)
+        # others: i + 1 .. nn - 1, then 0
+        for m in range(nn - i):
+            j = i + 1 + m if m < nn - 1 - i else 0
+            for c in range(0, 8 * n, 8):
+                solve_lanes(lu, lo, scratch, ko + block * (nn * i + j) + c, 8 * n, store, u0 + step * m + c, 8 * n, size)
         for m in range(nn - i):
             k = i + 1 + m if m < nn - 1 - i else 0
             low = ko + block * (nn * k + i)
-            for c in range(0, block, 8):
-                vst(store, u0 + 2 * block * m + block + c, 0, vld(scratch, low + c, 0))
-        d = u0 + 2 * block * (nn - i)
+            for l in range(nn - i):
+                j = i + 1 + l if l < nn - 1 - i else 0
+                subtract_lanes(scratch, low, store, u0 + step * l, scratch, ko + block * (nn * k + j), size, size)
+            subtract_lanes(scratch, low, scratch, y, scratch, ro + 8 * n * k, ONE, size)
+            if rhs_out is not None:
+                for c in range(0, block, 8):
+                    vst(store, u0 + step * m + block + c, 0, vld(scratch, low + c, 0))
+        d = u0 + step * (nn - i)
+        if rhs_out is None:
+            for c in range(0, 8 * n, 8):
+                vst(store, d + c, 0, vld(scratch, y + c, 0))
+            d += 8 * n
+        else:
+            scatter_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, rhs_out, size)
+    return True
 
 
 @kernel

@@ -77,32 +77,26 @@ def predict(q, v, h, c, past, held_theta, first, last, theta_out, dq_out):
 
 
 @kernel
-def spatial_remember(theta, dq, h, first, last, past):
-    """Keep the mean rates of the nodes from `first` to before `last` in a converged step as the newest of two. past: how many,
-    times of their middles from now on, then two times (position and Cayley vector of every node, s and force of every slider)."""
+def remember(theta, dq, s, s_end, force, h, first, last, past):
+    """Keep the mean rates of a converged step as the newest of two, of the nodes from `first` to before `last` and, with the last
+    of all nodes, of the rest. past: how many, times of their middles from now on, then two times (position and Cayley vector of
+    every node, s and force of every slider)."""
+    n = dq.shape[0] // 12
     m = (past.shape[0] - 3) // 2
+    for k in range(3 + 6 * first, 3 + 6 * last if last < n else 3 + m):
+        past[k + m] = past[k]
     for i in range(first, last):
-        for k in range(3 + 6 * i, 9 + 6 * i):
-            past[k + m] = past[k]
         st3(past, 3 + 6 * i, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
         st3(past, 6 + 6 * i, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
-
-
-@kernel
-def remember_sliders(s, s_end, force, h, rates, past):
-    """The same of sliders, behind `rates` rates of nodes, and the times."""
-    d = force.shape[0] // max(s.shape[0], 1)
-    m = (past.shape[0] - 3) // 2
-    for k in range(3 + rates, 3 + m):
-        past[k + m] = past[k]
+    if last < n:
+        return
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
-    o = 3 + rates
+    o = 3 + 6 * n
     for k in range(s.shape[0]):
-        past[o + (d + 1) * k] = (s_end[k] - s[k]) / h
-        for c in range(d):
-            past[o + (d + 1) * k + 1 + c] = force[d * k + c]
+        past[o + 4 * k] = (s_end[k] - s[k]) / h
+        st3(past, o + 4 * k + 1, 1, ld3(force, 3 * k, 1))
 
 
 @kernel

@@ -2,16 +2,19 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .nodes import apply_held, spread
+from .nodes import apply_held, extrapolation, spread
 from .planar_beam import planar_groups
-from .planar_nodes import add_planar_bodies, apply_planar_ties, tie_planar
+from .planar_nodes import add_planar_bodies, apply_planar_ties, planar_predict, tie_planar
 from .planar_slider import add_planar_sliders, predict_planar_sliders
-from .work import clear, copy
+from .work import clear, copy, start_line
 
 
 @kernel
-def planar_start(ties, curves, sliders, contact, state, work, h, c):
-    """First guess of tied nodes and sliders from that of the other nodes; c: `nodes.extrapolation`."""
+def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
+    """First guess of everything."""
+    start_line(state, work)
+    c = extrapolation(work.past, h)
+    planar_predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
     if ties is not None:
         tie_planar(ties, work.dq)
     if sliders is not None:
@@ -19,49 +22,27 @@ def planar_start(ties, curves, sliders, contact, state, work, h, c):
 
 
 @kernel
-def planar_close(ties, held, work, size):
-    """Rows and blocks of tied nodes to those they follow, held unknowns out of the system."""
-    if ties is not None:
-        apply_planar_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
-    if held is not None:
-        apply_held(held, work.r, work.blocks, size)
-
-
-@kernel
-def add_planar_parts(simo, green, inner, bodies, ties, curves, sliders, contact, row_of, state, work, h, size):
-    """Residual and tangent of everything, its coordinates spread already."""
+def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
+    """Residual and tangent of the conserving step."""
+    clear(inner, work)
+    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
     rate = 2.0 / (h * h)
     if sliders is not None:
         add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                            work.s_end, state.force, work.r)
     if simo is not None:
-        planar_groups(simo, inner, work.q_mid, work.q_end, work.line, work.u, rate, None, work.r,
+        planar_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, None, work.r,
                       work.blocks, work.scratch, size)
     if green is not None:
-        planar_groups(green, inner, work.q_mid, work.q_end, work.line, work.u, rate, 1, work.r,
+        planar_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, 1, work.r,
                       work.blocks, work.scratch, size)
     if bodies is not None:
         add_planar_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
-
-
-@kernel
-def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
-    """Residual and tangent of the conserving step."""
-    clear(inner, work)
-    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
-    add_planar_parts(simo, green, inner, bodies, ties, curves, sliders, contact, row_of, state, work, h, size)
-    planar_close(ties, held, work, size)
-
-
-@kernel
-def add_planar_static(simo, green, inner, work, size):
-    """Residual f_int - f_ext and half the static tangent of all beams at q_mid = q_end."""
-    if simo is not None:
-        planar_groups(simo, inner, work.q_mid, work.q_end, work.line, None, None, None, work.r,
-                      work.blocks, work.scratch, size)
-    if green is not None:
-        planar_groups(green, inner, work.q_mid, work.q_end, work.line, None, None, 1, work.r,
-                      work.blocks, work.scratch, size)
+    if ties is not None:
+        apply_planar_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
+                          work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)
 
 
 @kernel
@@ -70,5 +51,14 @@ def planar_static(simo, green, inner, ties, held, state, work, size):
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
     clear(inner, work)
-    add_planar_static(simo, green, inner, work, size)
-    planar_close(ties, held, work, size)
+    if simo is not None:
+        planar_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, None, work.r,
+                      work.blocks, work.scratch, size)
+    if green is not None:
+        planar_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, 1, work.r,
+                      work.blocks, work.scratch, size)
+    if ties is not None:
+        apply_planar_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
+                          work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)

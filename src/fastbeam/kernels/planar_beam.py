@@ -197,87 +197,81 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
 
 
 @kernel
-def planar_group(tables, k, q_mid, q_end, line, mixed, u, rate, green, scratch):
-    """Residual rows and tangent blocks of the 8 elements of group k, left in `scratch`; returns where they begin."""
-    meta = tables.meta
-    tab = tables.tab
-    nn = meta[k, 0]
-    nq = meta[k, 1]
-    co = meta[k, 2]
-    no = meta[k, 3]
-    pt = 8 * (4 + 3 * nn)
-    to0 = co + 72
-    mo = to0 + nq * pt
-    # scratch: coordinates of the midpoint and the end, inertia, forces, residual, tangent, then the points
-    uo = 64 * nn
-    fo = uo + 32 * nn
-    ro = fo + 32 * nn
-    ko = ro + 24 * nn
-    po0 = ko + 72 * nn * nn
-    ps = 8 * (7 + 10 * nn)
-    lo = po0 + nq * ps
-    if mixed:
-        for a in range(nn):
-            q = lo + 80 * a
-            gather_lanes(line.q_line, tables.nodes, no + 8 * a, 4, 4, scratch, q)
-            gather_lanes(line.q_last, tables.nodes, no + 8 * a, 4, 4, scratch, q + 32)
-            for i in range(q, q + 32, 8):
-                vst(scratch, i + 32, 0, vld(scratch, i, 0) - vld(scratch, i + 32, 0))
-    for a in range(nn):
-        vst2(scratch, lo + 80 * a + 64, 8, vzero2())
-    for a in range(nn):
-        gather_lanes(q_mid, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a)
-        gather_lanes(q_end, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a + 32)
-    for i in range(fo, ro):
-        scratch[i] = 0.0
-    if u is not None:
-        for a in range(nn):
-            gather_lanes(u, tables.nodes, no + 8 * a, 4, 4, scratch, uo + 32 * a)
-        rho = vld(tab, mo, 0); j = vld(tab, mo + 8, 0)
-        for a in range(nn):
-            p = vzero2(); d = vzero2()
-            for b in range(nn):
-                p += vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld2(scratch, uo + 32 * b, 8)
-                d += vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld2(scratch, uo + 32 * b + 16, 8)
-            vst2(scratch, fo + 32 * a, 8, rho * p)
-            vst2(scratch, fo + 32 * a + 16, 8, j * d)
-    for g in range(nq):
-        planar_point(tab, co, to0 + pt * g, nn, scratch, fo, lo, mixed, u, po0 + ps * g, green)
-    for a in range(nn):
-        for b in range(nn):
-            planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))
-        f = vld2(scratch, fo + 32 * a + 16, 8)
-        vst2(scratch, ro + 24 * a, 8, vld2(scratch, fo + 32 * a, 8))
-        vst(scratch, ro + 24 * a + 16, 0, cross2(vld2(scratch, 64 * a + 16, 8), f))
-        # moving the mean director: J u_end x f / 2
-        f += vld2(scratch, lo + 80 * a + 64, 8)
-        kaa = ko + 72 * (nn * a + a) + 64
-        vst(scratch, kaa, 0, vld(scratch, kaa, 0) - 0.5 * dot(vld2(scratch, 64 * a + 48, 8), f))
-    return ro, ko
-
-
-@kernel
-def planar_groups(tables, inner, q_mid, q_end, line, u, rate, green, r_out, blocks_out, scratch, size):
-    """Add residual rows and tangent blocks of all groups.
+def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green, r_out, blocks_out, scratch, size):
+    """Add residual rows and tangent blocks of the groups from `first` to before `last`; or leave them in `scratch`, rows
+    from 128 nn on, blocks from 152 nn on.
 
     q_mid, q_end, u: [4 N], the latter None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
     green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
     say so. r_out [8 rows], blocks_out [24 blocks].
     """
+    meta = tables.meta
+    tab = tables.tab
     mixed = line.use[0] != 0.0
-    for k in range(tables.meta.shape[0]):
-        nn = tables.meta[k, 0]
-        no = tables.meta[k, 3]
-        bo = tables.meta[k, 4]
-        ro, ko = planar_group(tables, k, q_mid, q_end, line, mixed, u, rate, green, scratch)
-        every = 1
-        if inner is not None:
-            if tables.meta[k, 6] >= 0:
-                eliminate_inner(inner, tables.meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, size)
-                every = nn - 1
-        for a in range(0, nn, every):
-            scatter_rows(scratch, ro + 24 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
-            for b in range(0, nn, every):
-                for i in range(3):
-                    scatter_rows(scratch, ko + 72 * (nn * a + b) + 24 * i, tables.blocks, bo + 8 * (nn * a + b), 24, 8 * i,
-                                 blocks_out, size)
+    for k in range(first, last):
+        nn = meta[k, 0]
+        nq = meta[k, 1]
+        co = meta[k, 2]
+        no = meta[k, 3]
+        bo = meta[k, 4]
+        pt = 8 * (4 + 3 * nn)
+        to0 = co + 72
+        mo = to0 + nq * pt
+        # scratch: coordinates of the midpoint and the end, inertia, forces, residual, tangent, then the points
+        uo = 64 * nn
+        fo = uo + 32 * nn
+        ro = fo + 32 * nn
+        ko = ro + 24 * nn
+        po0 = ko + 72 * nn * nn
+        ps = 8 * (7 + 10 * nn)
+        lo = po0 + nq * ps
+        if mixed:
+            for a in range(nn):
+                q = lo + 80 * a
+                gather_lanes(line.q_line, tables.nodes, no + 8 * a, 4, 4, scratch, q)
+                gather_lanes(line.q_last, tables.nodes, no + 8 * a, 4, 4, scratch, q + 32)
+                for i in range(q, q + 32, 8):
+                    vst(scratch, i + 32, 0, vld(scratch, i, 0) - vld(scratch, i + 32, 0))
+        for a in range(nn):
+            vst2(scratch, lo + 80 * a + 64, 8, vzero2())
+        for a in range(nn):
+            gather_lanes(q_mid, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a)
+            gather_lanes(q_end, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a + 32)
+        for i in range(fo, ro):
+            scratch[i] = 0.0
+        if u is not None:
+            for a in range(nn):
+                gather_lanes(u, tables.nodes, no + 8 * a, 4, 4, scratch, uo + 32 * a)
+            rho = vld(tab, mo, 0); j = vld(tab, mo + 8, 0)
+            for a in range(nn):
+                p = vzero2(); d = vzero2()
+                for b in range(nn):
+                    p += vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld2(scratch, uo + 32 * b, 8)
+                    d += vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld2(scratch, uo + 32 * b + 16, 8)
+                vst2(scratch, fo + 32 * a, 8, rho * p)
+                vst2(scratch, fo + 32 * a + 16, 8, j * d)
+        for g in range(nq):
+            planar_point(tab, co, to0 + pt * g, nn, scratch, fo, lo, mixed, u, po0 + ps * g, green)
+        for a in range(nn):
+            for b in range(nn):
+                planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))
+            f = vld2(scratch, fo + 32 * a + 16, 8)
+            vst2(scratch, ro + 24 * a, 8, vld2(scratch, fo + 32 * a, 8))
+            vst(scratch, ro + 24 * a + 16, 0, cross2(vld2(scratch, 64 * a + 16, 8), f))
+            # moving the mean director: J u_end x f / 2
+            f += vld2(scratch, lo + 80 * a + 64, 8)
+            kaa = ko + 72 * (nn * a + a) + 64
+            vst(scratch, kaa, 0, vld(scratch, kaa, 0) - 0.5 * dot(vld2(scratch, 64 * a + 48, 8), f))
+        if blocks_out is not None:
+            every = 1
+            if inner is not None:
+                if meta[k, 6] >= 0:
+                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, inner.rhs, 0, size):
+                        inner.state[0] = 0.0
+                    every = nn - 1
+            for a in range(0, nn, every):
+                scatter_rows(scratch, ro + 24 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
+                for b in range(0, nn, every):
+                    for i in range(3):
+                        scatter_rows(scratch, ko + 72 * (nn * a + b) + 24 * i, tables.blocks, bo + 8 * (nn * a + b), 24, 8 * i,
+                                     blocks_out, size)

@@ -57,14 +57,24 @@ def planar_predict(q, v, h, c, past, held_theta, first, last, theta_out, dq_out)
 
 
 @kernel
-def planar_remember(theta, dq, h, first, last, past):
-    """As `nodes.spatial_remember`, with one Cayley number a node."""
+def planar_remember(theta, dq, s, s_end, force, h, first, last, past):
+    """As `nodes.remember`: (position and Cayley number of every node, s and force of every slider), two times."""
+    n = dq.shape[0] // 4
     m = (past.shape[0] - 3) // 2
+    for k in range(3 + 3 * first, 3 + 3 * last if last < n else 3 + m):
+        past[k + m] = past[k]
     for i in range(first, last):
-        for k in range(3 + 3 * i, 6 + 3 * i):
-            past[k + m] = past[k]
         st2(past, 3 + 3 * i, 1, (1.0 / h) * ld2(dq, 4 * i, 1))
         past[5 + 3 * i] = (1.0 / h) * theta[i]
+    if last < n:
+        return
+    past[2] = past[1] - h
+    past[1] = -0.5 * h
+    past[0] = min(past[0] + 1.0, 2.0)
+    o = 3 + 3 * n
+    for k in range(s.shape[0]):
+        past[o + 3 * k] = (s_end[k] - s[k]) / h
+        st2(past, o + 3 * k + 1, 1, ld2(force, 2 * k, 1))
 
 
 @kernel
@@ -155,16 +165,9 @@ def tie_planar_increments(ties, theta, dq, q_line):
 
 
 @kernel
-def apply_planar_ties(ties, q_mid, q_end, r, blocks, scratch):
+def apply_planar_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
     """As `ties.apply_ties`: rows and blocks of tied nodes to their targets."""
-    move_planar_rows(ties, q_mid, q_end, r, blocks)
-    move_planar_blocks(ties, 0, ties.moves.shape[0], q_mid, q_end, blocks, scratch)
-
-
-@kernel
-def move_planar_rows(ties, q_mid, q_end, r, blocks):
-    """As `ties.move_tied_rows`."""
-    for k in range(ties.slave.shape[0]):
+    for k in range(k0, k1):
         i = ties.slave[k]
         o = 8 * ties.row[k]
         f = ld2(r, o, 1)
@@ -180,12 +183,7 @@ def move_planar_rows(ties, q_mid, q_end, r, blocks):
                 blocks[24 * ties.diagonal[e] + 18] -= 0.5 * dot(planar_arm(ties, e, q_end), f)
             else:
                 r[t + 2] += m
-
-
-@kernel
-def move_planar_blocks(ties, first, last, q_mid, q_end, blocks, scratch):
-    """As `ties.move_tied_blocks`."""
-    for p in range(first, last):
+    for p in range(p0, p1):
         source = 24 * ties.moves[p, 0]
         ea = ties.moves[p, 1]
         eb = ties.moves[p, 2]

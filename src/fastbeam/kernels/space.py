@@ -4,15 +4,18 @@ from __future__ import annotations
 from .._jit import kernel
 from .alpha import add_body_rates, add_plain_sliders, spread_end
 from .beam import element_groups
-from .nodes import add_bodies, apply_held, spread
+from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
 from .ties import apply_ties, tie_coordinates
 from .work import clear, copy, start_line
 
 
 @kernel
-def space_start(ties, curves, sliders, contact, state, work, h, c):
-    """First guess of tied nodes and sliders from that of the other nodes; c: `nodes.extrapolation`."""
+def space_start(ties, curves, sliders, contact, spinless, state, work, h):
+    """First guess of everything."""
+    start_line(state, work)
+    c = extrapolation(work.past, h)
+    predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
     if ties is not None:
         tie_coordinates(ties, work.dq)
     if sliders is not None:
@@ -20,39 +23,14 @@ def space_start(ties, curves, sliders, contact, state, work, h, c):
 
 
 @kernel
-def space_close(ties, held, work, size):
-    """Rows and blocks of tied nodes to those they follow, held unknowns out of the system."""
-    if ties is not None:
-        apply_ties(ties, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
-    if held is not None:
-        apply_held(held, work.r, work.blocks, size)
-
-
-@kernel
 def add_elements(simo, green, inner, rate, spin_rate, middle, work, size):
     """Residual and tangent of all beams; what acts on inner nodes has to stand in the residual already."""
     if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, None, middle, work.r, work.blocks,
-                       work.scratch, size)
+        element_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, None,
+                       middle, work.r, work.blocks, work.scratch, size)
     if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, 1, middle, work.r, work.blocks,
-                       work.scratch, size)
-
-
-@kernel
-def add_parts(simo, green, inner, bodies, ties, curves, sliders, contact, middle, row_of, state, work, h, size):
-    """Residual and tangent of everything in a conserving step or the implicit midpoint rule, its coordinates spread already."""
-    rate = 2.0 / (h * h)
-    if sliders is not None:
-        if middle is not None:
-            add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end,
-                              state.force, 1.0, work.r)
-        else:
-            add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
-                        work.s_end, state.force, work.r)
-    add_elements(simo, green, inner, rate, None, middle, work, size)
-    if bodies is not None:
-        add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+        element_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, 1,
+                       middle, work.r, work.blocks, work.scratch, size)
 
 
 @kernel
@@ -74,14 +52,28 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
                 add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)
     else:
         spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
-        add_parts(simo, green, inner, bodies, ties, curves, sliders, contact, middle, row_of, state, work, h, size)
-    space_close(ties, held, work, size)
+        rate = 2.0 / (h * h)
+        if sliders is not None:
+            if middle is not None:
+                add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end,
+                                  state.force, 1.0, work.r)
+            else:
+                add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
+                            work.s_end, state.force, work.r)
+        add_elements(simo, green, inner, rate, None, middle, work, size)
+        if bodies is not None:
+            add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+    if ties is not None:
+        apply_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
+                   work.scratch)
     if alpha is not None:
         for i in range(work.r.shape[0]):
             work.r[i] *= 0.5
         if inner is not None:
             for i in range(inner.rhs.shape[0]):
                 inner.rhs[i] *= 0.5
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)
 
 
 @kernel
@@ -94,18 +86,11 @@ def assemble_rest(simo, green, bodies, ties, held, state, work, size):
     add_elements(simo, green, None, 0.0, None, None, work, size)
     if bodies is not None:
         add_bodies(bodies, work.q_mid, work.q_end, work.u, 0.0, work.r, work.blocks)
-    space_close(ties, held, work, size)
-
-
-@kernel
-def add_static(simo, green, inner, work, size):
-    """Residual f_int - f_ext and half the static tangent of all beams at q_mid = q_end."""
-    if simo is not None:
-        element_groups(simo, inner, work.q_mid, work.q_end, work.line, None, None, None, None, None, work.r,
-                       work.blocks, work.scratch, size)
-    if green is not None:
-        element_groups(green, inner, work.q_mid, work.q_end, work.line, None, None, None, 1, None, work.r,
-                       work.blocks, work.scratch, size)
+    if ties is not None:
+        apply_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
+                   work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)
 
 
 @kernel
@@ -114,5 +99,14 @@ def space_static(simo, green, inner, ties, held, state, work, size):
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
     clear(inner, work)
-    add_static(simo, green, inner, work, size)
-    space_close(ties, held, work, size)
+    if simo is not None:
+        element_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, None, None, None,
+                       work.r, work.blocks, work.scratch, size)
+    if green is not None:
+        element_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, None, 1, None,
+                       work.r, work.blocks, work.scratch, size)
+    if ties is not None:
+        apply_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
+                   work.scratch)
+    if held is not None:
+        apply_held(held, work.r, work.blocks, size)

@@ -12,15 +12,14 @@ from .._jit import kernel
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
 from .chain import back_substitute, factor
 from .inner import eliminate_columns, put_inner_rhs, recover_inner
-from .nodes import advance, extrapolation, predict, remember_sliders, spatial_remember, update_nodes
-from .planar import add_planar_parts, add_planar_static, planar_assemble, planar_start, planar_static
-from .planar_nodes import (move_planar_blocks, move_planar_rows, planar_predict, planar_pull, planar_push, planar_remember,
-                           planar_update, tie_planar_increments)
+from .nodes import advance, remember, update_nodes
+from .planar import planar_assemble, planar_static, planar_start
+from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
 from .slider import border_of, clear_held, dim_of, fill_panel, gaps_are_closed, solve_border
-from .space import add_parts, add_static, space_assemble, space_start, space_static
+from .space import space_assemble, space_start, space_static
 from .sparse import solve_sparse
-from .ties import move_tied_blocks, move_tied_rows, pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
-from .work import copy, follow_line, start_line
+from .ties import pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
+from .work import copy, follow_line
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 END_SLACK = 1e-12
@@ -29,30 +28,12 @@ END_SLACK = 1e-12
 @kernel
 def start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    start_line(state, work)
-    c = extrapolation(work.past, h)
-    start_nodes(space, plane, spinless, state, work, h, c, 0, spinless.shape[0])
-    start_rest(space, plane, ties, curves, sliders, contact, state, work, h, c)
-
-
-@kernel
-def start_nodes(space, plane, spinless, state, work, h, c, first, last):
-    """First guess of the nodes from `first` to before `last`; c: `nodes.extrapolation`."""
-    if space is not None:
-        predict(state.q, state.v, h, c, work.past, spinless, first, last, work.theta, work.dq)
-    if plane is not None:
-        planar_predict(state.q, state.v, h, c, work.past, spinless, first, last, work.theta, work.dq)
-
-
-@kernel
-def start_rest(space, plane, ties, curves, sliders, contact, state, work, h, c):
-    """First guess of what follows the nodes."""
     if contact is not None:
         contact.augmented[2] = 1.0
     if space is not None:
-        space_start(ties, curves, sliders, contact, state, work, h, c)
+        space_start(ties, curves, sliders, contact, spinless, state, work, h)
     if plane is not None:
-        planar_start(ties, curves, sliders, contact, state, work, h, c)
+        planar_start(ties, curves, sliders, contact, spinless, state, work, h)
 
 
 @kernel
@@ -66,42 +47,6 @@ def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, 
                        space)
     if plane is not None:
         planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, plane)
-
-
-@kernel
-def add_rest(space, plane, simo, green, inner, bodies, ties, curves, sliders, contact, row_of, state, work, h, size):
-    """Residual and tangent of one Newton iteration of the conserving step, of what is not condensed."""
-    if space is not None:
-        add_parts(simo, green, inner, bodies, ties, curves, sliders, contact, None, row_of, state, work, h, size)
-    if plane is not None:
-        add_planar_parts(simo, green, inner, bodies, ties, curves, sliders, contact, row_of, state, work, h, size)
-
-
-@kernel
-def add_static_rest(space, plane, simo, green, inner, work, size):
-    """The same in statics."""
-    if space is not None:
-        add_static(simo, green, inner, work, size)
-    if plane is not None:
-        add_planar_static(simo, green, inner, work, size)
-
-
-@kernel
-def move_rows(space, plane, ties, work):
-    """Residual rows of tied nodes to those they follow."""
-    if space is not None:
-        move_tied_rows(ties, work.q_mid, work.q_end, work.r, work.blocks)
-    if plane is not None:
-        move_planar_rows(ties, work.q_mid, work.q_end, work.r, work.blocks)
-
-
-@kernel
-def move_blocks(space, plane, ties, first, last, work, scratch):
-    """Their tangent blocks, the moves from `first` to before `last`."""
-    if space is not None:
-        move_tied_blocks(ties, first, last, work.q_mid, work.q_end, work.blocks, scratch)
-    if plane is not None:
-        move_planar_blocks(ties, first, last, work.q_mid, work.q_end, work.blocks, scratch)
 
 
 @kernel
@@ -129,37 +74,21 @@ def complete_panel(space, plane, inner, ties, width, work, size):
     """Solutions of inner nodes from those of the end nodes."""
     if inner is not None:
         if ties is not None:
-            push_ties(space, plane, ties, width, work)
+            if space is not None:
+                push_tied_columns(ties, work.q_end, work.panel, width)
+            if plane is not None:
+                planar_push(ties, work.q_end, work.panel, width)
         recover_inner(inner, work.panel, width, size)
-
-
-@kernel
-def push_ties(space, plane, ties, width, work):
-    """Solutions of tied nodes from those they follow."""
-    if space is not None:
-        push_tied_columns(ties, work.q_end, work.panel, width)
-    if plane is not None:
-        planar_push(ties, work.q_end, work.panel, width)
 
 
 @kernel
 def update_step(space, plane, inner, ties, contact, row_of, state, work, width, length, size):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
     increment relative to `length`, or -1 - k where slider k makes the border singular."""
-    complete_panel(space, plane, inner, ties, width, work, size)
-    slide = close_border(contact, row_of.shape[0], state, work, width, size)
-    if slide < 0.0:
-        return slide
-    return move_nodes(space, plane, ties, row_of, state, work, width, length, size) + slide / length
-
-
-@kernel
-def close_border(contact, n_rows, state, work, width, size):
-    """Leave the increments of the nodes in column 0 of the panel, and add those of sliders. Returns the largest change of a
-    sliding coordinate, m, or -1 - k where slider k makes the border singular."""
     slide = 0.0
+    complete_panel(space, plane, inner, ties, width, work, size)
     if contact is not None:
-        singular = solve_border(contact, state.force, work.panel, n_rows, width, work.schur, work.y, size)
+        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.schur, work.y, size)
         if singular >= 0:
             return -1.0 - singular
         d = dim_of(len(size))
@@ -172,42 +101,22 @@ def close_border(contact, n_rows, state, work, width, size):
             if abs(z) > slide or z != z:
                 slide = abs(z)
     else:
-        for i in range(len(size) * n_rows):
+        for i in range(len(size) * row_of.shape[0]):
             work.panel[i * width] = -work.panel[i * width]
-    return slide
-
-
-@kernel
-def move_nodes(space, plane, ties, row_of, state, work, width, length, size):
-    """Add the increments of the nodes. Returns their size relative to `length`."""
-    row = len(size) * width
-    move, spin = update_range(space, plane, row_of, work.panel, row, width, state.q, work.theta, work.dq, work.line.q_last,
-                              work.line.q_line)
-    if ties is not None:
-        follow_ties(space, plane, ties, work)
-    follow_line(work.line, move / length + spin)
-    return move / length + spin
-
-
-@kernel
-def update_range(space, plane, row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out):
-    """`nodes.update_nodes` of a range of nodes, in space or in a plane."""
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out)
+        move, spin = update_nodes(row_of, work.panel, 6 * width, width, state.q, work.theta, work.dq, work.line.q_last,
+                                  work.line.q_line)
+        if ties is not None:
+            tie_increments(ties, work.theta, work.dq, work.line.q_line)
     if plane is not None:
-        move, spin = planar_update(row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out)
-    return move, spin
-
-
-@kernel
-def follow_ties(space, plane, ties, work):
-    """Increments of the tied nodes."""
-    if space is not None:
-        tie_increments(ties, work.theta, work.dq, work.line.q_line)
-    if plane is not None:
-        tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
+        move, spin = planar_update(row_of, work.panel, 3 * width, width, state.q, work.theta, work.dq, work.line.q_last,
+                                   work.line.q_line)
+        if ties is not None:
+            tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
+    follow_line(work.line, move / length + spin)
+    return move / length + spin + slide / length
 
 
 @kernel
@@ -273,21 +182,13 @@ def slider_outside(state, lengths):
 
 
 @kernel
-def remember_nodes(space, plane, work, h, first, last):
-    """Keep the mean rates of the nodes from `first` to before `last`."""
-    if space is not None:
-        spatial_remember(work.theta, work.dq, h, first, last, work.past)
-    if plane is not None:
-        planar_remember(work.theta, work.dq, h, first, last, work.past)
-
-
-@kernel
 def finish_step(space, plane, ties, alpha, state, work, h):
     """Accept a converged step."""
     work.past[work.past.shape[0] - 1] = work.line.use[2]
-    n = work.dq.shape[0] // 12 if plane is None else work.dq.shape[0] // 4
-    remember_nodes(space, plane, work, h, 0, n)
-    remember_sliders(state.s, work.s_end, state.force, h, 6 * n if plane is None else 3 * n, work.past)
+    if space is not None:
+        remember(work.theta, work.dq, state.s, work.s_end, state.force, h, 0, work.dq.shape[0] // 12, work.past)
+    if plane is not None:
+        planar_remember(work.theta, work.dq, state.s, work.s_end, state.force, h, 0, work.dq.shape[0] // 4, work.past)
     if alpha is not None:
         spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
         finish_alpha(alpha, state.q, work.dq, state.v)
@@ -398,10 +299,22 @@ def update_static(space, plane, inner, ties, row_of, state, work, width, length,
     complete_panel(space, plane, inner, ties, width, work, size)
     for i in range(len(size) * row_of.shape[0]):
         work.panel[i * width] *= -0.5
-    moved = move_nodes(space, plane, ties, row_of, state, work, width, length, size)
+    move = 0.0
+    spin = 0.0
+    if space is not None:
+        move, spin = update_nodes(row_of, work.panel, 6 * width, width, state.q, work.theta, work.dq, work.line.q_last,
+                                  work.line.q_line)
+        if ties is not None:
+            tie_increments(ties, work.theta, work.dq, work.line.q_line)
+    if plane is not None:
+        move, spin = planar_update(row_of, work.panel, 3 * width, width, state.q, work.theta, work.dq, work.line.q_last,
+                                   work.line.q_line)
+        if ties is not None:
+            tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
     for k in range(work.dq.shape[0]):
         state.q[k] += work.dq[k]
-    return moved
+    follow_line(work.line, move / length + spin)
+    return move / length + spin
 
 
 @kernel

@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import gather_lanes, put_rows, vld, vst
-from .beam import element_group
+from .algebra import gather_lanes, put_rows, scatter_rows, vld, vst
+from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
-from .inner import PIVOT, complete_row, eliminate_node
-from .planar_beam import planar_group
+from .inner import PIVOT, eliminate_inner
+from .planar_beam import planar_groups
 
 
 class Substructures(NamedTuple):
@@ -129,31 +129,26 @@ def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rat
     per_beam = 4 * column + 16
     so = scratch.shape[0] - 7 * block - 2 * column
     r = so + 7 * block
-    mixed = line.use[0] != 0.0
     for g in range(first, last):
         nn = subs.group[g, 2]
         inner = inner_store(nn, n)
+        # residual and tangent of a group of elements
+        ro = 384 * nn
+        ko = 432 * nn
+        if plane is not None:
+            ro = 128 * nn
+            ko = 152 * nn
         d = subs.group[g, 3] - per_node
         present = 1
         subs.state[g] = 1.0
         for j in range(subs.group[g, 1]):
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
-            ro = 0
-            ko = 0
             if space is not None:
-                ro, ko = element_group(tables, k, q_mid, q_end, line, mixed, u, rate, None, green, None, scratch)
+                element_groups(tables, k, k + 1, None, q_mid, q_end, line, u, rate, None, green, None, None, None, scratch, size)
             if plane is not None:
-                ro, ko = planar_group(tables, k, q_mid, q_end, line, mixed, u, rate, green, scratch)
-            good = True
-            s = d + per_node
-            for i in range(1, nn - 1):
-                complete_row(tables, no + 8 * i, scratch, ro + column * i, r_out, size)
-            for i in range(1, nn - 1):
-                good = good and eliminate_node(nn, i, scratch, ro, ko, scratch, so + 6 * block, subs.store, s, block, size)
-                s += block * (nn - i)
-                move(scratch, ko + block * (nn + 1) * i, column, subs.store, s)
-                s += column
+                planar_groups(tables, k, k + 1, None, q_mid, q_end, line, u, rate, green, None, None, scratch, size)
+            good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, r_out, None, so + 6 * block, size)
             if j == 0:
                 end = ko + block * (nn - 1)
                 move(scratch, ko, block, scratch, so)
@@ -165,7 +160,8 @@ def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rat
             else:
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
-                complete_row(tables, no, scratch, ro, r_out, size)
+                scatter_rows(scratch, ro, tables.rows, no, 8, 0, r_out, size)
+                gather_lanes(r_out, tables.rows, no, 8, n, scratch, ro)
                 good = good and condense_node(scratch, so, present, nn, ro, ko, subs.store, d, size)
                 present = 3 - present
             d += per_node + inner

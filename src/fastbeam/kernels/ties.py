@@ -79,17 +79,10 @@ def tie_arm(ties, e, q):
 
 
 @kernel
-def apply_ties(ties, q_mid, q_end, r, blocks, scratch):
+def apply_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
     """Move residual rows and tangent blocks of tied nodes to their targets: r <- L(q_mid)^T r, K <- L(q_mid)^T K L(q_end),
-    plus the change of L with the target's spin."""
-    move_tied_rows(ties, q_mid, q_end, r, blocks)
-    move_tied_blocks(ties, 0, ties.moves.shape[0], q_mid, q_end, blocks, scratch)
-
-
-@kernel
-def move_tied_rows(ties, q_mid, q_end, r, blocks):
-    """Rows of the residual, and the change of L in the diagonal blocks of the targets."""
-    for k in range(ties.slave.shape[0]):
+    plus the change of L with the target's spin. Rows of the tied nodes k0 to before k1, then the moves p0 to before p1."""
+    for k in range(k0, k1):
         i = ties.slave[k]
         o = 8 * ties.row[k]
         f = ld3(r, o, 1)
@@ -106,12 +99,7 @@ def move_tied_rows(ties, q_mid, q_end, r, blocks):
                 add_matrix(blocks, 48 * ties.diagonal[e] + 27, 8, 1, 0.5 * add_iso(outer(d, f), -dot(d, f)))
             else:
                 add3(r, t + 3, 1, m)
-
-
-@kernel
-def move_tied_blocks(ties, first, last, q_mid, q_end, blocks, scratch):
-    """Blocks, the moves from `first` to before `last`."""
-    for p in range(first, last):
+    for p in range(p0, p1):
         source = 48 * ties.moves[p, 0]
         ea = ties.moves[p, 1]
         eb = ties.moves[p, 2]

@@ -62,18 +62,12 @@ def copy(x, y_out):
 @kernel
 def start_line(state, work):
     """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step."""
-    if needs_line(work):
-        copy(state.q, work.line.q_last)
-        copy(state.q, work.line.q_line)
-
-
-@kernel
-def needs_line(work):
-    """Whether the first tangent of a step does, which is set in work.line."""
     first = work.past[work.past.shape[0] - 1]
     follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
     work.line.use[2] = -1.0
-    return work.line.use[0] != 0.0
+    if work.line.use[0] != 0.0:
+        copy(state.q, work.line.q_last)
+        copy(state.q, work.line.q_line)
 
 
 @kernel
