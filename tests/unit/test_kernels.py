@@ -328,8 +328,8 @@ class Elements:
     def at(self, mid: Array, end: Array, u: Array | None, line: Line, rate: float, tables: ElementTables) -> tuple[Array, Array]:
         """Residual rows and blocks."""
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, 0, len(tables.meta), None, mid, end, line, u, rate, None, self.green, None, r.reshape(-1), blocks.reshape(-1),
-                       np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
+        element_groups(tables, 0, len(tables.meta), None, mid, end, line, u, rate, None, self.green, None, r.reshape(-1),
+                       blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
         return r[:-1], blocks[:-1]
 
 
