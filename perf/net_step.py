@@ -3,7 +3,8 @@ and solution of the uncondensed matrix alone: wall time on one and on two thread
 
     python perf/net_step.py [--cells 20] [--elements 10] [--degree 1] [--joints rigid] [--threads 1 2] [--repeats 5] [--memory]
 
-A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams. --memory: only the condensed net, in steps, for its peak memory.
+A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams. --memory: only the condensed net, on the last number of
+threads, for its peak memory.
 """
 from __future__ import annotations
 
@@ -90,29 +91,31 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--memory", action="store_true")
     options = parser.parse_args()
+    threads = options.threads[-1:] if options.memory else options.threads
     scene = square_net(options.cells, options.elements, options.degree, options.joints)
     n_elements = int(scene.nets[0].elements.sum())
     begin = time.perf_counter()
     model = fb.compile_scene(scene, condense=True, planar=False)
     print(f"{len(scene.nets[0].edges)} beams, {n_elements} elements of degree {options.degree}, {options.joints} joints, "
           f"{model.n_unknowns} unknowns; compiled in {time.perf_counter() - begin:.1f} s")
-    work = {f"condensed, {k} threads": iteration(model, k) for k in options.threads}
+    work = {f"condensed, {k} threads": iteration(model, k) for k in threads}
     if not options.memory:
         work["not condensed"] = iteration(fb.compile_scene(scene, condense=False, planar=False), 1)
         plain = fb.compile_scene(scene, solver="sparse", condense=False, planar=False)
         whole = fb.compile_scene(scene, solver="sparse", condense=False, eliminate_inner=False, planar=False)
-        work |= {f"PARDISO alone, all nodes, {k} threads": solver(whole, k) for k in options.threads}
+        work |= {f"PARDISO alone, all nodes, {k} threads": solver(whole, k) for k in threads}
         if options.degree > 1:
-            work |= {f"PARDISO alone, ends of elements, {k} threads": solver(plain, k) for k in options.threads}
+            work |= {f"PARDISO alone, ends of elements, {k} threads": solver(plain, k) for k in threads}
     best = dict.fromkeys(work, np.inf)
     for _ in range(options.repeats):
         for name, run in work.items():
             best[name] = min(best[name], run())
     for name, seconds in best.items():
         print(f"{name:40s} {1e3 * seconds:10.1f} ms  {1e6 * seconds / n_elements:8.3f} us per element")
-    first, last = options.threads[0], options.threads[-1]
+    first, last = threads[0], threads[-1]
     fast = best[f"condensed, {last} threads"]
-    print(f"condensed, {first} threads over {last}: {best[f'condensed, {first} threads'] / fast:.2f}")
+    if first != last:
+        print(f"condensed, {first} threads over {last}: {best[f'condensed, {first} threads'] / fast:.2f}")
     for name, seconds in best.items():
         if not name.startswith("condensed"):
             print(f"condensed, {last} threads over {name}: {fast / seconds:.3f}")
