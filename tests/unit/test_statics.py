@@ -131,7 +131,7 @@ def test_answer_does_not_depend_on_the_load_steps() -> None:
 @pytest.mark.parametrize(("strain", "range_"), [("simo_reissner", (1e1, 1e3, 1e5)), ("green_lagrange", (1e3, 1e4, 1e5))])
 @pytest.mark.parametrize("planar", ["auto", False])
 def test_slenderness_costs_no_iterations(planar: str | bool, strain: str, range_: tuple[float, ...]) -> None:
-    # rolled up to a circle; with the stresses of every trial shape in the tangent it takes 76 at 10 and 765 at 1e5, theory.md (4.6)
+    # rolled up to a circle; with the stresses of every trial shape in the tangent: 76 at 10, 765 at 1e5; theory.md (4.6)
     found = []
     for slenderness in range_:
         radius = 2.0 / slenderness
