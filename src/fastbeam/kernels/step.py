@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import kernel, written_in
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
 from .chain import back_substitute, factor
 from .inner import eliminate_columns, put_inner_rhs, recover_inner
@@ -25,7 +25,7 @@ OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 
 END_SLACK = 1e-12
 
 
-@kernel
+@written_in
 def start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
     if contact is not None:
@@ -36,7 +36,7 @@ def start_step(space, plane, ties, curves, sliders, contact, spinless, state, wo
         planar_start(ties, curves, sliders, contact, spinless, state, work, h)
 
 
-@kernel
+@written_in
 def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
                   work, h):
     """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
@@ -49,7 +49,7 @@ def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, 
         planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, plane)
 
 
-@kernel
+@written_in
 def prepare_panel(space, plane, inner, ties, contact, held, n_rows, width, work, size):
     """Right-hand sides of the end nodes: residual and borders."""
     fill_panel(contact, work.r, n_rows, width, work.panel, size)
@@ -69,7 +69,7 @@ def prepare_panel(space, plane, inner, ties, contact, held, n_rows, width, work,
             clear_held(held, width, work.panel, size)
 
 
-@kernel
+@written_in
 def complete_panel(space, plane, inner, ties, width, work, size):
     """Solutions of inner nodes from those of the end nodes."""
     if inner is not None:
@@ -81,7 +81,7 @@ def complete_panel(space, plane, inner, ties, width, work, size):
         recover_inner(inner, work.panel, width, size)
 
 
-@kernel
+@written_in
 def update_step(space, plane, inner, ties, contact, row_of, state, work, width, length, size):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
     increment relative to `length`, or -1 - k where slider k makes the border singular."""
@@ -137,7 +137,7 @@ def has_converged(size, before, floor):
     return size <= floor and size > 0.1 * before
 
 
-@kernel
+@written_in
 def solve_nodes(inner, plan, pardiso, work, width, size):
     """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
     if inner is not None:
@@ -186,7 +186,7 @@ def slider_outside(state, lengths):
     return -1
 
 
-@kernel
+@written_in
 def finish_step(space, plane, ties, alpha, state, work, h):
     """Accept a converged step."""
     work.past[work.past.shape[0] - 1] = work.line.use[2]
