@@ -177,7 +177,8 @@ def written_in(function: F) -> F:
     before = _config.CACHE_DIR
     _config.CACHE_DIR = _FOLDER
     try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False, inline="always")(function)
+        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False,
+                              inline="always")(function)
     finally:
         _config.CACHE_DIR = before
     _guard(compiled._cache)

@@ -10,12 +10,13 @@ import numpy as np
 
 from .._jit import kernel, written_in
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
+from .border import clear_held, fill_panel, gaps_are_closed, solve_border
 from .chain import back_substitute, factor
 from .inner import eliminate_columns, put_inner_rhs, recover_inner
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update
-from .slider import border_of, clear_held, dim_of, fill_panel, gaps_are_closed, solve_border
+from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
 from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates
@@ -88,7 +89,7 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
     slide = 0.0
     complete_panel(space, plane, inner, ties, width, work, size)
     if contact is not None:
-        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.schur, work.y, size)
+        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.rows, work.schur, work.y, size)
         if singular >= 0:
             return -1.0 - singular
         d = dim_of(len(size))
