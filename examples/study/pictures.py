@@ -242,7 +242,7 @@ def _largest(cases: Numbers) -> Any:
                 axes.plot(x, entry["strict"]["step"] / entry["top"], "_", color="black", ms=8, mew=1.5)
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 2.0)
-    axes.set_xticks(range(len(found)), [title.replace(") ", ")\n") for title, _ in found])
+    axes.set_xticks(range(len(found)), [title.replace(") ", ")\n").replace("_on_", "\non_") for title, _ in found])
     axes.set_ylabel("step / (span / 5)")
     axes.set_title("Largest step that survives the whole span (black line: energy error below 10 %; pale: none tried survives)")
     _legend(figure, [axes])

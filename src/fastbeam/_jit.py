@@ -172,6 +172,20 @@ def kernel(function: F) -> F:
     return compiled
 
 
+def written_in(function: F) -> F:
+    """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words each."""
+    before = _config.CACHE_DIR
+    _config.CACHE_DIR = _FOLDER
+    try:
+        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False,
+                              inline="always")(function)
+    finally:
+        _config.CACHE_DIR = before
+    _guard(compiled._cache)
+    KERNELS.append(compiled)
+    return compiled
+
+
 def link_library(path: str) -> None:
     """Let compiled code find the symbols of a shared library by name."""
     from llvmlite import binding

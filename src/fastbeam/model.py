@@ -245,7 +245,8 @@ class Model:
         return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
                     s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
-                    panel=_aligned(size * self.panel_rows * self.width), schur=np.zeros((border, border)), y=np.zeros(border),
+                    panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
+                    schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
                     keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size),
                     line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(q)))

@@ -7,7 +7,8 @@ import pytest
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.chain import back_substitute, factor, multiply, solve
 from fastbeam.kernels.nodes import Held
-from fastbeam.kernels.slider import Contact, clear_held, fill_panel, solve_border, solve_dense
+from fastbeam.kernels.border import clear_held, fill_panel, solve_border, solve_dense
+from fastbeam.kernels.slider import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
 Array = np.ndarray
@@ -252,7 +253,8 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     fill_panel(contact, r.reshape(-1), n, width, panel, SIX)
     clear_held(held, width, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, width, SIX)
-    assert solve_border(contact, np.zeros(3 * sliders), panel, n, width, np.zeros((y.size, y.size)), y, SIX) == -1
+    assert solve_border(contact, np.zeros(3 * sliders), panel, n, width, np.zeros((y.size + 1) * width), np.zeros((y.size, y.size)), y,
+                        SIX) == -1
     found = np.concatenate((panel.reshape(-1, width)[:, 0], y))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
 
@@ -270,4 +272,4 @@ def test_a_singular_border_is_reported() -> None:
     factor(pattern.plan, blocks, pivots, None, 0, SIX)
     fill_panel(contact, np.ones(9 * 8), 9, 8, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, 8, SIX)
-    assert solve_border(contact, np.zeros(3), panel, 9, 8, np.zeros((7, 7)), np.zeros(7), SIX) == 0
+    assert solve_border(contact, np.zeros(3), panel, 9, 8, np.zeros(64), np.zeros((7, 7)), np.zeros(7), SIX) == 0

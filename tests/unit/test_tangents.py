@@ -15,7 +15,8 @@ import pytest
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.slider import predict_sliders, solve_border
+from fastbeam.kernels.border import solve_border
+from fastbeam.kernels.slider import predict_sliders
 from fastbeam.model import Model
 from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
                             Section, Slider)
@@ -350,7 +351,7 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     n_rows, work, m = model.n_nodes, kernel.work, model
     kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, n_rows, m.width, work, SIX)
     assert kernels.solve_nodes(None, m.pattern.plan, None, work, m.width, SIX)
-    assert solve_border(kernel.contact, kernel.state.force, work.panel, n_rows, m.width, work.schur, work.y, SIX) == -1
+    assert solve_border(kernel.contact, kernel.state.force, work.panel, n_rows, m.width, work.rows, work.schur, work.y, SIX) == -1
     # the kernel's compliance leaves out the moment of the frame
     np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
     expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), first * trial.force,

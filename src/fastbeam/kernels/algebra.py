@@ -347,6 +347,20 @@ def flush_rows(tc, array, offset, stride, size):
 
 
 @intrinsic
+def total(tc, x):
+    """Sum of the 8 numbers of a vector."""
+    def codegen(ctx, b, sig, args):
+        x, n = args[0], LANES
+        while n > 1:
+            n //= 2
+            halves = [b.shuffle_vector(x, ir.Constant(x.type, ir.Undefined), ir.Constant(ir.VectorType(_I32, n), list(some)))
+                      for some in (range(n), range(n, 2 * n))]
+            x = _add(b, *halves)
+        return b.extract_element(x, ir.Constant(_I32, 0))
+    return f8(vec), codegen
+
+
+@intrinsic
 def largest_of_row(tc, array, offset):
     """Largest absolute value of 8 entries; NaN is skipped."""
     def codegen(ctx, b, sig, args):

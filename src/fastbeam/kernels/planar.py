@@ -1,7 +1,7 @@
 """Start and assembly of a step whose nodes have 3 unknowns: position in a plane and turn about its normal (theory.md 10)."""
 from __future__ import annotations
 
-from .._jit import kernel
+from .._jit import kernel, written_in
 from .nodes import apply_held, extrapolation, spread
 from .planar_beam import planar_groups
 from .planar_nodes import add_planar_bodies, apply_planar_ties, planar_predict, tie_planar
@@ -9,7 +9,7 @@ from .planar_slider import add_planar_sliders, predict_planar_sliders
 from .work import clear, copy, start_line
 
 
-@kernel
+@written_in
 def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
     start_line(state, work)
@@ -21,7 +21,7 @@ def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
         predict_planar_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
 
 
-@kernel
+@written_in
 def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
     """Residual and tangent of the conserving step."""
     clear(inner, work)

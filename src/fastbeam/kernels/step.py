@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import kernel, written_in
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
+from .border import clear_held, fill_panel, gaps_are_closed, solve_border
 from .chain import back_substitute, factor
 from .inner import eliminate_columns, put_inner_rhs, recover_inner
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
-from .slider import border_of, clear_held, dim_of, fill_panel, gaps_are_closed, solve_border
+from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
 from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
@@ -25,7 +26,7 @@ OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 
 END_SLACK = 1e-12
 
 
-@kernel
+@written_in
 def start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
     if contact is not None:
@@ -36,7 +37,7 @@ def start_step(space, plane, ties, curves, sliders, contact, spinless, state, wo
         planar_start(ties, curves, sliders, contact, spinless, state, work, h)
 
 
-@kernel
+@written_in
 def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
                   work, h):
     """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
@@ -49,7 +50,7 @@ def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, 
         planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, plane)
 
 
-@kernel
+@written_in
 def prepare_panel(space, plane, inner, ties, contact, held, n_rows, width, work, size):
     """Right-hand sides of the end nodes: residual and borders."""
     fill_panel(contact, work.r, n_rows, width, work.panel, size)
@@ -69,7 +70,7 @@ def prepare_panel(space, plane, inner, ties, contact, held, n_rows, width, work,
             clear_held(held, width, work.panel, size)
 
 
-@kernel
+@written_in
 def complete_panel(space, plane, inner, ties, width, work, size):
     """Solutions of inner nodes from those of the end nodes."""
     if inner is not None:
@@ -81,14 +82,14 @@ def complete_panel(space, plane, inner, ties, width, work, size):
         recover_inner(inner, work.panel, width, size)
 
 
-@kernel
+@written_in
 def update_step(space, plane, inner, ties, contact, row_of, state, work, width, length, size):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
     increment relative to `length`, or -1 - k where slider k makes the border singular."""
     slide = 0.0
     complete_panel(space, plane, inner, ties, width, work, size)
     if contact is not None:
-        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.schur, work.y, size)
+        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.rows, work.schur, work.y, size)
         if singular >= 0:
             return -1.0 - singular
         d = dim_of(len(size))
@@ -132,7 +133,7 @@ def has_converged(size, before, floor):
     return size <= floor and size > 0.1 * before
 
 
-@kernel
+@written_in
 def solve_nodes(inner, plan, pardiso, work, width, size):
     """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
     if inner is not None:
@@ -181,7 +182,7 @@ def slider_outside(state, lengths):
     return -1
 
 
-@kernel
+@written_in
 def finish_step(space, plane, ties, alpha, state, work, h):
     """Accept a converged step."""
     work.past[work.past.shape[0] - 1] = work.line.use[2]

@@ -31,6 +31,7 @@ class Work(NamedTuple):
     blocks: np.ndarray    # float64 [8 n (blocks + 1)] for n unknowns per node
     pivots: np.ndarray    # int64 [n rows]
     panel: np.ndarray     # float64 [rows, n, width] flat
+    rows: np.ndarray      # float64 [7 S + 1, width] flat, 5 in a plane
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
     scratch: np.ndarray   # float64

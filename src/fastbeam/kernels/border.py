@@ -1,0 +1,173 @@
+"""The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian."""
+from __future__ import annotations
+
+from .._jit import kernel
+from .algebra import total, vld, vst, vzero
+from .slider import border_of, dim_of
+
+# pivots of the scaled border: below is round-off; without the augmented Lagrangian dependent sliders leave more (docs/stress.md)
+LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
+
+
+@kernel
+def fill_panel(contact, r, n_rows, width, panel_out, size):
+    """Residual in column 0, the border columns of slider k behind."""
+    n = len(size)
+    border = border_of(n)
+    for i in range(panel_out.shape[0]):
+        panel_out[i] = 0.0
+    for i in range(n_rows):
+        for c in range(n):
+            panel_out[(n * i + c) * width] = r[8 * i + c]
+    if contact is not None:
+        for k in range(contact.entries.shape[0]):
+            for m in range(contact.entries[k]):
+                for c in range(n):
+                    o = (n * contact.row[k, m] + c) * width + 1 + border * k
+                    for j in range(border):
+                        panel_out[o + j] += contact.column[k, 8 * (n * m + c) + j]
+
+
+@kernel
+def clear_held(held, width, panel, size):
+    """Zero in all columns of held rows."""
+    n = len(size)
+    for k in range(held.row.shape[0]):
+        for c in range(n):
+            if (held.mask[k] >> c) & 1:
+                o = (n * held.row[k] + c) * width
+                for j in range(width):
+                    panel[o + j] = 0.0
+
+
+@kernel
+def augment(contact, force, schur, y, size):
+    """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
+    first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
+    d = dim_of(len(size))
+    border = border_of(len(size))
+    n = border * contact.entries.shape[0]
+    for k in range(contact.entries.shape[0]):
+        o = border * k
+        largest = 0.0
+        for j in range(o, o + d):
+            largest = max(largest, abs(schur[j, j]))
+        if not largest > contact.augmented[1]:
+            return k
+        contact.compliance[k] = largest
+        first = contact.augmented[2] * contact.augmented[0] * largest
+        for j in range(d):
+            y[o + j] -= first * force[d * k + j]
+        for j in range(o, o + d):
+            schur[j, j] += contact.augmented[0] * largest
+            for i in range(n):
+                schur[i, j] /= largest
+    return -1
+
+
+@kernel
+def gaps_are_closed(contact, sliders, q, length, size):
+    """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
+    if contact is not None:
+        d = dim_of(len(size))
+        for k in range(contact.remaining.shape[0]):
+            p = sliders.point[k] * (12 if d == 3 else 4)
+            reach = 0.0
+            for c in range(d):
+                reach = max(reach, abs(q[p + c]))
+            if not contact.remaining[k] <= 1e-15 * (length + reach):
+                return False
+    return True
+
+
+@kernel
+def solve_border(contact, force, panel, n_rows, width, rows, schur, y_out, size):
+    """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
+    panel and the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: room for one row
+    of the panel more than the border has."""
+    nu = len(size)
+    d = dim_of(nu)
+    border = border_of(nu)
+    n = border * contact.entries.shape[0]
+    for i in range((n + 1) * width):
+        rows[i] = 0.0
+    # a row of the complement like one of the panel: minus the right-hand side, then the entries
+    for k in range(contact.entries.shape[0]):
+        first = border * k * width
+        for i in range(border):
+            rows[first + i * width] = contact.residual[k, i]
+            for j in range(border):
+                rows[first + i * width + 1 + border * k + j] = contact.corner[k, 8 * i + j]
+        for m in range(contact.entries[k]):
+            for c in range(nu):
+                o = (nu * contact.row[k, m] + c) * width
+                for i in range(border):
+                    line = contact.line[k, 8 * (nu * m + c) + i]
+                    if line != 0.0:
+                        for j in range(0, width, 8):
+                            p = first + i * width + j
+                            vst(rows, p, 0, vld(rows, p, 0) - line * vld(panel, o + j, 0))
+    for i in range(n):
+        y_out[i] = -rows[i * width]
+        for j in range(n):
+            schur[i, j] = rows[i * width + 1 + j]
+    singular = augment(contact, force, schur, y_out, size)
+    if singular >= 0:
+        return singular
+    singular = solve_dense(schur, y_out, n, LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_PLAIN)
+    if singular >= 0:
+        return singular // border
+    for k in range(contact.entries.shape[0]):
+        o = border * k
+        contact.remaining[k] = 0.0
+        for i in range(d):
+            y_out[o + i] /= contact.compliance[k]
+            left = contact.augmented[0] * contact.compliance[k] * (y_out[o + i] + contact.augmented[2] * force[d * k + i])
+            contact.remaining[k] = max(contact.remaining[k], abs(left))
+    contact.augmented[2] = 0.0
+    last = n * width
+    rows[last] = 1.0
+    for j in range(n):
+        rows[last + 1 + j] = y_out[j]
+    for o in range(0, nu * n_rows * width, width):
+        x = vzero()
+        for j in range(0, width, 8):
+            x += vld(panel, o + j, 0) * vld(rows, last + j, 0)
+        panel[o] = -total(x)
+    return -1
+
+
+@kernel
+def solve_dense(a, y, n, least):
+    """Gauss elimination with row scaling and row exchange. Returns -1, or the row or unknown whose pivot is not above `least`."""
+    for i in range(n):
+        t = 0.0
+        for j in range(n):
+            t = max(t, abs(a[i, j]))
+        if not t > 0.0:
+            return i
+        for j in range(n):
+            a[i, j] /= t
+        y[i] /= t
+    for k in range(n):
+        m = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[m, k]):
+                m = i
+        if not abs(a[m, k]) > least:
+            return k
+        if m != k:
+            for j in range(n):
+                t = a[k, j]; a[k, j] = a[m, j]; a[m, j] = t
+            t = y[k]; y[k] = y[m]; y[m] = t
+        for i in range(k + 1, n):
+            f = a[i, k] / a[k, k]
+            if f != 0.0:
+                for j in range(k + 1, n):
+                    a[i, j] -= f * a[k, j]
+                y[i] -= f * y[k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            y[i] -= a[i, j] * y[j]
+        y[i] /= a[i, i]
+    return -1
