@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from fastbeam.kernels.blocks import SIX, THREE
+from fastbeam.kernels.border import clear_held, fill_panel, solve_border, solve_dense
 from fastbeam.kernels.chain import back_substitute, factor, multiply, solve
 from fastbeam.kernels.nodes import Held
-from fastbeam.kernels.border import clear_held, fill_panel, solve_border, solve_dense
 from fastbeam.kernels.slider import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
@@ -253,8 +253,8 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     fill_panel(contact, r.reshape(-1), n, width, panel, SIX)
     clear_held(held, width, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, width, SIX)
-    assert solve_border(contact, np.zeros(3 * sliders), panel, n, width, np.zeros((y.size + 1) * width), np.zeros((y.size, y.size)), y,
-                        SIX) == -1
+    assert solve_border(contact, np.zeros(3 * sliders), panel, n, width, np.zeros((y.size + 1) * width),
+                        np.zeros((y.size, y.size)), y, SIX) == -1
     found = np.concatenate((panel.reshape(-1, width)[:, 0], y))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
 
