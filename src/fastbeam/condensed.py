@@ -15,7 +15,7 @@ import numpy as np
 from .arguments import count
 from .errors import SceneError
 from .iteration import Iteration, Owner
-from .kernels import beam, nodes, planar_beam, planar_nodes, planar_slider, slider, step, ties
+from .kernels import beam, border, nodes, planar_beam, planar_nodes, planar_slider, slider, step, ties
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.nodes import advance, apply_held, extrapolation, spread
@@ -319,7 +319,8 @@ class CondensedIteration(Iteration):
         self._complete()
         state, work, slide, of_panel = s.core_state, s.work, 0.0, -1.0
         if s.contact is not None:
-            singular = slider.solve_border(s.contact, state.force, work.panel, m.panel_rows, m.width, work.schur, work.y, m.size)
+            singular = border.solve_border(s.contact, state.force, work.panel, m.panel_rows, m.width, work.rows, work.schur,
+                                           work.y, m.size)
             if singular >= 0:
                 return -1.0 - singular
             found = work.y.reshape(m.n_sliders, m.border)
