@@ -86,11 +86,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
             packers[part.strain].add(part, nodes.phi, nodes.directors, lanes.reshape(-1), lanes.shape[1])
     used = [packers[name] for name in packers if packers[name].meta]
     ends = condensed_ends(used)
-    size = 0
+    size, columns = 0, len(scene.sliders) > 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         for packer in used:
-            size = packer.eliminate(eligible, size)
+            size = packer.eliminate(eligible, size, columns)
     root = joints.row_root[ends]
     pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
                             (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1)])
@@ -107,7 +107,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         tables[name] = packer.tables(row_of, blocks.element[at:at + m]) if packer.meta else None
         at += m
     n_panel = blocks.pattern.n + int(np.sum(level == 1))
-    inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size)
+    inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size, columns)
     substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:].reshape(-1, 4), blocks.n_blocks,
                                        blocks.pattern.n, blocks.n_rows, n_panel)
     del used, packers

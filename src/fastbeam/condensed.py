@@ -18,6 +18,7 @@ from .iteration import Iteration, Owner
 from .kernels import beam, border, nodes, planar_beam, planar_nodes, planar_slider, slider, step, ties
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
+from .kernels.inner import clear_rhs
 from .kernels.nodes import advance, apply_held, extrapolation, spread
 from .kernels.work import Work, follow_line, start_line
 
@@ -159,7 +160,7 @@ class CondensedIteration(Iteration):
     # --- loops over nodes ---------------------------------------------------------------------------------------------
     def _copy(self, *pairs: tuple[Array, Array]) -> None:
         """Copy arrays, each a number of doubles for every node."""
-        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(source.size, 16384)]
+        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(min(source.size, target.size), 16384)]
         self.team.each(lambda _, x: np.copyto(x[1][x[2]:x[3]], x[0][x[2]:x[3]]), items)
 
     def keep(self) -> None:
@@ -241,7 +242,7 @@ class CondensedIteration(Iteration):
         work, n = s.work, 8 * len(m.size)
         if s.inner is not None:
             s.inner.state[0] = 1.0
-            s.inner.rhs[:] = 0.0
+            clear_rhs(s.inner.rhs)
 
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
@@ -284,26 +285,29 @@ class CondensedIteration(Iteration):
             return bool(step.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
 
     # --- increments ---------------------------------------------------------------------------------------------------
-    def _complete(self) -> None:
-        """Solutions of tied and inner nodes from those that the solver saw."""
+    def _take(self, factor: float) -> None:
+        """Increments of all rows but those of the interior of beams, in a scene without sliders; factor: increment per solution
+        of the equations."""
         s, m = self.owner, self.owner.core
         if s.inner is not None:
-            step.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, s.work, m.size)
-        elif m.ties is not None:
-            self.kernels.push_tied(m.ties, s.work.q_end, s.work.panel, m.width)
+            step.take_rows(*s.kind[:2], m.simo, m.green, s.inner, m.ties, factor, factor, m.width, s.work, m.size)
+            return
+        border.take_solution(s.work.panel, m.width, factor, s.work.x, m.size)
+        if m.ties is not None:
+            self.kernels.push_tied(m.ties, s.work.q_end, s.work.x, 8, 1, 1)
 
-    def _move(self, factor: float, of_panel: float) -> float:
-        """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations,
-        of_panel: the same of what stands in the panel. Returns their size."""
+    def _move(self, factor: float) -> float:
+        """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations.
+        Returns their size."""
         s, m = self.owner, self.owner.core
         work, subs = s.work, self.subs
-        beams.take_solution(work.panel, m.width, m.panel_rows, of_panel, subs.x, m.size)
-        self.team.each(lambda thread, x: beams.recover(subs, x[0], *x[2], factor, self._scratch[thread], m.size), self._groups)
+        self.team.each(lambda thread, x: beams.recover(subs, x[0], *x[2], factor, work.x, self._scratch[thread], m.size),
+                       self._groups)
         q, t, line, row_of = self._q, self._theta, work.line, m.pattern.row_of
 
         def update(_: int, x: Chunk) -> tuple[float, float]:
             some = slice(q * x[0], q * x[1])
-            return self.kernels.update(row_of[x[0]:x[1]], subs.x, 8, 1, s.core_state.q[some], work.theta[t * x[0]:t * x[1]],
+            return self.kernels.update(row_of[x[0]:x[1]], work.x, s.core_state.q[some], work.theta[t * x[0]:t * x[1]],
                                        work.dq[some], line.q_last[some], line.q_line[some])
 
         found = np.array(self.team.each(update, self._nodes))
@@ -316,22 +320,28 @@ class CondensedIteration(Iteration):
 
     def update(self) -> float:
         s, m = self.owner, self.owner.core
-        self._complete()
-        state, work, slide, of_panel = s.core_state, s.work, 0.0, -1.0
-        if s.contact is not None:
-            singular = border.solve_border(s.contact, state.force, work.panel, m.panel_rows, m.width, work.rows, work.schur,
-                                           work.y, m.size)
+        state, work = s.core_state, s.work
+        slide = 0.0
+        if s.contact is None:
+            self._take(-1.0)
+        else:
+            if s.inner is not None:
+                step.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, work, m.size)
+            elif m.ties is not None:
+                self.kernels.push_tied(m.ties, work.q_end, work.panel, len(m.size) * m.width, m.width, m.width)
+            singular = border.solve_border(s.contact, state.force, work.panel, m.width, work.rows, work.schur, work.y, work.x,
+                                           m.size)
             if singular >= 0:
                 return -1.0 - singular
             found = work.y.reshape(m.n_sliders, m.border)
             state.force[:] += found[:, :m.dim].reshape(-1)
             work.s_end[:] += found[:, m.dim]
-            slide, of_panel = float(np.max(np.abs(found[:, m.dim]))), 1.0
-        return self._move(-1.0, of_panel) + slide / m.length
+            slide = float(np.max(np.abs(found[:, m.dim])))
+        return self._move(-1.0) + slide / m.length
 
     def update_static(self) -> float:
         s, m, q, t = self.owner, self.owner.core, self._q, self._theta
-        self._complete()
+        self._take(-0.5)
         work, state = s.work, s.core_state
 
         def clear(_: int, x: Chunk) -> None:
@@ -342,6 +352,6 @@ class CondensedIteration(Iteration):
             state.q[q * x[0]:q * x[1]] += work.dq[q * x[0]:q * x[1]]
 
         self.team.each(clear, self._nodes)
-        moved = self._move(-0.5, -0.5)
+        moved = self._move(-0.5)
         self.team.each(add, self._nodes)
         return moved

@@ -125,7 +125,7 @@ def test_condensed_matrix_is_the_schur_complement_and_its_interior_solves_the_wh
         x = np.linalg.solve(matrix, rest)
         assert a.parts.solve() and b.parts.solve()
         a.parts.update(), b.parts.update()
-        found = a.parts.subs.x.reshape(-1, 8)[one.pattern.row_of, :n]
+        found = a.work.x.reshape(-1, 8)[one.pattern.row_of, :n]
         expected = -x.reshape(-1, n)[whole.pattern.row_of]
         free = ~np.isin(np.arange(one.n_nodes), one.ties.slave if one.ties is not None else [])
         np.testing.assert_allclose(found[free], expected[free], rtol=0.0, atol=1e-11 * np.max(np.abs(expected)))

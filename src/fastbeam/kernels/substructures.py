@@ -20,7 +20,7 @@ from .._jit import kernel
 from .algebra import gather_lanes, put_rows, scatter_rows, vld, vst
 from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
-from .inner import PIVOT, eliminate_inner
+from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size
 from .planar_beam import planar_groups
 
 
@@ -38,7 +38,6 @@ class Substructures(NamedTuple):
     store: np.ndarray       # float64: U, P and y of every interior node, lanes last
     ends: np.ndarray        # float64 [B, 32 n + 16]: four blocks and two residuals, rows padded to 8
     state: np.ndarray       # float64 [G]: 0 where an elimination failed
-    x: np.ndarray           # float64 [8 rows]: the solution, all rows of the scene
 
 
 def place_stores(subs: Substructures, n: int) -> Substructures:
@@ -46,7 +45,7 @@ def place_stores(subs: Substructures, n: int) -> Substructures:
     group = subs.group.copy()
     size = 8 * n * (2 * n + 1) * (group[:, 1] - 1)
     for nn in np.unique(group[:, 2]).tolist():
-        size += np.where(group[:, 2] == nn, group[:, 1] * sum(8 * n * (n * (nn - i) + 1) for i in range(1, nn - 1)), 0)
+        size += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n), 0)
     group[:, 3] = np.cumsum(size) - size
     return subs._replace(group=group, store=np.zeros(size.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
                          state=np.ones(len(group)))
@@ -55,15 +54,6 @@ def place_stores(subs: Substructures, n: int) -> Substructures:
 def front_size(n: int) -> int:
     """Doubles of scratch behind those of an element group."""
     return 8 * n * (7 * n + 2)
-
-
-@kernel
-def inner_store(nn, n):
-    """Doubles in `store` for the inner nodes of 8 elements."""
-    room = 0
-    for i in range(1, nn - 1):
-        room += 8 * n * (n * (nn - i) + 1)
-    return room
 
 
 @kernel
@@ -131,7 +121,7 @@ def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rat
     r = so + 7 * block
     for g in range(first, last):
         nn = subs.group[g, 2]
-        inner = inner_store(nn, n)
+        inner = short_store(nn, n)
         # residual and tangent of a group of elements
         ro = 384 * nn
         ko = 432 * nn
@@ -202,16 +192,7 @@ def add_end_rows(subs, first, last, r_out, size):
 
 
 @kernel
-def take_solution(panel, width, n_rows, factor, x_out, size):
-    """`factor` times column 0 of the panel to the rows of x."""
-    n = len(size)
-    for i in range(n_rows):
-        for c in range(n):
-            x_out[8 * i + c] = factor * panel[(n * i + c) * width]
-
-
-@kernel
-def recover(subs, tables, first, last, factor, scratch, size):
+def recover(subs, tables, first, last, factor, x_out, scratch, size):
     """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends; factor:
     increment per solution, -1 in a step."""
     n = len(size)
@@ -223,10 +204,10 @@ def recover(subs, tables, first, last, factor, scratch, size):
         count = subs.group[g, 1]
         nn = subs.group[g, 2]
         end = column * nn
-        inner = inner_store(nn, n)
+        inner = short_store(nn, n)
         # start of the beam, then the nodes of an element
-        gather_lanes(subs.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
-        gather_lanes(subs.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
+        gather_lanes(x_out, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
+        gather_lanes(x_out, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
         for j in range(count - 1, -1, -1):
             no = tables.meta[k0 + j, 3]
             d = subs.group[g, 3] + j * (per_node + inner) - per_node
@@ -237,15 +218,6 @@ def recover(subs, tables, first, last, factor, scratch, size):
                     vst(scratch, column + c, 0, factor * vld(subs.store, d + 2 * block + c, 0))
                 subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
                 subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
-                put_rows(scratch, column, tables.rows, no, 8, 0, subs.x, size)
-            s = d + per_node + inner
-            for i in range(nn - 2, 0, -1):
-                s -= block * (nn - i) + column
-                xi = column * (1 + i)
-                for c in range(0, column, 8):
-                    vst(scratch, xi + c, 0, factor * vld(subs.store, s + block * (nn - i) + c, 0))
-                for m in range(nn - i):
-                    a = i + 1 + m if m < nn - 1 - i else 0
-                    subtract_lanes(subs.store, s + block * m, scratch, column * (1 + a), scratch, xi, ONE, size)
-                put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, subs.x, size)
+                put_rows(scratch, column, tables.rows, no, 8, 0, x_out, size)
+            recover_group(subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, x_out, size)
             move(scratch, column, column, scratch, end)
