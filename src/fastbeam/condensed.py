@@ -19,7 +19,7 @@ from .kernels import beam, border, nodes, planar_beam, planar_nodes, planar_slid
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.inner import clear_rhs
-from .kernels.nodes import advance, apply_held, extrapolation, spread
+from .kernels.nodes import advance, apply_held, extrapolation
 from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
@@ -86,7 +86,7 @@ class Team:
 class _Space:
     """Kernels of nodes in space."""
 
-    predict, remember, update = nodes.predict, nodes.remember, nodes.update_nodes
+    predict, remember = nodes.predict, nodes.remember
     tie, tie_increments, apply_ties, push_tied = (ties.tie_coordinates, ties.tie_increments, ties.apply_ties,
                                                   ties.push_tied_columns)
     predict_sliders, add_sliders, add_bodies = slider.predict_sliders, slider.add_sliders, nodes.add_bodies
@@ -102,7 +102,7 @@ class _Space:
 class _Plane:
     """The same in a plane."""
 
-    predict, remember, update = planar_nodes.planar_predict, planar_nodes.planar_remember, planar_nodes.planar_update
+    predict, remember = planar_nodes.planar_predict, planar_nodes.planar_remember
     tie, tie_increments, apply_ties, push_tied = (planar_nodes.tie_planar, planar_nodes.tie_planar_increments,
                                                   planar_nodes.apply_planar_ties, planar_nodes.planar_push)
     predict_sliders, add_sliders, add_bodies = (planar_slider.predict_planar_sliders, planar_slider.add_planar_sliders,
@@ -145,6 +145,15 @@ class CondensedIteration(Iteration):
             self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done)]
             done += len(groups)
         self._nodes = chunks(model.n_nodes, 1024)
+        inside = np.zeros(model.n_nodes + 1, np.int64)
+        for tables, groups in zip((model.simo, model.green), parts):
+            for count, nn in np.unique(groups[:, 1:3], axis=0).tolist():
+                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), 0, None]
+                inside[tables.nodes[tables.meta[first, 3] + np.arange(8)] + 1] += 1
+                inside[tables.nodes[tables.meta[first + count - 1, 3] + 8 * (nn - 1) + np.arange(8)]] -= 1
+        # all nodes but those between the ends of condensed beams
+        self._others = np.flatnonzero(np.cumsum(inside)[:-1] == 0)
+        self._some = chunks(self._others.size, 1024)
         self._blocks = chunks(model.n_blocks + 1, 512)
         self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
@@ -202,12 +211,7 @@ class CondensedIteration(Iteration):
     # --- the system of equations --------------------------------------------------------------------------------------
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
-        state, work, q = s.core_state, s.work, self._q
-
-        def spread_nodes(x: Chunk) -> None:
-            some = slice(q * x[0], q * x[1])
-            spread(state.q[some], state.v[some], work.dq[some], h, work.q_mid[some], work.q_end[some], work.u[some])
-
+        state, work = s.core_state, s.work
         rate = 2.0 / (h * h)
 
         def add_rest() -> None:
@@ -219,40 +223,33 @@ class CondensedIteration(Iteration):
             if m.bodies is not None:
                 self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
 
-        self._assemble(spread_nodes, add_rest, work.u, rate, m.held)
+        self._assemble(add_rest, h, work.u, rate, m.held)
 
     def _add_elements(self, u: Array | None, rate: float | None) -> None:
         for tables, green in self._rest:
             self.kernels.add_elements(tables, self.owner.inner, self.owner.work, u, rate, green, self.owner.core.size)
 
     def assemble_static(self) -> None:
+        self._assemble(lambda: self._add_elements(None, None), None, None, None, self.owner.core.static_held)
+
+    def _assemble(self, add_rest: Callable[[], None], h: float | None, u: Array | None, rate: float | None, held: Any) -> None:
         s, m = self.owner, self.owner.core
-        state, work, q = s.core_state, s.work, self._q
-
-        def spread_nodes(x: Chunk) -> None:
-            some = slice(q * x[0], q * x[1])
-            work.q_mid[some] = state.q[some]
-            work.q_end[some] = state.q[some]
-
-        self._assemble(spread_nodes, lambda: self._add_elements(None, None), None, None, m.static_held)
-
-    def _assemble(self, spread_nodes: Callable[[Chunk], None], add_rest: Callable[[], None], u: Array | None, rate: float | None,
-                  held: Any) -> None:
-        s, m = self.owner, self.owner.core
-        work, n = s.work, 8 * len(m.size)
+        state, work, n = s.core_state, s.work, 8 * len(m.size)
         if s.inner is not None:
             s.inner.state[0] = 1.0
             clear_rhs(s.inner.rhs)
 
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
-            if kind == "nodes":
-                spread_nodes((a, b))
+            if kind == "others":
+                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, h, work.q_mid, work.q_end, u)
+            elif kind == "rows":
                 np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
             else:
                 work.blocks[n * a:n * b] = 0.0
 
-        self.team.each(begin, [*(("nodes", x) for x in self._nodes), *(("blocks", x) for x in self._blocks)])
+        kinds = ("others", self._some), ("rows", self._nodes), ("blocks", self._blocks)
+        self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
         def condense(thread: int, x: tuple[ElementTables, int | None, Chunk] | None) -> None:
@@ -260,8 +257,8 @@ class CondensedIteration(Iteration):
                 add_rest()
                 return
             tables, green, some = x
-            beams.condense(self.subs, tables, *some, *s.kind[:2], work.q_mid, work.q_end, work.line, u, rate, green, work.r,
-                           self._scratch[thread], m.size)
+            beams.condense(self.subs, tables, *some, *s.kind[:2], state, work.dq, h, work.q_mid, work.q_end, work.line, u, rate,
+                           green, work.r, self._scratch[thread], m.size)
 
         self.team.each(condense, [None, *self._groups])
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
@@ -300,22 +297,19 @@ class CondensedIteration(Iteration):
         """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations.
         Returns their size."""
         s, m = self.owner, self.owner.core
-        work, subs = s.work, self.subs
-        self.team.each(lambda thread, x: beams.recover(subs, x[0], *x[2], factor, work.x, self._scratch[thread], m.size),
-                       self._groups)
-        q, t, line, row_of = self._q, self._theta, work.line, m.pattern.row_of
+        work, row_of = s.work, m.pattern.row_of
+        moved = *s.kind[:2], row_of, s.core_state, work
 
-        def update(_: int, x: Chunk) -> tuple[float, float]:
-            some = slice(q * x[0], q * x[1])
-            return self.kernels.update(row_of[x[0]:x[1]], work.x, s.core_state.q[some], work.theta[t * x[0]:t * x[1]],
-                                       work.dq[some], line.q_last[some], line.q_line[some])
+        def recover(thread: int, x: tuple[ElementTables, int | None, Chunk]) -> tuple[float, float]:
+            return beams.recover(self.subs, x[0], *x[2], factor, *moved, self._scratch[thread], m.size)
 
-        found = np.array(self.team.each(update, self._nodes))
+        found = self.team.each(recover, self._groups)
+        found += self.team.each(lambda _, x: beams.move_nodes(self._others, *x, *moved), self._some)
         # NaN stays the largest
-        move, spin = (float(x) for x in found.max(axis=0))
+        move, spin = (float(x) for x in np.max(found, axis=0))
         if m.ties is not None:
-            self.kernels.tie_increments(m.ties, work.theta, work.dq, line.q_line)
-        follow_line(line, move / m.length + spin)
+            self.kernels.tie_increments(m.ties, work.theta, work.dq, work.line.q_line)
+        follow_line(work.line, move / m.length + spin)
         return move / m.length + spin
 
     def update(self) -> float:

@@ -5,8 +5,8 @@ of 8 elements and inner node i, in turn, with the others j behind it (later inne
 
     U_ij = K_ii^-1 K_ij,   K_kj -= K_ki U_ij,   y_i = K_ii^-1 r_i,   r_k -= K_ki y_i
 
-and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Scenes with sliders keep the factors and K_ji too:
-columns of their borders take the same way, one element at a time, eight columns at once.
+and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Scenes with sliders keep the factors and K_ji
+too: columns of their borders take the same way, one element at a time, eight columns at once.
 """
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes; None in a model without any."""
 
-    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; or U_ij of every other, then y_i
+    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of every
+    #                       other, then y_i
     rhs: np.ndarray | None  # float64 [8 (N + 1)]: y_i by rows; None in a scene without sliders, where no columns follow
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
     rows: np.ndarray      # int64: rows of the nodes of every element, first to last

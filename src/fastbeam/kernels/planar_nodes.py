@@ -78,11 +78,11 @@ def planar_remember(theta, dq, s, s_end, force, h, first, last, past):
 
 
 @kernel
-def planar_update(row_of, x, q, theta, dq, q_last_out, q_line_out):
+def planar_update(row_of, x, first, last, q, theta, dq, q_last_out, q_line_out):
     """As `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
-    for i in range(row_of.shape[0]):
+    for i in range(first, last):
         o = 8 * row_of[i]
         for c in range(4):
             q_last_out[4 * i + c] = q[4 * i + c] + dq[4 * i + c]

@@ -51,7 +51,7 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
             for k in range(bodies.node.shape[0]):
                 add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)
     else:
-        spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+        spread(state.q, state.v, work.dq, h, 0, state.q.shape[0], work.q_mid, work.q_end, work.u)
         rate = 2.0 / (h * h)
         if sliders is not None:
             if middle is not None:

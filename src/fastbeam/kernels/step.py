@@ -106,11 +106,13 @@ def move_nodes(space, plane, ties, row_of, state, work):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.x, state.q, work.theta, work.dq, work.line.q_last, work.line.q_line)
+        move, spin = update_nodes(row_of, work.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.q_last,
+                                  work.line.q_line)
         if ties is not None:
             tie_increments(ties, work.theta, work.dq, work.line.q_line)
     if plane is not None:
-        move, spin = planar_update(row_of, work.x, state.q, work.theta, work.dq, work.line.q_last, work.line.q_line)
+        move, spin = planar_update(row_of, work.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.q_last,
+                                   work.line.q_line)
         if ties is not None:
             tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
     return move, spin
