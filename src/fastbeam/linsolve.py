@@ -81,8 +81,9 @@ class Pardiso:
         # threads cost more than they bring in small systems
         self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
         iparm = np.zeros(64, np.int32)
-        # METIS order, no scaling or matching (they are computed from the values of the analysis), two refinements at most
-        for k, value in {0: 1, 1: 2, 7: 2, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
+        # METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of its own, which
+        # would take the present matrix and cost two more solutions
+        for k, value in {0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
             iparm[k] = value
         self._call = kernels.call_pardiso
         self.tables = PardisoTables(

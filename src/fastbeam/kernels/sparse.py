@@ -16,9 +16,9 @@ ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
 # relative residual above which a solution is refined once, and above which it is not accepted, unless the solution is that of a
 # matrix this near: on large soft nets K x is a small difference of large forces, and round-off alone is more than 1e-8 of b
 REFINE_AT, REFUSE_AT, NEAR = 1e-12, 1e-8, 1e-13
-# factors of an earlier iteration are used again where each solution with them leaves so little, which takes six at most; a
-# solution costs about a tenth of the factors
-WORTH = 1e-2
+# factors of an earlier iteration are used again where each solution with them leaves so little, which takes five at most, for
+# about a tenth of the time of factors each; the error that stays is a share of an increment that is small itself
+WORTH, AGAIN_AT = 1e-2, 1e-10
 
 
 class PardisoTables(NamedTuple):
@@ -114,12 +114,7 @@ def begin_step(t):
 @kernel
 def add_correction(t, n, size):
     """x += K_old^-1 r with the factors that are there; the largest relative residual after it, infinity on an error."""
-    # PARDISO would refine with the present matrix
-    refinements = t.iparm[7]
-    t.iparm[7] = 0
-    code = call_pardiso(t, SOLVE, t.r, t.y)
-    t.iparm[7] = refinements
-    if code != 0:
+    if call_pardiso(t, SOLVE, t.r, t.y) != 0:
         return np.inf
     for m in range(t.b.shape[0]):
         for i in range(n):
@@ -129,17 +124,17 @@ def add_correction(t, n, size):
 
 @kernel
 def solve_again(t, n, size):
-    """Solve with the factors of an earlier iteration of this step, by corrections down to round-off. Returns the largest relative
-    residual; above REFINE_AT it was not worth it."""
+    """Solve with the factors of an earlier iteration of this step, by corrections. Returns the largest relative residual; above
+    AGAIN_AT it was not worth it."""
     for m in range(t.b.shape[0]):
         for i in range(n):
             t.x[m, i] = 0.0
             t.r[m, i] = t.b[m, i]
     before = 1.0
     worst = 1.0
-    for k in range(6):
+    for k in range(5):
         worst = add_correction(t, n, size)
-        if worst <= REFINE_AT:
+        if worst <= AGAIN_AT:
             t.counts[2] += 1
             return worst
         if not worst <= WORTH * before:
@@ -163,7 +158,7 @@ def solve_sparse(t, blocks, panel, width, size):
     worst = np.inf
     if t.counts[3] != 0:
         worst = solve_again(t, n, size)
-    if not worst <= REFINE_AT:
+    if not worst <= AGAIN_AT:
         t.counts[0] += 1
         t.counts[3] = 0
         if call_pardiso(t, FACTOR, t.b, t.x) != 0:
