@@ -26,6 +26,8 @@ except ImportError:  # no such locks on this system
 import numba
 from numba.core import config as _config
 
+from ._parts import Part, WholeCompiler
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -34,7 +36,7 @@ KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process co
 def _source_hash() -> str:
     here = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted([Path(__file__), *here.glob("kernels/*.py")]):
+    for path in sorted([Path(__file__), here / "_parts.py", *here.glob("kernels/*.py")]):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -161,27 +163,25 @@ def kernel(function: F) -> F:
     the alarm of the Newton loop. `error_model='numpy'` drops the division-by-zero exceptions. Kernels allocate nothing, and their
     callers hold the arrays: without reference counts (`_nrt`) small calls take a third less time.
     """
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = _FOLDER
-    try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False)(function)
-    finally:
-        _config.CACHE_DIR = before
-    _guard(compiled._cache)
-    KERNELS.append(compiled)
-    return compiled
+    return _compiled(function)
 
 
 def written_in(function: F) -> F:
     """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words each."""
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: F, **options: Any) -> F:
     before = _config.CACHE_DIR
     _config.CACHE_DIR = _FOLDER
     try:
         compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False,
-                              inline="always")(function)
+                              pipeline_class=WholeCompiler, **options)(function)
+        part = Part(compiled)
     finally:
         _config.CACHE_DIR = before
     _guard(compiled._cache)
+    _guard(part.cache)
     KERNELS.append(compiled)
     return compiled
 
@@ -201,6 +201,6 @@ def announce_first_use() -> None:
 
 def compile_counts() -> tuple[int, int]:
     """(kernels loaded from the cache, kernels compiled) in this process."""
-    hits = sum(sum(k.stats.cache_hits.values()) for k in KERNELS)
-    misses = sum(sum(k.stats.cache_misses.values()) for k in KERNELS)
+    hits = sum(sum(k.stats.cache_hits.values()) + sum(k.part.loaded.values()) for k in KERNELS)
+    misses = sum(sum(k.stats.cache_misses.values()) + sum(k.part.missed.values()) for k in KERNELS)
     return hits, misses
