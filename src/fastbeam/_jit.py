@@ -6,7 +6,9 @@ into, so the folder carries a hash of all kernel sources: any edit starts a new 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
+import pickle
 import shutil
 import stat
 import sys
@@ -16,7 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import RLock
-from typing import Any, Callable, TypeVar
+from typing import Any, BinaryIO, Callable, TypeVar
 
 try:
     import fcntl
@@ -26,10 +28,15 @@ except ImportError:  # no such locks on this system
 import numba
 from numba.core import config as _config
 
-from ._parts import Part, WholeCompiler
+from ._beside import beside
+from ._parts import PROGRESS, Part, WholeCompiler, without_collection
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+__all__ = ["ABSENT", "KERNELS", "announce_first_use", "beside", "compile_counts", "kernel", "link_library", "work",
+           "written_in"]
+
+ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
 
 
@@ -101,6 +108,7 @@ def cache_folder() -> str:
 
 
 _FOLDER = cache_folder()
+WholeCompiler.folder = _FOLDER
 
 
 _LOCK, _DEPTH = RLock(), [0]
@@ -176,7 +184,7 @@ def _compiled(function: F, **options: Any) -> F:
     _config.CACHE_DIR = _FOLDER
     try:
         compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False,
-                              pipeline_class=WholeCompiler, **options)(function)
+                              no_cfunc_wrapper=True, pipeline_class=WholeCompiler, **options)(function)
         part = Part(compiled)
     finally:
         _config.CACHE_DIR = before
@@ -186,6 +194,17 @@ def _compiled(function: F, **options: Any) -> F:
     return compiled
 
 
+def work(source: BinaryIO) -> None:
+    """What a second process (`_beside`) does: compile the parts that `source` names, a line on stdout for each when it is kept."""
+    folder, jobs = pickle.load(source)
+    if folder != _FOLDER:
+        return
+    with without_collection():
+        for module, name, arguments in jobs:
+            getattr(importlib.import_module(module), name).part.compile(arguments)
+            print(flush=True)
+
+
 def link_library(path: str) -> None:
     """Let compiled code find the symbols of a shared library by name."""
     from llvmlite import binding
@@ -193,10 +212,11 @@ def link_library(path: str) -> None:
 
 
 def announce_first_use() -> None:
-    """One line on stderr before the first compilation on a machine, which takes about half a minute; silent with
+    """One line on stderr before the first compilation on a machine, which takes about ten seconds, and one after it; silent with
     FASTBEAM_PROGRESS=0."""
     if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
         print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
+        PROGRESS.announced = True
 
 
 def compile_counts() -> tuple[int, int]:

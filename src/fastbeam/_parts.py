@@ -7,36 +7,53 @@ in the kernel that Python calls.
 """
 from __future__ import annotations
 
+import gc
+import os
+import sys
+import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import binding
+from numba import version_info
 from numba.core import compiler, sigutils, types, typing
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
+from . import _beside
 
-class _Library(JITCodeLibrary):  # type: ignore[misc]
-    """Code without reference counts, so that the passes that pair these are left out."""
+# s; compilation that takes no longer shows nothing
+QUIET_TIME = 1.0
+# versions of numba before these have another interface to the passes of LLVM
+PASS_BUILDERS = version_info.short >= (0, 62)
+
+
+class _WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Of a kernel that Python calls: what it links is optimised together, once. Kernels keep no reference counts, so the passes
+    that pair these are left out."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
 
-
-class _WholeLibrary(_Library):
-    """Of a kernel that Python calls: what it links is optimised together, once."""
-
     def _optimize_final_module(self) -> None:
+        if not PASS_BUILDERS:
+            super()._optimize_final_module()
+            return
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
 
 
-class _PartLibrary(_Library):
+class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     """Of a kernel that kernels call: simplified one function at a time, and linked."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        super()._optimize_functions(ll_module)
+        if not PASS_BUILDERS:
+            super()._optimize_functions(ll_module)
+            return
+        ll_module.data_layout = self._codegen._data_layout
         for function in ll_module.functions:
             if not function.is_declaration:
                 passes, builder = self._codegen._function_pass_manager()
@@ -57,13 +74,65 @@ class _PartLibrary(_Library):
         self._finalized = True
 
 
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """A compiler makes many objects and little garbage: looking for it takes a seventh of the time."""
+    before = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if before:
+            gc.enable()
+
+
+class _Progress:
+    """What the user sees while a kernel is compiled with all its parts: on a terminal one line that is kept up to date, else,
+    after the announcement of a first use, a line at the end."""
+
+    def __init__(self) -> None:
+        self.announced = False
+        self.count = 0
+        self._begin = 0.0
+        self._shown = False
+
+    def __enter__(self) -> None:
+        self.count, self._begin, self._shown = 0, time.perf_counter(), False
+
+    def __exit__(self, *failed: object) -> None:
+        if self._shown or (self.announced and self._seconds() > QUIET_TIME):
+            self._write("\r" if self._shown else "", "\n")
+            self.announced = False
+
+    def step(self) -> None:
+        """One part more is ready."""
+        self.count += 1
+        if self._seconds() > QUIET_TIME and os.environ.get("FASTBEAM_PROGRESS") != "0" and sys.stderr.isatty():
+            self._shown = True
+            self._write("\r", "")
+
+    def _seconds(self) -> float:
+        return time.perf_counter() - self._begin
+
+    def _write(self, before: str, after: str) -> None:
+        sys.stderr.write(f"{before}fastbeam: compiling kernels, {self.count} in {self._seconds():.0f} s{after}")
+        sys.stderr.flush()
+
+
+PROGRESS = _Progress()
+
+
 class WholeCompiler(compiler.Compiler):  # type: ignore[misc]
     """Numba's compiler for a kernel that Python calls."""
+
+    folder = ""
 
     def compile_extra(self, function: Any) -> Any:
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
-        return super().compile_extra(function)
+        _beside.start(function, tuple(self.state.args), self.folder)
+        with without_collection(), PROGRESS:
+            return super().compile_extra(function)
 
 
 class _Compiled:
@@ -99,6 +168,10 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
 class _PartCache(FunctionCache):  # type: ignore[misc]
     _impl_class = _PartCacheImpl
 
+    def holds(self, arguments: tuple[Any, ...], codegen: Any) -> bool:
+        """Whether there is an entry."""
+        return self._index_key(arguments, codegen) in self._cache_file._load_index()
+
 
 class Part:
     """A kernel as other kernels call it.
@@ -124,6 +197,7 @@ class Part:
             found = self._known.get(arguments)
             if found is None:
                 context = self.dispatcher.targetctx
+                _beside.wait(self.dispatcher.py_func, arguments)
                 found = self.cache.load_overload(arguments, context)
                 if found is None:
                     self.missed[arguments] += 1
@@ -131,9 +205,22 @@ class Part:
                     self.cache.save_overload(arguments, found)
                 else:
                     self.loaded[arguments] += 1
+                PROGRESS.step()
                 context.insert_user_function(found, found.fndesc, [found.library])
                 self._known[arguments] = found
             return found
+
+    @property
+    def signatures(self) -> list[tuple[Any, ...]]:
+        """Argument types that are ready in this process."""
+        return list(self._known)
+
+    def is_kept(self, arguments: tuple[Any, ...]) -> bool:
+        """Whether this process or the disk has it."""
+        try:
+            return arguments in self._known or self.cache.holds(arguments, self.dispatcher.targetctx.codegen())
+        except Exception:  # a damaged file, which `load_overload` reports
+            return False
 
     def _compile(self, arguments: tuple[Any, ...]) -> _Compiled:
         of = self.dispatcher

@@ -78,8 +78,8 @@ def test_warm_process_compiles_nothing() -> None:
 
 COMPILED = """
 from fastbeam import _jit
-print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS if every or kernel.signatures)
-                  for every in (False, True)]))
+print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS
+                         if every or kernel.signatures or kernel.part.signatures) for every in (False, True)]))
 """
 BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
 SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_translation", "contact_basis"}

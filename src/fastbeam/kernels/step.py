@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._jit import kernel, written_in
+from .._jit import ABSENT, beside, kernel, written_in
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
+from .beam import element_groups
 from .border import clear_held, fill_panel, gaps_are_closed, solve_border
 from .chain import back_substitute, factor
 from .inner import eliminate_columns, put_inner_rhs, recover_inner
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
+from .planar_beam import planar_groups
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
 from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
@@ -279,6 +281,33 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
         if n == 0:
             for k in range(mean_force_out.shape[1]):
                 mean_force_out[0, k] = mean_force_out[1, k]
+
+
+def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
+                row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *rest):
+    """Parts of `run` that take long, and the types they are called with, all from types of its arguments: as long as the rest."""
+    def of(record, name):
+        return record.types[record.fields.index(name)]
+
+    r, blocks, panel = (of(work, name) for name in ("r", "blocks", "panel"))
+    jobs = []
+    for tables, strain in ((simo, ABSENT), (green, n_steps)):
+        if tables is ABSENT:
+            continue
+        ends = [of(work, name) for name in ("q_mid", "q_end", "line", "u")]
+        rates = [h, ABSENT if alpha is ABSENT else of(alpha, "spin_rate")] if plane is ABSENT else [h]
+        rest = [strain, middle] if plane is ABSENT else [strain]
+        groups = element_groups if plane is ABSENT else planar_groups
+        jobs.append((groups, (tables, n_steps, n_steps, inner, *ends, *rates, *rest, r, blocks, of(work, "scratch"), size)))
+    if contact is not ABSENT:
+        jobs.append((solve_border, (contact, of(state, "force"), panel, n_steps, width, of(work, "rows"), of(work, "schur"),
+                                    of(work, "y"), size)))
+    if plan is not ABSENT:
+        jobs.append((factor, (plan, blocks, of(work, "pivots"), panel, width, size)))
+    return jobs
+
+
+beside(run, _beside_run)
 
 
 @kernel
