@@ -107,7 +107,8 @@ class _Progress:
     def step(self) -> None:
         """One part more is ready."""
         self.count += 1
-        if self._seconds() > QUIET_TIME and os.environ.get("FASTBEAM_PROGRESS") != "0" and sys.stderr.isatty():
+        if (self._seconds() > QUIET_TIME and os.environ.get("FASTBEAM_PROGRESS") != "0" and sys.stderr is not None
+                and sys.stderr.isatty()):
             self._shown = True
             self._write("\r", "")
 

@@ -284,26 +284,27 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
 
 
 def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
-                row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *rest):
-    """Parts of `run` that take long, and the types they are called with, all from types of its arguments: as long as the rest."""
-    def of(record, name):
-        return record.types[record.fields.index(name)]
+                row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *others):
+    """Parts of `run` that together take as long to compile as the others, and the types that they are called with, from the types
+    of its arguments."""
+    def of(record, *names):
+        return [record.types[record.fields.index(name)] for name in names]
 
-    r, blocks, panel = (of(work, name) for name in ("r", "blocks", "panel"))
+    integer = n_steps
+    r, blocks, panel, scratch = of(work, "r", "blocks", "panel", "scratch")
     jobs = []
-    for tables, strain in ((simo, ABSENT), (green, n_steps)):
-        if tables is ABSENT:
-            continue
-        ends = [of(work, name) for name in ("q_mid", "q_end", "line", "u")]
-        rates = [h, ABSENT if alpha is ABSENT else of(alpha, "spin_rate")] if plane is ABSENT else [h]
-        rest = [strain, middle] if plane is ABSENT else [strain]
-        groups = element_groups if plane is ABSENT else planar_groups
-        jobs.append((groups, (tables, n_steps, n_steps, inner, *ends, *rates, *rest, r, blocks, of(work, "scratch"), size)))
+    for tables, green_strain in ((simo, ABSENT), (green, integer)):
+        if tables is not ABSENT:
+            common = (tables, integer, integer, inner, *of(work, "q_mid", "q_end", "line", "u"), h)
+            if space is not ABSENT:
+                (spin_rate,) = [ABSENT] if alpha is ABSENT else of(alpha, "spin_rate")
+                jobs.append((element_groups, (*common, spin_rate, green_strain, middle, r, blocks, scratch, size)))
+            else:
+                jobs.append((planar_groups, (*common, green_strain, r, blocks, scratch, size)))
     if contact is not ABSENT:
-        jobs.append((solve_border, (contact, of(state, "force"), panel, n_steps, width, of(work, "rows"), of(work, "schur"),
-                                    of(work, "y"), size)))
+        jobs.append((solve_border, (contact, *of(state, "force"), panel, integer, width, *of(work, "rows", "schur", "y"), size)))
     if plan is not ABSENT:
-        jobs.append((factor, (plan, blocks, of(work, "pivots"), panel, width, size)))
+        jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, width, size)))
     return jobs
 
 
