@@ -175,7 +175,8 @@ def kernel(function: F) -> F:
 
 
 def written_in(function: F) -> F:
-    """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words each."""
+    """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words
+    each."""
     return _compiled(function, inline="always")
 
 
