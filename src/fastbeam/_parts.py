@@ -181,10 +181,12 @@ class Part:
     ----------
     dispatcher : numba dispatcher
         The kernel; from now on calls from kernels go through this object.
+    one_variant : bool
+        Whether numbers in the source of a caller are like any others. Else they are types of their own.
     """
 
-    def __init__(self, dispatcher: Any) -> None:
-        self.dispatcher = dispatcher
+    def __init__(self, dispatcher: Any, one_variant: bool) -> None:
+        self.dispatcher, self.one_variant = dispatcher, one_variant
         self.cache = _PartCache(dispatcher.py_func)
         self.loaded: Counter[Any] = Counter()
         self.missed: Counter[Any] = Counter()
@@ -234,9 +236,9 @@ class Part:
         return _Compiled(library, done.fndesc, done.signature)
 
     def _call_template(self, arguments: Any, keywords: Any) -> Any:
-        """What numba asks for when it meets a call; numbers in the source of the caller do not make a type of their own."""
+        """What numba asks for when it meets a call."""
         signature, arguments = self.dispatcher.fold_argument_types(arguments, keywords)
-        arguments = tuple(types.unliteral(argument) for argument in arguments)
+        arguments = tuple(types.unliteral(argument) if self.one_variant else argument for argument in arguments)
         name = self.dispatcher.py_func.__name__
         found = self.compile(arguments)
         template = typing.make_concrete_template(f"CallTemplate({name})", key=name, signatures=[found.signature])

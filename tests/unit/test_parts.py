@@ -16,10 +16,10 @@ from fastbeam import _jit, _parts
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 PAIR = """
 from numba import int64
-from fastbeam._jit import ABSENT, beside, kernel
+from fastbeam._jit import ABSENT, beside, kernel, one_variant
 
 
-@kernel
+@one_variant
 def power(x, n, array):
     y = 1.0
     for i in range(n):
