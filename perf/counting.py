@@ -8,7 +8,7 @@ The block elimination does not run on lanes and has formulas, which tests/unit/t
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import FunctionType
 from typing import Any
 
@@ -240,21 +240,28 @@ def node_loops(model: Model) -> int:
     return count(nodes.spread, a, a, a, 1.0, a, a, a) + count(nodes.update_nodes, two, slice(48), 48, 8, a, slice(3), a, a, a)
 
 
+def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
+    """(a group, beams like its own) of every kind of condensed beams: groups that are equal cost the same."""
+    subs = stepper.core.substructures
+    assert subs is not None and stepper.core.simo is not None
+    _, first, times = np.unique(subs.group[:, 1:3], axis=0, return_index=True, return_counts=True)
+    yield from zip(first.tolist(), (8.0 * times).tolist())
+
+
 def condensed_beams(stepper: Stepper, mixed: float) -> float:
     """Of all condensed beams in one iteration: elements, their elimination, and the recovery of the interior."""
-    model = stepper.core
-    subs, work = model.substructure_work(), model.work()
-    assert subs is not None and model.simo is not None
-    out = 0.0
-    # groups that are equal cost the same
-    kinds, first, times = np.unique(subs.group[:, 1:3], axis=0, return_index=True, return_counts=True)
-    for g, many in zip(first.tolist(), times.tolist()):
-        once = []
-        for use in (0.0, 1.0):
-            line = work.line._replace(use=np.array([use, 0.0, 0.0]))
-            once.append(count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], work.q_mid, work.q_end, line,
-                              work.u, 1.0, None, work.r, work.scratch, model.size))
-        recovery = count(substructures.recover, subs, model.simo, g, g + 1, -1.0, work.scratch, model.size)
-        out += 8.0 * many * (once[0] + mixed * (once[1] - once[0]) + recovery)
+    model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
+    out = recovery_of_beams(stepper)
+    for g, beams in _kinds_of_beams(stepper):
+        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], work.q_mid, work.q_end,
+                             work.line._replace(use=np.array([use, 0.0, 0.0])), work.u, 1.0, None, work.r, work.scratch, model.size)
+                       for use in (0.0, 1.0))
+        out += beams * (plain + mixed * (more - plain))
     return out
 
+
+def recovery_of_beams(stepper: Stepper) -> float:
+    """The last part of `condensed_beams`."""
+    model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
+    return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, work.scratch, model.size)
+               for g, beams in _kinds_of_beams(stepper))
