@@ -1,4 +1,4 @@
-"""What the machine allows: multiply-adds in registers, and the bandwidth of memory and caches, measured in the run that uses them.
+"""What the machine allows: multiply-adds in registers, and the bandwidth of memory and caches, measured when asked for.
 
 Bytes count as in the STREAM benchmark: what is read once and what is written once. One thread is timed by its processor time,
 several by the clock on the wall, so only the latter need a quiet machine.

@@ -1,7 +1,7 @@
 """Floating point operations of the kernels, counted by running their own source on numbers that count instead of calculating.
 
-A kernel is compiled from a plain function of Python; `twin` gives that function with everything that it calls replaced: kernels by
-their twins, operations on registers by counters. Divisions, multiplications and additions count as one each, so that a fused
+A kernel is compiled from a plain function of Python; `twin` gives that function with everything that it calls replaced: kernels
+by their twins, operations on registers by counters. Divisions, multiplications and additions count as one each, so that a fused
 multiply-add is two; additions to zero count as well. What works on 8 elements at a time is counted once, that is for one of them.
 
 The block elimination does not run on lanes and has formulas, which tests/unit/test_perf_scaling.py compares with a twin.
@@ -203,7 +203,8 @@ def inner_elimination(model: Model) -> int:
         return 0
     inner = model.inner_work()
     assert inner is not None
-    return count(eliminate_inner, inner.store, 0, nn, tables, 0, work.scratch, 384 * nn, 432 * nn, work.r, inner.rhs, 0, model.size)
+    return count(eliminate_inner, inner.store, 0, nn, tables, 0, work.scratch, 384 * nn, 432 * nn, work.r, inner.rhs, 0,
+                 model.size)
 
 
 def inner_elimination_formula(nn: int, n: int = 6) -> int:
@@ -223,8 +224,8 @@ def inner_recovery(nn: int, n: int = 6) -> int:
 
 
 def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -> int:
-    """Of factors and solution of all blocks of a plan with one right-hand side; `columns` of a block (default: n) and `right`-hand
-    sides as they count, PADDED for what is really done."""
+    """Of factors and solution of all blocks of a plan; `columns` of a block (default: n) and `right`-hand sides as they count, 8 of
+    each for what is really done."""
     columns = n if columns is None else columns
     m = np.diff(plan.start)
     rows, upper, pairs = m.size, int(m.sum()), int((m * m).sum())
@@ -254,7 +255,8 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
         plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], work.q_mid, work.q_end,
-                             work.line._replace(use=np.array([use, 0.0, 0.0])), work.u, 1.0, None, work.r, work.scratch, model.size)
+                             work.line._replace(use=np.array([use, 0.0, 0.0])), work.u, 1.0, None, work.r, work.scratch,
+                             model.size)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
     return out

@@ -7,9 +7,9 @@
     python perf/goals.py --quick              small sizes and short measurements
     python perf/goals.py --markdown           the table ready to paste into docs/performance.md
 
-References run in the same process on the same matrices: LAPACK's band solver as SciPy has it, PARDISO on one thread or two, the step in
-plain NumPy of perf/plain_step.py. Ratios are therefore worth more than microseconds, which belong to the machine that the goals were
-set on (AVX-512, 3.7 GHz). Goals for parts that this project builds in another way say what is there instead.
+References run in the same process on the same matrices: LAPACK's band solver as SciPy has it, PARDISO on one thread or two, the
+step in plain NumPy of perf/plain_step.py. Ratios are therefore worth more than microseconds, which belong to the machine that the
+goals were set on (AVX-512, 3.7 GHz). Goals for parts that this project builds in another way say what is there instead.
 """
 from __future__ import annotations
 
@@ -184,8 +184,8 @@ class Measurements:
 
     @cached_property
     def kernels(self) -> dict[int, tuple[float, float, float]]:
-        """(evaluation, evaluation with assembly, operations), of an element, s, by degree, chain of 200 elements without elimination
-        of inner nodes."""
+        """(evaluation, s; evaluation with assembly, s; operations), of an element, by degree, in a chain of 200 elements without
+        elimination of inner nodes."""
         out = {}
         for degree in DEGREES:
             elements = 200
@@ -334,8 +334,8 @@ def condensed(m: Measurements) -> list[Verdict]:
     pardiso = solver(whole, threads)
     spent = min(pardiso() for _ in range(3))
     stepper, own = m.net(cells, per_beam, 1, threads)
-    return [Verdict(f"iteration of a condensed net / PARDISO's factors and solution of all its nodes, {per_beam} elements a beam, "
-                    f"{number_of_elements(stepper.core)} elements, {threads} threads", 0.4, own / spent)]
+    return [Verdict(f"iteration of a condensed net / PARDISO's factors and solution of all its nodes, "
+                    f"{number_of_elements(stepper.core)} elements, {per_beam} a beam, {threads} threads", 0.4, own / spent)]
 
 
 def two_threads(m: Measurements) -> list[Verdict]:
@@ -347,7 +347,7 @@ def two_threads(m: Measurements) -> list[Verdict]:
             stepper, _ = m.net(cells, per_beam, 1, threads)
             stepper.parts.start(STEP)
             times.append(shortest(lambda: stepper.parts.assemble(STEP), m.seconds))
-        out.append(Verdict(f"evaluation and condensation of {number_of_elements(stepper.core)} elements, two threads against one, "
+        out.append(Verdict(f"evaluation and condensation, two threads against one, {number_of_elements(stepper.core)} elements, "
                            f"{where}", bound, times[0] / times[1], at_most=False, note="needs a quiet machine"))
     return out
 
@@ -357,9 +357,9 @@ def memory(m: Measurements) -> list[Verdict]:
     for degree, bound in zip(DEGREES, (1.4, 2.2, 3.2)):
         elements = 2000
         stepper = Stepper(fb.compile_scene(chain_scene(elements, degree), planar=False), np.ones(1))
+        why = "" if degree == 1 else "inner nodes keep both sides of their factors, for the columns of sliders"
         out.append(Verdict(f"memory of an element of a chain, matrix and factors, degree {degree}", bound,
-                           1e-3 * traffic.kept(stepper)["factors"] / elements, "kB",
-                           note="" if degree == 1 else "inner nodes keep both sides of their factors, for the columns of sliders"))
+                           1e-3 * traffic.kept(stepper)["factors"] / elements, "kB", note=why))
     return out
 
 
@@ -381,6 +381,22 @@ GOALS: dict[str, Callable[[Measurements], list[Verdict]]] = {
     "kernel rate": kernel_rate, "naive kernel": naive, "lanes": lanes, "assembly": assembly, "steps": steps_a_second,
     "python": python_share, "long chain": long_chain, "nets": nets, "condensed": condensed, "two threads": two_threads,
     "memory": memory, "start": start_up, "cold": cold_start}
+
+
+def chosen(words: list[str] | None, cold: bool) -> list[str]:
+    """Goals that contain a word, or all, those of an empty cache only where `cold`.
+
+    Raises
+    ------
+    SystemExit
+        There is none.
+    """
+    names = [name for name in GOALS if (any(word in name for word in words) if words else cold or name != "cold")]
+    if not names:
+        raise SystemExit(f"no goal contains {words}: choose from {', '.join(GOALS)}")
+    return names
+
+
 HEADER = ["goal", "asked for", "found", "", "note"]
 
 
@@ -400,9 +416,7 @@ def main() -> int:
     if options.list:
         print("\n".join(GOALS))
         return 0
-    names = [name for name in GOALS if (any(word in name for word in options.only) if options.only else name != "cold" or options.cold)]
-    if not names:
-        raise SystemExit(f"no goal contains {options.only[0]!r}: choose from {', '.join(GOALS)}")
+    names = chosen(options.only, options.cold)
     m = Measurements(options.seconds or (0.02 if options.quick else 0.5), options.quick, options.large)
     found = [verdict for name in names for verdict in GOALS[name](m)]
     lines = [verdict.cells() for verdict in found]

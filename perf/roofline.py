@@ -5,12 +5,12 @@
     python perf/roofline.py --markdown        tables ready to paste into docs/performance.md
     python perf/roofline.py --json out.json
 
-Operations are counted by running the source of the kernels on numbers that count (perf/counting.py), those of PARDISO are its own
-figure; bytes are those of the arrays that every pass reads and writes (perf/traffic.py). `at peak` is the time of the operations at
-the rate of multiply-adds in registers, `at bandwidth` that of the bytes at the rate of a triad on arrays as large as everything that
-the iteration touches, so that small scenes are compared with the cache in which they fit. The larger of both is the limit. A part
-that takes more than twice its limit is bound by neither: then the chain of operations that wait for each other, loads that overlap
-no arithmetic, or calls cost more, and `what is left` says by how much.
+Operations are counted by running the source of the kernels on numbers that count (perf/counting.py), those of PARDISO are its
+own figure; bytes are those of the arrays that every pass reads and writes (perf/traffic.py). The limits are the time of all
+operations at the peak of multiply-adds in registers and the time of all bytes at the bandwidth of a triad on arrays as large
+as everything that the iteration touches, so that small scenes are compared with the cache in which they fit. The larger of
+both binds. A part that takes more than twice that is bound by neither: operations that wait for each other, loads that
+overlap no arithmetic, or calls cost more, and `what is left` says by how much.
 """
 from __future__ import annotations
 
@@ -130,15 +130,14 @@ def chain(elements: int, degree: int, ceilings: Ceilings, seconds: float) -> lis
 
 
 def pardiso_operations(model: Any) -> tuple[float, float]:
-    """(operations of the factors, those of a solution), by PARDISO's own account; the solution multiplies every entry of the factors
-    once. Of a matrix of blocks it counts blocks, in whole millions: here it sees the same matrix number by number."""
+    """(operations of the factors, those of a solution), by PARDISO's own account; a solution multiplies by every entry of the
+    factors once. Of a matrix of blocks it counts blocks, in whole millions: here it sees the same matrix number by number."""
     mkl = load_mkl()
     if mkl is None:
         return 0.0, 0.0
     pattern, n = model.pattern, len(model.size)
-    rows, columns = (np.asarray(x) for x in (pattern.rows, pattern.columns))
     i, j = (np.broadcast_to(n * x[:, None, None] + at, (x.size, n, n)).reshape(-1)
-            for x, at in ((rows, np.arange(n)[:, None]), (columns, np.arange(n))))
+            for x, at in ((pattern.rows, np.arange(n)[:, None]), (pattern.columns, np.arange(n))))
     order = np.argsort(i * (n * pattern.n) + j)
     solver = Pardiso(mkl, np.searchsorted(i[order], np.arange(n * pattern.n + 1)), j[order], 1, 1, 1)
     t = solver.tables

@@ -1,4 +1,4 @@
-"""Time and memory of an element in a Newton iteration, from 1e2 to 1e6 elements: a chain (one beam) and a net, one and two threads.
+"""Time and memory of an element in a Newton iteration, from 1e2 to 1e6 elements: a chain (one beam) and a net, 1 and 2 threads.
 
     python perf/scaling.py                    all sizes; prints the table, draws docs/scaling.png
     python perf/scaling.py --quick            two small sizes, no picture
@@ -8,8 +8,8 @@
 
 Every size runs in a process of its own, which first runs the smallest scene of its kind: memory is what comes on top of that. The
 limit is the time in which the bytes that all passes read and write (perf/traffic.py) go through the memory of this machine, as a
-triad does in the same run (perf/ceilings.py). One thread is timed by its processor time, two by the clock on the wall; the smallest
-of several repetitions counts. Two threads run where the model has condensed beams; other models run on one.
+triad does in the same run (perf/ceilings.py). One thread is timed by its processor time, two by the clock on the wall; the
+smallest of several repetitions counts. Two threads run where the model has condensed beams; other models run on one.
 """
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def scene(kind: str, elements: int, degree: int) -> Any:
 
 
 def memory(field: str) -> float:
-    """VmHWM (largest resident memory so far) or VmRSS (present one) of this process, bytes; elsewhere than on Linux the former."""
+    """VmHWM (largest resident memory so far) or VmRSS (present one) of this process, bytes; not on Linux always the former."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
         return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith(field))
@@ -153,12 +153,13 @@ def measure(kind: str, elements: int, degree: int, threads: int, seconds: float,
 def ratio(rows: list[Row]) -> float | None:
     """Largest time of an element over the smallest, of the chain on one thread from LIMIT elements on; None for fewer than two
     sizes."""
-    times = [row["us"] for row in rows if row["kind"] == "chain" and row["threads"] == 1 and row["elements"] >= LIMIT and "us" in row]
+    times = [row["us"] for row in rows
+             if row["kind"] == "chain" and row["threads"] == 1 and row["elements"] >= LIMIT and "us" in row]
     return max(times) / min(times) if len(times) > 1 else None
 
 
-HEADER = ("kind", "elements", "threads", "iterations a step", "us", "kB moved", "limit, us", "limit/time", "kB peak", "kB resident",
-          "kB tables", "kB state", "kB work", "kB factors")
+HEADER = ("kind", "elements", "threads", "iterations a step", "us", "kB moved", "limit, us", "limit/time", "kB peak",
+          "kB resident", "kB tables", "kB state", "kB work", "kB factors")
 
 
 def cells(row: Row) -> list[str]:

@@ -157,8 +157,8 @@ def pardiso_bytes(stepper: Stepper) -> int:
 
 
 def kept(stepper: Stepper) -> dict[str, int]:
-    """Bytes of all arrays of a run by kind: tables of the model, state, work arrays, what the elimination keeps (factors, or those
-    of PARDISO). The model's own copies of arrays that only a run fills are never touched and do not count."""
+    """Bytes of all arrays of a run by kind: tables of the model, state, work arrays, matrix and factors (those of PARDISO, too).
+    What the model keeps of arrays that only a run fills is never touched and does not count."""
     m, w = stepper.core, stepper.work
     inner, subs = m.inner, m.substructures
     tables = nbytes(m.simo, m.green, m.held, m.spinless, m.loads, m.gravity_weight, m.constant_load, m.pattern.row_of,
