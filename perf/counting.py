@@ -224,8 +224,8 @@ def inner_recovery(nn: int, n: int = 6) -> int:
 
 
 def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -> int:
-    """Of factors and solution of all blocks of a plan; `columns` of a block (default: n) and `right`-hand sides as they count, 8 of
-    each for what is really done."""
+    """Of factors and solution of all blocks of a plan; `columns` of a block (default: n) and `right`-hand sides as they count, 8
+    of each for what is really done."""
     columns = n if columns is None else columns
     m = np.diff(plan.start)
     rows, upper, pairs = m.size, int(m.sum()), int((m * m).sum())

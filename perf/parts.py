@@ -22,8 +22,8 @@ Array = np.ndarray
 
 def shortest(work: Callable[[], Any], seconds: float, prepare: Callable[[], Any] | None = None,
              empty: Callable[[], Any] | None = None, least: int = 5) -> float:
-    """Smallest time of one call, s, of as many as `seconds` allow, each after `prepare`; less the smallest time of `empty`, a call
-    on nothing, which runs in turn with it."""
+    """Smallest time of one call, s, of as many as `seconds` allow, each after `prepare`; less the smallest time of `empty`, a
+    call on nothing, which runs in turn with it."""
     found, nothing, k = np.inf, np.inf if empty else 0.0, 0
     end = time.perf_counter() + seconds
     while k < least or time.perf_counter() < end:

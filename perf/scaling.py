@@ -185,7 +185,8 @@ def draw(rows: list[Row], file: Path) -> None:
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
-    figure, (times, sizes) = plt.subplots(1, 2, figsize=(10.4, 4.4), layout="constrained")
+    from matplotlib import ticker
+    figure, (times, sizes) = plt.subplots(1, 2, figsize=(10.4, 5.2), layout="constrained")
     color = {"chain": "tab:blue", "net": "tab:orange"}
     for kind in ("chain", "net"):
         for threads in sorted({row["threads"] for row in rows}):
@@ -197,17 +198,21 @@ def draw(rows: list[Row], file: Path) -> None:
             label = f"{kind} of degree {some[0]['degree']}, {threads} thread{'s' * (threads > 1)}"
             times.plot(n, [row["us"] for row in some], label=label, markersize=4, **style)
             times.plot(n, [row["limit"] for row in some], ":" if threads == 1 else "-.", color=color[kind], linewidth=1.0,
-                       label=f"memory bandwidth, {threads} thread{'s' * (threads > 1)}")
+                       label=f"{kind}: its bytes at the bandwidth of memory, {threads} thread{'s' * (threads > 1)}")
             sizes.plot(n, [1e-3 * row["peak"] for row in some], label=label, markersize=4, **style)
             if threads == 1:
                 sizes.plot(n, [1e-3 * sum(row["kept"].values()) for row in some], ":", color=color[kind], linewidth=1.0,
                            label=f"{kind}: its arrays")
     times.set(xscale="log", yscale="log", xlabel="elements", title="time of an element and Newton iteration, us")
-    sizes.set(xscale="log", yscale="log", xlabel="elements", title="memory of an element above an empty run, kB")
+    sizes.set(xscale="log", xlabel="elements", title="memory of an element above an empty run, kB")
+    sizes.set_ylim(bottom=0.0)
+    times.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    times.yaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+    times.yaxis.set_minor_formatter(ticker.NullFormatter())
     for axes in (times, sizes):
         axes.grid(True, which="major", color="0.93")
         axes.set_axisbelow(True)
-        axes.legend(frameon=False, fontsize=8)
+        axes.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=1)
     figure.savefig(file, dpi=110)
     plt.close(figure)
 

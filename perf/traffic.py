@@ -19,13 +19,24 @@ NUMBER = 8  # bytes
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass: bytes read and written, `often` a Newton iteration; part: 'elements', 'elimination' or 'nodes'."""
+    """One pass: arrays, or numbers of bytes, that it reads and writes, `often` a Newton iteration; part: 'elements', 'elimination'
+    or 'nodes'."""
 
     name: str
     part: str
-    read: int
-    written: int
+    reads: tuple[Any, ...]
+    writes: tuple[Any, ...]
     often: float = 1.0
+
+    @property
+    def read(self) -> int:
+        """Bytes."""
+        return nbytes(self.reads)
+
+    @property
+    def written(self) -> int:
+        """Bytes."""
+        return nbytes(self.writes)
 
     @property
     def moved(self) -> float:
@@ -70,41 +81,39 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     tables = (m.simo, m.green)
     row = 8 * NUMBER
     n = len(m.size)
-    half = w.past.nbytes // 2
     step = 1.0 / iterations
-    out = [Pass("remember the state", "nodes", nbytes(s.q, s.v, w.past), nbytes(w.keep_q, w.keep_v, w.keep_past), step),
-           Pass("first guess", "nodes", nbytes(s.q, w.past, m.spinless), nbytes(w.theta, w.dq), step),
-           Pass("keep the rates", "nodes", nbytes(w.theta, w.dq, half), w.past.nbytes, step),
-           Pass("accept", "nodes", nbytes(s.q, s.v, w.dq), nbytes(s.q, s.v), step)]
+    out = [Pass("remember the state", "nodes", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step),
+           Pass("first guess", "nodes", (s.q, w.past, m.spinless), (w.theta, w.dq), step),
+           Pass("keep the rates", "nodes", (w.theta, w.dq, w.past.nbytes // 2), (w.past,), step),
+           Pass("accept", "nodes", (s.q, s.v, w.dq), (s.q, s.v), step)]
     if mixed > 0.0:
-        out.append(Pass("start the line", "nodes", s.q.nbytes, nbytes(line), step))
+        out.append(Pass("start the line", "nodes", (s.q,), line, step))
     inner = stepper.inner
-    rhs = 0 if inner is None else inner.rhs.nbytes
-    out += [Pass("clear", "nodes", w.f_ext.nbytes, nbytes(w.r, w.blocks, rhs)),
-            Pass("both ends of the step", "nodes", nbytes(s.q, s.v, w.dq), nbytes(w.q_mid, w.q_end, w.u))]
-    read = nbytes(tables, w.q_mid, w.q_end, w.u) + mixed * nbytes(line)
+    rhs = None if inner is None else inner.rhs
+    out += [Pass("clear", "nodes", (w.f_ext,), (w.r, w.blocks, rhs)),
+            Pass("both ends of the step", "nodes", (s.q, s.v, w.dq), (w.q_mid, w.q_end, w.u))]
+    read = (tables, w.q_mid, w.q_end, w.u, mixed * nbytes(line))
     if subs is None:
-        store = 0 if inner is None else inner.store.nbytes
-        out.append(Pass("elements", "elements", nbytes(read, w.r, w.blocks, rhs), nbytes(w.r, w.blocks, rhs, store)))
+        store = None if inner is None else inner.store
+        out.append(Pass("elements", "elements", (*read, w.r, w.blocks, rhs), (w.r, w.blocks, rhs, store)))
     else:
         interior = row * (m.n_rows - m.panel_rows)
         ends = row * (subs.row_start.size - 1)
-        out += [Pass("elements, condensed", "elements", nbytes(read, interior), nbytes(subs.store, subs.ends, interior)),
-                Pass("add up the ends", "elements", nbytes(subs.ends, subs.block_start, subs.block_term, subs.row_start,
-                                                           subs.row_term, w.blocks, ends), nbytes(w.blocks, ends))]
+        lists = (subs.block_start, subs.block_term, subs.row_start, subs.row_term)
+        out += [Pass("elements, condensed", "elements", (*read, interior), (subs.store, subs.ends, interior)),
+                Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, ends), (w.blocks, ends))]
     if m.held is not None:
         touched = n * row * m.held.block.size
-        out.append(Pass("supports", "nodes", nbytes(m.held, touched), touched))
+        out.append(Pass("supports", "nodes", (m.held, touched), (touched,)))
     out += _solution(stepper)
     if subs is None:
-        out += [Pass("sign of the solution", "nodes", w.panel.nbytes, w.panel.nbytes),
-                Pass("increments", "nodes", nbytes(m.pattern.row_of, w.panel, s.q, w.theta, w.dq), nbytes(line, w.theta, w.dq))]
+        out += [Pass("sign of the solution", "nodes", (w.panel,), (w.panel,)),
+                Pass("increments", "nodes", (m.pattern.row_of, w.panel, s.q, w.theta, w.dq), (line, w.theta, w.dq))]
     else:
-        seen = row * m.panel_rows
-        rows = nbytes(*(t.rows for t in tables if t is not None), *(t.meta for t in tables if t is not None))
-        out += [Pass("solution of the ends", "elimination", w.panel.nbytes, seen),
-                Pass("recover the beams", "elimination", nbytes(subs.store, rows, subs.x), subs.x.nbytes),
-                Pass("increments", "nodes", nbytes(m.pattern.row_of, subs.x, s.q, w.theta, w.dq), nbytes(line, w.theta, w.dq))]
+        rows = tuple((t.rows, t.meta) for t in tables if t is not None)
+        out += [Pass("solution of the ends", "elimination", (w.panel,), (row * m.panel_rows,)),
+                Pass("recover the beams", "elimination", (subs.store, rows, subs.x), (subs.x,)),
+                Pass("increments", "nodes", (m.pattern.row_of, subs.x, s.q, w.theta, w.dq), (line, w.theta, w.dq))]
     return out
 
 
@@ -113,32 +122,31 @@ def _solution(stepper: Stepper) -> Iterator[Pass]:
     m, w, inner = stepper.core, stepper.work, stepper.inner
     n = len(m.size)
     # a line of the panel holds one unknown: who needs one column moves them all
-    line = m.width * NUMBER
-    ends = n * m.pattern.n * line
+    ends = n * m.pattern.n * m.width * NUMBER
     rest = w.panel.nbytes - ends
-    yield Pass("clear the right-hand sides", "elimination", 0, w.panel.nbytes)
-    yield Pass("residual to right-hand sides", "elimination", nbytes(8 * NUMBER * m.panel_rows, w.panel), w.panel.nbytes)
+    yield Pass("clear the right-hand sides", "elimination", (), (w.panel,))
+    yield Pass("residual to right-hand sides", "elimination", (8 * NUMBER * m.panel_rows, w.panel), (w.panel,))
     if inner is not None:
         y = 8 * NUMBER * (m.panel_rows - m.pattern.n)
-        yield Pass("clear those of inner nodes", "elimination", rest, rest)
-        yield Pass("inner nodes to right-hand sides", "elimination", nbytes(y, rest), rest)
+        yield Pass("clear those of inner nodes", "elimination", (rest,), (rest,))
+        yield Pass("inner nodes to right-hand sides", "elimination", (y, rest), (rest,))
     blocks = 8 * n * NUMBER * m.pattern.keys.size
     if m.pattern.plan is not None:
         plan = m.pattern.plan
         upper = 8 * n * NUMBER * plan.upper.size
-        yield Pass("factors", "elimination", nbytes(plan, blocks, ends), nbytes(blocks, w.pivots, ends))
-        yield Pass("back substitution", "elimination", nbytes(plan.start, plan.column, plan.upper, upper, ends), ends)
+        yield Pass("factors", "elimination", (plan, blocks, ends), (blocks, w.pivots, ends))
+        yield Pass("back substitution", "elimination", (plan.start, plan.column, plan.upper, upper, ends), (ends,))
     elif stepper.linear.tables is not None:
         t = stepper.linear.tables
-        factors = pardiso_bytes(stepper)
-        yield Pass("matrix to PARDISO", "elimination", blocks + ends, nbytes(t.data, t.b))
-        yield Pass("PARDISO's factors", "elimination", nbytes(t.data, t.indptr, t.indices), factors)
-        yield Pass("PARDISO's solution", "elimination", nbytes(factors, t.b), t.x.nbytes)
-        yield Pass("its residual", "elimination", nbytes(t.data, t.indptr, t.indices, t.x, t.b), t.r.nbytes)
-        yield Pass("solution from PARDISO", "elimination", nbytes(t.x, ends), ends)
+        structure, factors = (t.indptr, t.indices), pardiso_bytes(stepper)
+        yield Pass("matrix to PARDISO", "elimination", (blocks, ends), (t.data, t.b))
+        yield Pass("PARDISO's factors", "elimination", (t.data, structure), (factors,))
+        yield Pass("PARDISO's solution", "elimination", (factors, t.b), (t.x,))
+        yield Pass("its residual", "elimination", (t.data, structure, t.x, t.b), (t.r,))
+        yield Pass("solution from PARDISO", "elimination", (t.x, ends), (ends,))
     if inner is not None:
-        yield Pass("recover the inner nodes", "elimination", nbytes(inner.where, inner.rows, _upper_of_inner(stepper), w.panel),
-                   rest)
+        upper = _upper_of_inner(stepper)
+        yield Pass("recover the inner nodes", "elimination", (inner.where, inner.rows, upper, w.panel), (rest,))
 
 
 def _upper_of_inner(stepper: Stepper) -> int:
