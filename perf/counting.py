@@ -25,7 +25,7 @@ PADDED = 8  # columns of a block and of the panel of right-hand sides as they ar
 
 
 class Tally:
-    """Operations so far; `numbers` makes values that add to it."""
+    """Operations so far; `number` makes values that add to it."""
 
     def __init__(self) -> None:
         self.operations = 0

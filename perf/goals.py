@@ -43,6 +43,7 @@ import traffic  # noqa: E402
 from ceilings import Ceilings, best  # noqa: E402
 from parts import ChainParts, iteration, shortest  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
+from table import table  # noqa: E402
 
 Array = np.ndarray
 STEP = 1e-3
@@ -165,7 +166,9 @@ class Measurements:
         """Time of a Newton iteration of a chain, s."""
         if (elements, degree) not in self._whole:
             model = fb.compile_scene(chain_scene(elements, degree), planar=False)
-            self._whole[elements, degree] = iteration(Stepper(model, np.ones(1)), STEP, self.seconds)[0]
+            stepper = Stepper(model, np.ones(1), threads=1)
+            stepper.advance(0.0, STEP, 2)
+            self._whole[elements, degree] = iteration(stepper, STEP, self.seconds)[0]
         return self._whole[elements, degree]
 
     @cached_property
@@ -419,14 +422,7 @@ def main() -> int:
     names = chosen(options.only, options.cold)
     m = Measurements(options.seconds or (0.02 if options.quick else 0.5), options.quick, options.large)
     found = [verdict for name in names for verdict in GOALS[name](m)]
-    lines = [verdict.cells() for verdict in found]
-    if options.markdown:
-        for line in [HEADER, ["---"] * len(HEADER), *lines]:
-            print("| " + " | ".join(line) + " |")
-    else:
-        width = [max(len(line[k]) for line in [HEADER, *lines]) for k in range(len(HEADER) - 1)]
-        for line in [HEADER, *lines]:
-            print("  ".join([*(text.ljust(w) for text, w in zip(line, width)), line[-1]]).rstrip())
+    print(table(HEADER, [verdict.cells() for verdict in found], options.markdown, left=range(len(HEADER))))
     if options.json:
         from suite import machine
         rows = [asdict(verdict) | {"verdict": verdict.word} for verdict in found]

@@ -17,6 +17,8 @@ from fastbeam.kernels.nodes import apply_held
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
 
+from ceilings import clock
+
 Array = np.ndarray
 
 
@@ -40,23 +42,30 @@ def shortest(work: Callable[[], Any], seconds: float, prepare: Callable[[], Any]
     return max(found - nothing, 0.0)
 
 
-def iteration(stepper: Stepper, step: float, seconds: float) -> tuple[float, float, Any]:
-    """(thread time of one Newton iteration of a compiled run, s; iterations a step; outcome)."""
+def iteration(stepper: Stepper, step: float, seconds: float, threads: int = 1) -> tuple[float, float, Any]:
+    """(time of one Newton iteration of a run on so many threads, s; iterations a step; outcome). Every repetition begins with the
+    present state, and takes so many steps that about fifty of them, five at least, fit into the time.
+
+    Raises
+    ------
+    SystemExit
+        A step fails.
+    """
+    now = clock(threads)
     start = stepper.copy_state()
     steps, found, runs = 1, np.inf, 0
-    stepper.advance(0.0, step, 2)
     end = time.perf_counter() + seconds
     while runs < 5 or time.perf_counter() < end:
         stepper.set_state(start)
-        begin = time.thread_time()
+        begin = now()
         outcome = stepper.advance(0.0, step, steps)
-        spent = time.thread_time() - begin
+        spent = now() - begin
         if outcome.steps != steps:
             raise SystemExit(f"the run stopped with status {outcome.status}: nothing was measured")
-        if spent < 0.02 * seconds and steps < 400:
-            steps = min(400, 4 * steps)
-            continue
-        found, runs = min(found, spent / outcome.iterations), runs + 1
+        if spent < 0.02 * seconds and steps < 256:
+            steps *= 2
+        else:
+            found, runs = min(found, spent / outcome.iterations), runs + 1
     return found, outcome.iterations / outcome.steps, outcome
 
 

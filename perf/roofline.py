@@ -42,6 +42,7 @@ import traffic  # noqa: E402
 from ceilings import Ceilings, clock  # noqa: E402
 from parts import ChainParts, iteration  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
+from table import table  # noqa: E402
 
 STEP = 1e-3
 FREE = 0.5  # a part that reaches less than this share of its limit is not bound by it
@@ -104,6 +105,7 @@ def chain(elements: int, degree: int, ceilings: Ceilings, seconds: float) -> lis
     """A whole iteration of one beam and its parts, on one thread. Models that condense long beams run uncondensed here."""
     model = fb.compile_scene(chain_scene(elements, degree), planar=False, condense=False)
     stepper = Stepper(model, np.ones(1))
+    stepper.advance(0.0, STEP, 2)
     spent, per_step, outcome = iteration(stepper, STEP, seconds)
     mixed = traffic.mixed_share(stepper, outcome)
     plan, n = model.pattern.plan, len(model.size)
@@ -217,14 +219,7 @@ def main() -> None:
         for degree in options.degrees:
             for threads in options.threads:
                 parts += net(cells, options.per_beam, degree, threads, ceilings, seconds)
-    lines = [part.cells() for part in parts]
-    if options.markdown:
-        for line in [HEADER, ["---"] * len(HEADER), *lines]:
-            print("| " + " | ".join(line) + " |")
-    else:
-        width = [max(len(line[k]) for line in [HEADER, *lines]) for k in range(len(HEADER))]
-        for line in [HEADER, *lines]:
-            print("  ".join(text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(line, width))))
+    print(table(HEADER, [part.cells() for part in parts], options.markdown, left=(0, 1)))
     for name, values in ceilings.facts().items():
         print(f"{name}: " + ", ".join(f"{key}: {value:.1f}" for key, value in values.items()))
     if options.json:

@@ -31,10 +31,13 @@ import numpy as np  # noqa: E402
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
+from table import table  # noqa: E402
+
 SIZES = (100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 QUICK = (100, 1000)
 STEP = 1e-3
 NET_BEAM = 10  # elements
+ONE_THREAD = "no condensed beams: one thread"
 LIMIT = 1000  # elements from which on the chain should cost the same
 Row = dict[str, Any]
 
@@ -74,9 +77,9 @@ def run_case(kind: str, elements: int, degree: int, threads: int, seconds: float
     """One size in this process; seconds: how long to measure."""
     import fastbeam as fb
     import traffic
-    from ceilings import clock
     from fastbeam.compile import WORTH_CONDENSING
     from fastbeam.newton import Stepper
+    from parts import iteration
     # loads the compiled code that the large scene runs
     small = fb.compile_scene(scene(kind, 8, degree), planar=False, condense=elements >= WORTH_CONDENSING)
     Stepper(small, np.ones(1), threads=threads).advance(0.0, STEP, 1)
@@ -89,31 +92,16 @@ def run_case(kind: str, elements: int, degree: int, threads: int, seconds: float
     row: Row = {"kind": kind, "elements": count, "degree": degree, "threads": threads, "unknowns": model.n_unknowns,
                 "condensed": model.condensed_elements, "compile, s": compiled}
     if threads > 1 and not model.condensed_elements:
-        return row | {"skipped": "no condensed beams: one thread"}
+        return row | {"skipped": ONE_THREAD}
     stepper = Stepper(model, np.ones(1), threads=threads)
-    _check(stepper.advance(0.0, STEP, 1), 1)
+    # all arrays are touched from now on
+    stepper.advance(0.0, STEP, 1)
     row |= {"peak": (memory("VmHWM") - whole_before) / count, "resident": (memory("VmRSS") - before) / count,
             "kept": {name: size / count for name, size in traffic.kept(stepper).items()}}
-    start = stepper.copy_state()
-    now = clock(threads)
-    steps, best, spent, runs = 1, np.inf, 0.0, 0
-    while runs < 3 or spent < seconds:
-        stepper.set_state(start)
-        begin = now()
-        outcome = stepper.advance(0.0, STEP, steps)
-        taken = now() - begin
-        _check(outcome, steps)
-        # the first run says how many steps make up a twentieth of the time
-        if runs or steps >= 100 or taken > 0.05 * seconds:
-            best = min(best, taken / outcome.iterations)
-            runs += 1
-            spent += taken
-        else:
-            steps = max(2, min(100, int(0.05 * seconds * steps / max(taken, 1e-6))))
-            runs = 1
+    spent, per_step, outcome = iteration(stepper, STEP, seconds, threads)
     mixed = traffic.mixed_share(stepper, outcome)
-    found = traffic.passes(stepper, outcome.iterations / outcome.steps, mixed)
-    return row | {"iterations a step": outcome.iterations / outcome.steps, "mixed": mixed, "us": 1e6 * best / count,
+    found = traffic.passes(stepper, per_step, mixed)
+    return row | {"iterations a step": per_step, "mixed": mixed, "us": 1e6 * spent / count,
                   "bytes": sum(p.moved for p in found) / count, "passes": {p.name: p.moved / count for p in found},
                   "solver": stepper.linear.name.split(",")[0]}
 
@@ -126,11 +114,6 @@ def number_of_elements(model: Any) -> int:
             first = (tables.meta[:, 3, None] + np.arange(8)).reshape(-1)
             total += int(np.sum(tables.rows[first] < model.n_nodes))
     return total
-
-
-def _check(outcome: Any, steps: int) -> None:
-    if outcome.steps != steps:
-        raise SystemExit(f"the run stopped with status {outcome.status}: nothing was measured")
 
 
 def measure(kind: str, elements: int, degree: int, threads: int, seconds: float, timeout: float = 3600.0) -> Row:
@@ -173,13 +156,6 @@ def cells(row: Row) -> list[str]:
                                                                              kept["state"], kept["work"], kept["factors"]))]
 
 
-def markdown(rows: list[Row]) -> str:
-    """The table for docs/performance.md."""
-    lines = [list(HEADER), ["---"] * len(HEADER)]
-    lines += [line + [""] * (len(HEADER) - len(line)) for line in map(cells, rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def draw(rows: list[Row], file: Path) -> None:
     """Time and memory of an element against the number of elements."""
     import matplotlib
@@ -219,14 +195,7 @@ def draw(rows: list[Row], file: Path) -> None:
 
 def report(found: dict[str, Any], as_markdown: bool) -> None:
     """Print the table and the ratio."""
-    rows = found["rows"]
-    if as_markdown:
-        print(markdown(rows))
-    else:
-        width = [max(len(h), *(len(c[k]) for c in map(cells, rows) if len(c) == len(HEADER)), 0) if rows else len(h)
-                 for k, h in enumerate(HEADER)]
-        for line in [list(HEADER), *map(cells, rows)]:
-            print("  ".join(text.rjust(w) for text, w in zip(line, width)))
+    print(table(HEADER, [cells(row) for row in found["rows"]], as_markdown))
     if found["largest ratio"] is not None:
         print(f"\nchain, from {LIMIT} elements on: largest time of an element over the smallest {found['largest ratio']:.2f}")
 
@@ -268,12 +237,18 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from ceilings import Ceilings
     seconds = options.seconds or (0.1 if options.quick else 2.0)
     ceilings = Ceilings(2.0**25) if options.quick else Ceilings()
-    rows = []
+    rows: list[Row] = []
     for kind in options.kinds:
         degree = options.degree if kind == "chain" else options.net_degree
         for elements in options.sizes or (QUICK if options.quick else SIZES):
+            first: Row = {}
             for threads in options.threads:
-                row = measure(kind, elements, degree, threads, seconds)
+                if threads > 1 and first.get("condensed") == 0:
+                    row = {key: first[key] for key in ("kind", "degree", "elements", "condensed")}
+                    row |= {"threads": threads, "skipped": ONE_THREAD}
+                else:
+                    row = measure(kind, elements, degree, threads, seconds)
+                    first = first or row
                 if "us" in row:
                     row["limit"] = 1e-3 * row["bytes"] / ceilings.bandwidth(threads=threads)
                 rows.append(row)

@@ -19,8 +19,8 @@ NUMBER = 8  # bytes
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass: arrays, or numbers of bytes, that it reads and writes, `often` a Newton iteration; part: 'elements', 'elimination'
-    or 'nodes'."""
+    """One pass: arrays, or numbers of bytes, that it reads and writes, `often` in a Newton iteration; part: 'elements',
+    'elimination' or 'nodes'."""
 
     name: str
     part: str
