@@ -63,6 +63,10 @@ def test_operations_of_short_kernels_are_those_counted_by_hand() -> None:
     assert counting.count(strains.quadratic_strains, x, 0, None, 0, False) == 9 * 5 + 3 * 2
     assert counting.count(strains.quadratic_strains, x, 0, 1, 0, False) == 7 * 5 + 2 + 1 + 1
     assert counting.count(beam.add_inertia_forces, x, 0, 2, x, 0, 0) == 2 * (2 * 3 * 6 + 3 * (3 + 3))
+    # (2.1): two weighted differences of vectors, four cross products with what goes around them
+    assert counting.count(beam.rotation_rows, x, 0, 0, 0.5, 0.5, 1, 0) == 2 * 9 + (2 * 9 + 3 + 3) + 2 * 9 + 3 * 3 + 2 * 3
+    # of three directors: moment, a sum of forces, a dyad, a product; then the trace, a half, and the sum
+    assert counting.count(beam.project_node, x, 0, 0, 0, 0, 0) == 3 * ((9 + 3) + 3 + (9 + 9) + (5 + 1)) + (3 + 9 + 9)
 
 
 def test_an_operation_without_a_counter_is_named() -> None:
