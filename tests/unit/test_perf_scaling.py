@@ -201,6 +201,28 @@ def test_scenes_with_sliders_are_not_counted() -> None:
         traffic.passes(Stepper(model, np.ones(1)), 3.0, 1.0)
 
 
+def test_counts_in_the_documentation_are_those_of_the_source() -> None:
+    lines = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8").splitlines()
+    said = {cells[1]: [float(x) for x in cells[2:5]] for cells in ([x.strip() for x in line.split("|")] for line in lines)
+            if len(cells) == 6 and cells[2][:1].isdigit()}
+    found: dict[str, list[float]] = {}
+    elements = 2000
+    for degree in (1, 2, 3):
+        small, (stepper, _, _) = compiled(8, degree), run(compiled(elements, degree))
+        moved = sum(p.moved for p in traffic.passes(stepper, 2.0, 1.0)) / elements
+        ends = counting.lu(6) + 7 * counting.triangular(6) + 8 * counting.product(6)
+        parts_of = [counting.element_kernel(small, 1.0), counting.inner_elimination(small),
+                    counting.after_kernel(small) - counting.inner_elimination(small), ends,
+                    counting.inner_recovery(degree + 1) + degree * counting.node_loops(small)]
+        values = [parts_of[0], counting.element_kernel(small, 0.0), *parts_of[1:], moved, sum(parts_of) / moved,
+                  1e-3 * traffic.kept(stepper)["factors"] / elements]
+        for name, value in zip(said, values, strict=True):
+            found.setdefault(name, []).append(value)
+    for name, values in found.items():
+        rounded = max(said[name]) < 10.0 or "bytes" in name
+        np.testing.assert_allclose(said[name], values, rtol=0.02 if rounded else 0.0, err_msg=name)
+
+
 # --- the machine ------------------------------------------------------------------------------------------------------
 def test_loops_that_measure_the_machine_do_their_work() -> None:
     x = np.full(112, 0.5)
