@@ -161,24 +161,20 @@ def kernel(function: F) -> F:
     the alarm of the Newton loop. `error_model='numpy'` drops the division-by-zero exceptions. Kernels allocate nothing, and their
     callers hold the arrays: without reference counts (`_nrt`) small calls take a third less time.
     """
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = _FOLDER
-    try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False)(function)
-    finally:
-        _config.CACHE_DIR = before
-    _guard(compiled._cache)
-    KERNELS.append(compiled)
-    return compiled
+    return _compiled(function)
 
 
 def written_in(function: F) -> F:
-    """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words each."""
+    """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words
+    each."""
+    return _compiled(function, inline="always")
+
+
+def _compiled(function: F, **options: Any) -> F:
     before = _config.CACHE_DIR
     _config.CACHE_DIR = _FOLDER
     try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False,
-                              inline="always")(function)
+        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False, **options)(function)
     finally:
         _config.CACHE_DIR = before
     _guard(compiled._cache)

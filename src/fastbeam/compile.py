@@ -22,12 +22,11 @@ from .pattern import Pattern, ascending, build_pattern, widen
 from .planar import find_plane
 from .report import describe
 from .scene import Beam, RigidBody, Scene
+from .substructuring import substructures_of
 from .tables import ElementPacker, Elements, condensed_ends, elements_of, pack_curves, pack_inner, pack_substructures
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
-# elements in beams that can be condensed, from which on it pays
-WORTH_CONDENSING = 1000
 
 
 def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto",
@@ -48,8 +47,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         faster. True refuses a scene that does not stay in a plane and says why. False runs every scene in space, like the methods
         that conserving steps are compared with. Instabilities out of the plane need a disturbance out of it (theory.md 10).
     condense : {'auto', True, False}
-        Condense the beams of nets to their ends, eight equal ones at a time and on several threads, so that the solver sees the
-        nodes of the nets only (theory.md 9). Same results to round-off; 'auto' does it in large nets, where it pays.
+        Condense the beams of nets, and pieces of long beams with Lagrange elements, to their ends, eight equal ones at a time and
+        on several threads, so that the solver sees these ends only (theory.md 9). Same results to round-off; 'auto' does it in
+        large scenes, where it pays.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
 
     elements = [elements_of(part, nodes.start(part)) for part in [*scene.beams, *scene.nets]]
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    beams = _condensed_beams(scene, nodes, joints, condense)
+    beams = substructures_of(scene, nodes, joints, condense)
     for source, part in zip([*scene.beams, *scene.nets], elements):
         some, found = beams.get(source.name, (None, []))
         packers[part.strain].add(part, nodes.phi, nodes.directors, some)
@@ -86,11 +86,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
             packers[part.strain].add(part, nodes.phi, nodes.directors, lanes.reshape(-1), lanes.shape[1])
     used = [packers[name] for name in packers if packers[name].meta]
     ends = condensed_ends(used)
-    size = 0
+    size, columns = 0, len(scene.sliders) > 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         for packer in used:
-            size = packer.eliminate(eligible, size)
+            size = packer.eliminate(eligible, size, columns)
     root = joints.row_root[ends]
     pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
                             (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1)])
@@ -107,7 +107,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         tables[name] = packer.tables(row_of, blocks.element[at:at + m]) if packer.meta else None
         at += m
     n_panel = blocks.pattern.n + int(np.sum(level == 1))
-    inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size)
+    inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size, columns)
     substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:].reshape(-1, 4), blocks.n_blocks,
                                        blocks.pattern.n, blocks.n_rows, n_panel)
     del used, packers
@@ -174,43 +174,6 @@ def _levels(n: int, packers: list[ElementPacker]) -> Array:
             level[live] = 2
     level[condensed_ends(packers)] = 0
     return level
-
-
-def _condensed_beams(scene: Scene, nodes: NodeList, joints: Connections, condense: bool | str) -> dict[str, tuple[Array, Any]]:
-    """Beams of nets that are condensed to their ends, of every net that has any: elements of the others, int [*], and those of
-    groups of eight equal beams, [groups, elements of a beam, 8] for every number of elements. Nothing but elements and loads may
-    touch the nodes between the ends of such a beam, and no slider runs on it."""
-    if not condense:
-        return {}
-    n = len(nodes)
-    free = (joints.held == 0) & ~joints.tied & (joints.row_root == np.arange(n)) & (joints.spin_root == np.arange(n))
-    free[joints.row_root[joints.row_root != np.arange(n)]] = False
-    free[joints.target] = False
-    for slider in scene.sliders:
-        free[nodes.number(slider.point)] = False
-        free[nodes.span(slider.beam)] = False
-    out: dict[str, tuple[Array, Any]] = {}
-    total = 0
-    for net in scene.nets:
-        taken = np.concatenate(([0], np.cumsum(~free[nodes.span(net)])))
-        first, last = net.end_node.T
-        whole = taken[last] == taken[first + 1]
-        for slider in scene.sliders:
-            if getattr(slider.beam, "net", None) is net:
-                whole[slider.beam.index] = False
-        element = np.cumsum(net.elements) - net.elements
-        found = []
-        rest = np.ones(int(net.elements.sum()), bool)
-        for count in np.unique(net.elements[whole]).tolist():
-            equal = np.flatnonzero(whole & (net.elements == count))
-            equal = equal[:equal.size // 8 * 8].reshape(-1, 1, 8)
-            if equal.size:
-                found.append(element[equal] + np.arange(count)[:, None])
-                rest[found[-1].reshape(-1)] = False
-        total += int(np.sum(~rest))
-        if found:
-            out[net.name] = np.flatnonzero(rest), found
-    return out if condense is True or total >= WORTH_CONDENSING else {}
 
 
 def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:

@@ -15,10 +15,11 @@ import numpy as np
 from .arguments import count
 from .errors import SceneError
 from .iteration import Iteration, Owner
-from .kernels import beam, nodes, planar_beam, planar_nodes, planar_slider, slider, step, ties
+from .kernels import beam, border, nodes, planar_beam, planar_nodes, planar_slider, slider, step, ties
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
-from .kernels.nodes import advance, apply_held, extrapolation, spread
+from .kernels.inner import clear_rhs
+from .kernels.nodes import advance, apply_held, extrapolation
 from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
@@ -85,7 +86,7 @@ class Team:
 class _Space:
     """Kernels of nodes in space."""
 
-    predict, remember, update = nodes.predict, nodes.remember, nodes.update_nodes
+    predict, remember = nodes.predict, nodes.remember
     tie, tie_increments, apply_ties, push_tied = (ties.tie_coordinates, ties.tie_increments, ties.apply_ties,
                                                   ties.push_tied_columns)
     predict_sliders, add_sliders, add_bodies = slider.predict_sliders, slider.add_sliders, nodes.add_bodies
@@ -101,7 +102,7 @@ class _Space:
 class _Plane:
     """The same in a plane."""
 
-    predict, remember, update = planar_nodes.planar_predict, planar_nodes.planar_remember, planar_nodes.planar_update
+    predict, remember = planar_nodes.planar_predict, planar_nodes.planar_remember
     tie, tie_increments, apply_ties, push_tied = (planar_nodes.tie_planar, planar_nodes.tie_planar_increments,
                                                   planar_nodes.apply_planar_ties, planar_nodes.planar_push)
     predict_sliders, add_sliders, add_bodies = (planar_slider.predict_planar_sliders, planar_slider.add_planar_sliders,
@@ -144,6 +145,15 @@ class CondensedIteration(Iteration):
             self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done)]
             done += len(groups)
         self._nodes = chunks(model.n_nodes, 1024)
+        inside = np.zeros(model.n_nodes + 1, np.int64)
+        for tables, groups in zip((model.simo, model.green), parts):
+            for count, nn in np.unique(groups[:, 1:3], axis=0).tolist():
+                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), 0, None]
+                inside[tables.nodes[tables.meta[first, 3] + np.arange(8)] + 1] += 1
+                inside[tables.nodes[tables.meta[first + count - 1, 3] + 8 * (nn - 1) + np.arange(8)]] -= 1
+        # all nodes but those between the ends of condensed beams
+        self._others = np.flatnonzero(np.cumsum(inside)[:-1] == 0)
+        self._some = chunks(self._others.size, 1024)
         self._blocks = chunks(model.n_blocks + 1, 512)
         self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
@@ -159,7 +169,7 @@ class CondensedIteration(Iteration):
     # --- loops over nodes ---------------------------------------------------------------------------------------------
     def _copy(self, *pairs: tuple[Array, Array]) -> None:
         """Copy arrays, each a number of doubles for every node."""
-        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(source.size, 16384)]
+        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(min(source.size, target.size), 16384)]
         self.team.each(lambda _, x: np.copyto(x[1][x[2]:x[3]], x[0][x[2]:x[3]]), items)
 
     def keep(self) -> None:
@@ -201,12 +211,7 @@ class CondensedIteration(Iteration):
     # --- the system of equations --------------------------------------------------------------------------------------
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
-        state, work, q = s.core_state, s.work, self._q
-
-        def spread_nodes(x: Chunk) -> None:
-            some = slice(q * x[0], q * x[1])
-            spread(state.q[some], state.v[some], work.dq[some], h, work.q_mid[some], work.q_end[some], work.u[some])
-
+        state, work = s.core_state, s.work
         rate = 2.0 / (h * h)
 
         def add_rest() -> None:
@@ -218,40 +223,33 @@ class CondensedIteration(Iteration):
             if m.bodies is not None:
                 self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
 
-        self._assemble(spread_nodes, add_rest, work.u, rate, m.held)
+        self._assemble(add_rest, h, work.u, rate, m.held)
 
     def _add_elements(self, u: Array | None, rate: float | None) -> None:
         for tables, green in self._rest:
             self.kernels.add_elements(tables, self.owner.inner, self.owner.work, u, rate, green, self.owner.core.size)
 
     def assemble_static(self) -> None:
+        self._assemble(lambda: self._add_elements(None, None), None, None, None, self.owner.core.static_held)
+
+    def _assemble(self, add_rest: Callable[[], None], h: float | None, u: Array | None, rate: float | None, held: Any) -> None:
         s, m = self.owner, self.owner.core
-        state, work, q = s.core_state, s.work, self._q
-
-        def spread_nodes(x: Chunk) -> None:
-            some = slice(q * x[0], q * x[1])
-            work.q_mid[some] = state.q[some]
-            work.q_end[some] = state.q[some]
-
-        self._assemble(spread_nodes, lambda: self._add_elements(None, None), None, None, m.static_held)
-
-    def _assemble(self, spread_nodes: Callable[[Chunk], None], add_rest: Callable[[], None], u: Array | None, rate: float | None,
-                  held: Any) -> None:
-        s, m = self.owner, self.owner.core
-        work, n = s.work, 8 * len(m.size)
+        state, work, n = s.core_state, s.work, 8 * len(m.size)
         if s.inner is not None:
             s.inner.state[0] = 1.0
-            s.inner.rhs[:] = 0.0
+            clear_rhs(s.inner.rhs)
 
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
-            if kind == "nodes":
-                spread_nodes((a, b))
+            if kind == "others":
+                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, h, work.q_mid, work.q_end, u)
+            elif kind == "rows":
                 np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
             else:
                 work.blocks[n * a:n * b] = 0.0
 
-        self.team.each(begin, [*(("nodes", x) for x in self._nodes), *(("blocks", x) for x in self._blocks)])
+        kinds = ("others", self._some), ("rows", self._nodes), ("blocks", self._blocks)
+        self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
         def condense(thread: int, x: tuple[ElementTables, int | None, Chunk] | None) -> None:
@@ -259,8 +257,8 @@ class CondensedIteration(Iteration):
                 add_rest()
                 return
             tables, green, some = x
-            beams.condense(self.subs, tables, *some, *s.kind[:2], work.q_mid, work.q_end, work.line, u, rate, green, work.r,
-                           self._scratch[thread], m.size)
+            beams.condense(self.subs, tables, *some, *s.kind[:2], state, work.dq, h, work.q_mid, work.q_end, work.line, u, rate,
+                           green, work.r, self._scratch[thread], m.size)
 
         self.team.each(condense, [None, *self._groups])
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
@@ -284,53 +282,60 @@ class CondensedIteration(Iteration):
             return bool(step.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
 
     # --- increments ---------------------------------------------------------------------------------------------------
-    def _complete(self) -> None:
-        """Solutions of tied and inner nodes from those that the solver saw."""
+    def _take(self, factor: float) -> None:
+        """Increments of all rows but those of the interior of beams, in a scene without sliders; factor: increment per solution
+        of the equations."""
         s, m = self.owner, self.owner.core
         if s.inner is not None:
-            step.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, s.work, m.size)
-        elif m.ties is not None:
-            self.kernels.push_tied(m.ties, s.work.q_end, s.work.panel, m.width)
-
-    def _move(self, factor: float, of_panel: float) -> float:
-        """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations,
-        of_panel: the same of what stands in the panel. Returns their size."""
-        s, m = self.owner, self.owner.core
-        work, subs = s.work, self.subs
-        beams.take_solution(work.panel, m.width, m.panel_rows, of_panel, subs.x, m.size)
-        self.team.each(lambda thread, x: beams.recover(subs, x[0], *x[2], factor, self._scratch[thread], m.size), self._groups)
-        q, t, line, row_of = self._q, self._theta, work.line, m.pattern.row_of
-
-        def update(_: int, x: Chunk) -> tuple[float, float]:
-            some = slice(q * x[0], q * x[1])
-            return self.kernels.update(row_of[x[0]:x[1]], subs.x, 8, 1, s.core_state.q[some], work.theta[t * x[0]:t * x[1]],
-                                       work.dq[some], line.q_last[some], line.q_line[some])
-
-        found = np.array(self.team.each(update, self._nodes))
-        # NaN stays the largest
-        move, spin = (float(x) for x in found.max(axis=0))
+            step.take_rows(*s.kind[:2], m.simo, m.green, s.inner, m.ties, factor, factor, m.width, s.work, m.size)
+            return
+        border.take_solution(s.work.panel, m.width, factor, s.work.x, m.size)
         if m.ties is not None:
-            self.kernels.tie_increments(m.ties, work.theta, work.dq, line.q_line)
-        follow_line(line, move / m.length + spin)
+            self.kernels.push_tied(m.ties, s.work.q_end, s.work.x, 8, 1, 1)
+
+    def _move(self, factor: float) -> float:
+        """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations.
+        Returns their size."""
+        s, m = self.owner, self.owner.core
+        work, row_of = s.work, m.pattern.row_of
+        moved = *s.kind[:2], row_of, s.core_state, work
+
+        def recover(thread: int, x: tuple[ElementTables, int | None, Chunk]) -> tuple[float, float]:
+            return beams.recover(self.subs, x[0], *x[2], factor, *moved, self._scratch[thread], m.size)
+
+        found = self.team.each(recover, self._groups)
+        found += self.team.each(lambda _, x: beams.move_nodes(self._others, *x, *moved), self._some)
+        # NaN stays the largest
+        move, spin = (float(x) for x in np.max(found, axis=0))
+        if m.ties is not None:
+            self.kernels.tie_increments(m.ties, work.theta, work.dq, work.line.q_line)
+        follow_line(work.line, move / m.length + spin)
         return move / m.length + spin
 
     def update(self) -> float:
         s, m = self.owner, self.owner.core
-        self._complete()
-        state, work, slide, of_panel = s.core_state, s.work, 0.0, -1.0
-        if s.contact is not None:
-            singular = slider.solve_border(s.contact, state.force, work.panel, m.panel_rows, m.width, work.schur, work.y, m.size)
+        state, work = s.core_state, s.work
+        slide = 0.0
+        if s.contact is None:
+            self._take(-1.0)
+        else:
+            if s.inner is not None:
+                step.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, work, m.size)
+            elif m.ties is not None:
+                self.kernels.push_tied(m.ties, work.q_end, work.panel, len(m.size) * m.width, m.width, m.width)
+            singular = border.solve_border(s.contact, state.force, work.panel, m.width, work.rows, work.schur, work.y, work.x,
+                                           m.size)
             if singular >= 0:
                 return -1.0 - singular
             found = work.y.reshape(m.n_sliders, m.border)
             state.force[:] += found[:, :m.dim].reshape(-1)
             work.s_end[:] += found[:, m.dim]
-            slide, of_panel = float(np.max(np.abs(found[:, m.dim]))), 1.0
-        return self._move(-1.0, of_panel) + slide / m.length
+            slide = float(np.max(np.abs(found[:, m.dim])))
+        return self._move(-1.0) + slide / m.length
 
     def update_static(self) -> float:
         s, m, q, t = self.owner, self.owner.core, self._q, self._theta
-        self._complete()
+        self._take(-0.5)
         work, state = s.work, s.core_state
 
         def clear(_: int, x: Chunk) -> None:
@@ -341,6 +346,6 @@ class CondensedIteration(Iteration):
             state.q[q * x[0]:q * x[1]] += work.dq[q * x[0]:q * x[1]]
 
         self.team.each(clear, self._nodes)
-        moved = self._move(-0.5, -0.5)
+        moved = self._move(-0.5)
         self.team.each(add, self._nodes)
         return moved

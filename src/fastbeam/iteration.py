@@ -63,7 +63,7 @@ class Iteration:
         """Solve for the nodes that the solver sees; False where no acceptable solution was found."""
         s, m = self.owner, self.owner.core
         held, contact = (m.static_held, None) if static else (m.held, s.contact)
-        kernels.prepare_panel(*s.kind[:2], s.inner, m.ties, contact, held, m.panel_rows, m.width, s.work, m.size)
+        kernels.prepare_panel(*s.kind[:2], s.inner, m.ties, contact, held, m.width, s.work, m.size)
         return self.is_regular and self.solve_panel()
 
     @property
@@ -86,14 +86,14 @@ class Iteration:
     def update(self) -> float:
         """Add the increments; their size relative to that of the scene, or -1 - k where slider k makes the border singular."""
         s, m = self.owner, self.owner.core
-        return float(kernels.update_step(*s.kind[:2], s.inner, m.ties, s.contact, m.pattern.row_of, s.core_state, s.work, m.width,
-                                         m.length, m.size))
+        return float(kernels.update_step(*s.kind[:2], m.simo, m.green, s.inner, m.ties, s.contact, s.alpha, m.pattern.row_of,
+                                         s.core_state, s.work, m.width, m.length, m.size))
 
     def update_static(self) -> float:
         """The same in statics."""
         s, m = self.owner, self.owner.core
-        return float(kernels.update_static(*s.kind[:2], s.inner, m.ties, m.pattern.row_of, s.core_state, s.work, m.width,
-                                           m.length, m.size))
+        return float(kernels.update_static(*s.kind[:2], m.simo, m.green, s.inner, m.ties, m.pattern.row_of, s.core_state,
+                                           s.work, m.width, m.length, m.size))
 
     def finish(self, h: float) -> None:
         """Accept a converged step."""

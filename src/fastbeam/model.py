@@ -213,7 +213,9 @@ class Model:
 
     @property
     def panel_rows(self) -> int:
-        """Rows of the panel of right-hand sides: all but those of condensed beams."""
+        """Rows of the panel of right-hand sides: those that the solver sees; with sliders all but those of condensed beams."""
+        if self.sliders is None:
+            return self.pattern.n
         return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
 
     @property
@@ -235,11 +237,12 @@ class Model:
         """The condensed beams with work arrays of one run."""
         if self.substructures is None:
             return None
-        return place_stores(self.substructures, len(self.size))._replace(x=np.zeros_like(self.substructures.x))
+        return place_stores(self.substructures, len(self.size))
 
-    def work(self) -> Work:
-        """Work arrays of one run."""
+    def work(self, keep: bool = True) -> Work:
+        """Work arrays of one run; keep: with room for the state before a step."""
         n, s, size = self.n_nodes, self.n_sliders, len(self.size)
+        kept = int(keep)
         q = self.q0.size
         border = self.border * s
         return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
@@ -247,8 +250,9 @@ class Model:
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
                     schur=np.zeros((border, border)), y=np.zeros(border),
-                    scratch=self.scratch(), keep_q=np.zeros(q), keep_v=np.zeros(q), keep_s=np.zeros(s),
-                    keep_force=np.zeros(self.dim * s), past=np.zeros(self.past_size), keep_past=np.zeros(self.past_size),
+                    scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
+                    keep_force=np.zeros(kept * self.dim * s), past=np.zeros(self.past_size),
+                    keep_past=np.zeros(kept * self.past_size), x=np.zeros(8 * (n + 1)),
                     line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(q)))
 
     def contact(self) -> Contact | None:
@@ -269,8 +273,8 @@ class Model:
         if self.inner is None:
             return None
         inner = self.inner
-        return inner._replace(store=_aligned(inner.store.size), rhs=np.zeros_like(inner.rhs), mark=np.zeros_like(inner.mark),
-                              found=np.zeros_like(inner.found), state=np.ones(1))
+        return inner._replace(store=_aligned(inner.store.size), rhs=None if inner.rhs is None else np.zeros_like(inner.rhs),
+                              mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
 
     def load_factors(self, times: Array, steps: Array) -> Array:
         """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads

@@ -111,7 +111,8 @@ class Stepper:
         core = self.core
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         self.weights = np.ascontiguousarray(weights, dtype=float)
-        self.work = core.work()
+        # a step in one piece changes the state when it is done
+        self.work = core.work(keep=self.weights.size > 1 or core.n_sliders > 0 or method.parameters is not None)
         self.inner = core.inner_work()
         self.contact = core.contact()
         condensed = core.substructures is not None

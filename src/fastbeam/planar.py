@@ -9,7 +9,7 @@ import numpy as np
 
 from .kernels.beam import ElementTables
 from .kernels.blocks import THREE
-from .kernels.inner import Inner
+from .kernels.inner import Inner, store_size
 from .kernels.nodes import Bodies, Held
 from .kernels.planar_beam import planar_group_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
@@ -236,8 +236,9 @@ def _reduced(model: Model, plane: Plane) -> Model:
     if loads.size:
         rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
+    simo, green = (_elements(model, tables, plane) for tables in (model.simo, model.green))
     flat = replace(
-        model, simo=_elements(model, model.simo, plane), green=_elements(model, model.green, plane), inner=_inner(model.inner),
+        model, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=_bodies(model, plane), ties=_ties(model, plane, state), held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=state.q,
@@ -298,10 +299,19 @@ def _elements(model: Model, tables: ElementTables | None, plane: Plane) -> Eleme
     return ElementTables(meta, np.concatenate(tab), tables.nodes, tables.rows, tables.blocks)
 
 
-def _inner(inner: Inner | None) -> Inner | None:
-    """Factors take a quarter of the room."""
+def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | None:
+    """Factors take a quarter of the room; where right-hand sides stand among them their places in the new tables change."""
     if inner is None:
         return None
+    if inner.rhs is None:
+        size = 0
+        for meta in (t.meta for t in tables if t is not None):
+            room = np.zeros(len(meta), np.int64)
+            for nn in np.unique(meta[:, 0]).tolist():
+                room[(meta[:, 0] == nn) & (meta[:, 6] >= 0)] = store_size(nn, False, 3)
+            meta[:, 6] = np.where(meta[:, 6] >= 0, size + np.cumsum(room) - room, -1)
+            size += int(room.sum())
+        return inner._replace(store=np.zeros(size))
     where = inner.where.copy()
     lane = where[:, 0] % 8
     where[:, 0] = (where[:, 0] - lane) // 4 + lane

@@ -163,16 +163,17 @@ class ElementPacker:
             if beam:
                 yield beam, nodes[:, 0].reshape(len(meta) // beam, beam, -1, 8)
 
-    def eliminate(self, eligible: Array, offset: int) -> int:
+    def eliminate(self, eligible: Array, offset: int, columns: bool) -> int:
         """Have the inner nodes of groups eliminated where all of them are eligible, bool [N + 1]; `offset`: where their factors
-        begin. Returns where they end."""
+        begin, columns: whether some follow. Returns where they end."""
         for meta, live in self.lanes():
             nn = live.shape[1]
             if nn < 3:
                 continue
             chosen = np.flatnonzero(eligible[live[:, 1:-1]].all(axis=(1, 2)))
-            meta[chosen, 6] = offset + store_size(nn) * np.arange(chosen.size)
-            offset += store_size(nn) * chosen.size
+            room = store_size(nn, columns)
+            meta[chosen, 6] = offset + room * np.arange(chosen.size)
+            offset += room * chosen.size
         return offset
 
     def pairs(self, row_root: Array) -> Array:
@@ -200,8 +201,8 @@ class ElementPacker:
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
 
-def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: int, size: int) -> Inner | None:
-    """Index lists of the eliminated nodes; rows from n_end to n_rows are theirs."""
+def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: int, size: int, columns: bool) -> Inner | None:
+    """Index lists of the eliminated nodes; rows from n_end to n_rows are theirs. columns: whether some follow."""
     if not size:
         return None
     where, rows = [], []
@@ -219,7 +220,8 @@ def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: 
             rows.append(listed.reshape(-1))
             n_places += group.size
             n_listed += nn * group.size
-    return Inner(np.zeros(size), np.zeros(8 * (row_of.size + 1)), np.concatenate(where).astype(np.int64),
+    rhs = np.zeros(8 * (row_of.size + 1)) if columns else None
+    return Inner(np.zeros(size), rhs, np.concatenate(where).astype(np.int64),
                  np.concatenate(rows).astype(np.int64), element, np.zeros(n_places, np.int64), np.zeros(n_places, np.int64),
                  np.array([n_end]), np.ones(1))
 
@@ -262,7 +264,7 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
     row_start, row_term = terms(rows, n_end)
     empty = np.zeros(0)
     return place_stores(Substructures(np.concatenate(group), np.arange(len(rows)), block_start, block_term, row_start, row_term,
-                                      np.array([first, *counts]), empty, empty, empty, np.zeros(8 * (n_rows + 1))), 6)
+                                      np.array([first, *counts]), empty, empty, empty), 6)
 
 
 def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:

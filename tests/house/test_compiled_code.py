@@ -86,7 +86,7 @@ SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_transla
 TIE_KERNELS = {"apply_ties", "tie_coordinates", "tie_arm"}
 SPATIAL_KERNELS = {"space_assemble", "add_bodies", "predict", "update_nodes"}
 PLANAR_KERNELS = {"planar_groups", "add_planar_bodies", "planar_predict", "planar_update", "add_planar_sliders"}
-CONDENSED_KERNELS = {"condense", "recover", "add_end_blocks", "take_solution"}
+CONDENSED_KERNELS = {"condense", "recover", "add_end_blocks"}
 OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
 

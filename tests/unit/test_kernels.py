@@ -185,7 +185,7 @@ def test_spread_and_advance_are_the_midpoint_relations() -> None:
     q, v, dq = rng.standard_normal((3, 24))
     mid, end, u = np.zeros((3, 24))
     h = 0.2
-    spread(q, v, dq, h, mid, end, u)
+    spread(q, v, dq, h, 0, q.size, mid, end, u)
     np.testing.assert_allclose(mid, q + 0.5 * dq, rtol=0, atol=EXACT)
     np.testing.assert_allclose(end, q + dq, rtol=0, atol=EXACT)
     q1, v1 = q.copy(), v.copy()
@@ -197,20 +197,20 @@ def test_spread_and_advance_are_the_midpoint_relations() -> None:
 
 def test_update_turns_the_end_triad_by_the_spin() -> None:
     rng = np.random.default_rng(7)
-    n, width = 4, 8
+    n = 4
     q = random_triads(n, rng)
     theta = 0.5 * rng.standard_normal((n, 3))
     dphi = rng.standard_normal((n, 3))
     row_of = np.array([2, 0, 3, 1])
     eps = 1e-6
     change = rng.standard_normal((n, 6)) * np.repeat((1.0, eps), 3)
-    panel = np.full((n, 6, width), np.nan)
-    panel[row_of, :, 0] = change
+    rows = np.full((n, 8), np.nan)
+    rows[row_of, :6] = change
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
     before = q + dq
     last, line = np.zeros_like(q), np.zeros_like(q)
-    move, spin = update_nodes(row_of, panel.reshape(-1), 6 * width, width, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
-                              last.reshape(-1), line.reshape(-1))
+    move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1), last.reshape(-1),
+                              line.reshape(-1))
     np.testing.assert_array_equal(last, before)
     np.testing.assert_allclose(line[:, 0], before[:, 0] + change[:, :3], rtol=0, atol=1e-15)
     np.testing.assert_allclose(line[:, 1:], before[:, 1:] + np.cross(change[:, None, 3:], before[:, 1:]), rtol=0, atol=1e-15)
@@ -227,11 +227,10 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
 @pytest.mark.parametrize("component", [0, 4])
 def test_update_does_not_lose_nan(node: int, component: int) -> None:
     # NaN is the alarm of the Newton loop: a later finite node must not switch it off
-    panel = np.ones((3, 6, 8))
-    panel[node, component] = np.nan
+    rows = np.ones((3, 8))
+    rows[node, component] = np.nan
     q = np.tile(np.eye(4, 3, -1), (3, 1, 1))
-    move, spin = update_nodes(np.arange(3), panel.reshape(-1), 48, 8, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36),
-                              np.zeros(36))
+    move, spin = update_nodes(np.arange(3), rows.reshape(-1), 0, 3, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36), np.zeros(36))
     assert np.isnan(move + spin)
 
 

@@ -348,15 +348,15 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     # this tangent equals differences of the twin, see above; theirs would lose digits in the solution
     tangent = free_block(twin, kernel.tangent())
     kernel.contact.augmented[:] = 1.0 / factor, 0.0, first
-    n_rows, work, m = model.n_nodes, kernel.work, model
-    kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, n_rows, m.width, work, SIX)
+    work, m = kernel.work, model
+    kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, m.width, work, SIX)
     assert kernels.solve_nodes(None, m.pattern.plan, None, work, m.width, SIX)
-    assert solve_border(kernel.contact, kernel.state.force, work.panel, n_rows, m.width, work.rows, work.schur, work.y, SIX) == -1
+    assert solve_border(kernel.contact, kernel.state.force, work.panel, m.width, work.rows, work.schur, work.y, work.x, SIX) == -1
     # the kernel's compliance leaves out the moment of the frame
     np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
     expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), first * trial.force,
                                          factor / kernel.contact.compliance)
-    nodes = work.panel.reshape(-1, m.width)[:6 * n_rows, 0].reshape(n_rows, 6)[m.pattern.row_of]
+    nodes = work.x.reshape(-1, 8)[m.pattern.row_of, :6]
     found = np.concatenate((nodes[twin.free], work.y.reshape(-1, BORDER)[:, :4].reshape(-1)))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
     assert np.min(np.abs(left)) > 0.0

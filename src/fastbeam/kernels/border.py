@@ -10,9 +10,10 @@ LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
 
 
 @kernel
-def fill_panel(contact, r, n_rows, width, panel_out, size):
+def fill_panel(contact, r, width, panel_out, size):
     """Residual in column 0, the border columns of slider k behind."""
     n = len(size)
+    n_rows = panel_out.shape[0] // (n * width)
     border = border_of(n)
     for i in range(panel_out.shape[0]):
         panel_out[i] = 0.0
@@ -26,6 +27,15 @@ def fill_panel(contact, r, n_rows, width, panel_out, size):
                     o = (n * contact.row[k, m] + c) * width + 1 + border * k
                     for j in range(border):
                         panel_out[o + j] += contact.column[k, 8 * (n * m + c) + j]
+
+
+@kernel
+def take_solution(panel, width, factor, x_out, size):
+    """`factor` times column 0 of the panel to rows of x."""
+    n = len(size)
+    for i in range(panel.shape[0] // (n * width)):
+        for c in range(n):
+            x_out[8 * i + c] = factor * panel[(n * i + c) * width]
 
 
 @kernel
@@ -81,10 +91,10 @@ def gaps_are_closed(contact, sliders, q, length, size):
 
 
 @kernel
-def solve_border(contact, force, panel, n_rows, width, rows, schur, y_out, size):
-    """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural solution in column 0 of the
-    panel and the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: room for one row
-    of the panel more than the border has."""
+def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
+    """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural increments in rows of x_out and
+    the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: room for one row of the panel
+    more than the border has."""
     nu = len(size)
     d = dim_of(nu)
     border = border_of(nu)
@@ -129,11 +139,13 @@ def solve_border(contact, force, panel, n_rows, width, rows, schur, y_out, size)
     rows[last] = 1.0
     for j in range(n):
         rows[last + 1 + j] = y_out[j]
-    for o in range(0, nu * n_rows * width, width):
-        x = vzero()
-        for j in range(0, width, 8):
-            x += vld(panel, o + j, 0) * vld(rows, last + j, 0)
-        panel[o] = -total(x)
+    for i in range(panel.shape[0] // (nu * width)):
+        for c in range(nu):
+            o = (nu * i + c) * width
+            x = vzero()
+            for j in range(0, width, 8):
+                x += vld(panel, o + j, 0) * vld(rows, last + j, 0)
+            x_out[8 * i + c] = -total(x)
     return -1
 
 

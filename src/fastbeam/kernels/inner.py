@@ -5,8 +5,8 @@ of 8 elements and inner node i, in turn, with the others j behind it (later inne
 
     U_ij = K_ii^-1 K_ij,   K_kj -= K_ki U_ij,   y_i = K_ii^-1 r_i,   r_k -= K_ki y_i
 
-and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Columns of slider borders take the same way, one
-element at a time, eight columns at once.
+and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Scenes with sliders keep the factors and K_ji
+too: columns of their borders take the same way, one element at a time, eight columns at once.
 """
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import gather_lanes, scatter_rows, vld, vst
+from .algebra import gather_lanes, put_rows, scatter_rows, vld, vst
 from .blocks import ONE, lu_lanes, solve_lanes, solve_rows, subtract_lanes, subtract_rows
 
 PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
@@ -24,8 +24,9 @@ PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes; None in a model without any."""
 
-    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other
-    rhs: np.ndarray       # float64 [8 (N + 1)]: y_i by rows
+    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of every
+    #                       other, then y_i
+    rhs: np.ndarray | None  # float64 [8 (N + 1)]: y_i by rows; None in a scene without sliders, where no columns follow
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
     rows: np.ndarray      # int64: rows of the nodes of every element, first to last
     element: np.ndarray   # int64 [inner nodes]: element of every row from the first inner row on
@@ -35,9 +36,26 @@ class Inner(NamedTuple):
     state: np.ndarray     # float64 [1]: 0 where a group was singular
 
 
-def store_size(nn: int, n: int = 6) -> int:
-    """Doubles of a group in `store` for n unknowns per node."""
-    return sum(8 * n * n * (1 + 2 * (nn - i)) for i in range(1, nn - 1))
+def store_size(nn: int, columns: bool, n: int = 6) -> int:
+    """Doubles of a group in `store` for n unknowns per node, where columns follow or not."""
+    return sum(8 * n * n * (1 + 2 * (nn - i)) if columns else 8 * n * (n * (nn - i) + 1) for i in range(1, nn - 1))
+
+
+@kernel
+def short_store(nn, n):
+    """The same in compiled code, without columns."""
+    room = 0
+    for i in range(1, nn - 1):
+        room += 8 * n * (n * (nn - i) + 1)
+    return room
+
+
+@kernel
+def clear_rhs(rhs):
+    """Zero, where there is any."""
+    if rhs is not None:
+        for i in range(rhs.shape[0]):
+            rhs[i] = 0.0
 
 
 @kernel
@@ -131,17 +149,48 @@ def eliminate_columns(inner, contact, panel, width, size):
 
 
 @kernel
-def put_inner_rhs(inner, n_rows, panel, width, size):
+def put_inner_rhs(inner, panel, width, size):
     """y of the inner rows into column 0 of the panel."""
     n = len(size)
-    for i in range(inner.first[0], n_rows):
+    for i in range(inner.first[0], panel.shape[0] // (n * width)):
         for c in range(n):
             panel[(n * i + c) * width] = inner.rhs[8 * i + c]
 
 
 @kernel
+def recover_group(store, end, nn, tables, no, factor, scratch, xo, x_out, size):
+    """Increments of the inner nodes of 8 elements, from those of the end nodes: nn nodes in lanes from xo on. end: where what was
+    stored of them ends; factor: increment per solution."""
+    n = len(size)
+    column = 8 * n
+    block = column * n
+    for i in range(nn - 2, 0, -1):
+        end -= block * (nn - i) + column
+        xi = xo + column * i
+        for c in range(0, column, 8):
+            vst(scratch, xi + c, 0, factor * vld(store, end + block * (nn - i) + c, 0))
+        for m in range(nn - i):
+            a = i + 1 + m if m < nn - 1 - i else 0
+            subtract_lanes(store, end + block * m, scratch, xo + column * a, scratch, xi, ONE, size)
+        put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, size)
+
+
+@kernel
+def recover_rows(tables, inner, factor, x_out, scratch, size):
+    """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders."""
+    n = len(size)
+    for k in range(tables.meta.shape[0]):
+        if tables.meta[k, 6] >= 0:
+            nn = tables.meta[k, 0]
+            no = tables.meta[k, 3]
+            gather_lanes(x_out, tables.rows, no, 8, n, scratch, 0)
+            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, n, scratch, 8 * n * (nn - 1))
+            recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n), nn, tables, no, factor, scratch, 0, x_out, size)
+
+
+@kernel
 def recover_inner(inner, panel, width, size):
-    """Solutions of the inner rows from those of the end nodes, all columns."""
+    """Solutions of the inner rows of the panel from those of the end nodes, all columns."""
     n = len(size)
     block = 8 * n * n
     for e in range(inner.where.shape[0]):

@@ -100,32 +100,38 @@ def remember(theta, dq, s, s_end, force, h, first, last, past):
 
 
 @kernel
-def spread(q, v, dq, h, q_mid_out, q_end_out, u_out):
-    """Mid and end coordinates, and u = 2/h^2 (dq - h v)."""
-    for k in range(q.shape[0]):
-        q_mid_out[k] = q[k] + 0.5 * dq[k]
-        q_end_out[k] = q[k] + dq[k]
-        u_out[k] = (2.0 / (h * h)) * (dq[k] - h * v[k])
+def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
+    """Mid and end coordinates and u = 2/h^2 (dq - h v), of the coordinates from `first` to before `last`; in statics, where h is
+    None, both are the present ones."""
+    if h is None:
+        for k in range(first, last):
+            q_mid_out[k] = q[k]
+            q_end_out[k] = q[k]
+    else:
+        for k in range(first, last):
+            q_mid_out[k] = q[k] + 0.5 * dq[k]
+            q_end_out[k] = q[k] + dq[k]
+            u_out[k] = (2.0 / (h * h)) * (dq[k] - h * v[k])
 
 
 @kernel
-def update_nodes(row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out):
-    """Add the solution x, `pitch` doubles a row and `width` an unknown, to the increments of a step. Returns the largest position
-    increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish where it runs away
-    to infinity, towards half a turn."""
+def update_nodes(row_of, x, first, last, q, theta, dq, q_last_out, q_line_out):
+    """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`. Returns the
+    largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
+    where it runs away to infinity, towards half a turn."""
     largest = 0.0
     spin = 0.0
-    for i in range(row_of.shape[0]):
-        o = pitch * row_of[i]
-        turn = ld3(x, o + 3 * width, width)
+    for i in range(first, last):
+        o = 8 * row_of[i]
+        turn = ld3(x, o + 3, 1)
         for c in range(12):
             q_last_out[12 * i + c] = q[12 * i + c] + dq[12 * i + c]
-        st3(q_line_out, 12 * i, 1, ld3(q_last_out, 12 * i, 1) + ld3(x, o, width))
+        st3(q_line_out, 12 * i, 1, ld3(q_last_out, 12 * i, 1) + ld3(x, o, 1))
         for k in range(12 * i + 3, 12 * i + 12, 3):
             d = ld3(q_last_out, k, 1)
             st3(q_line_out, k, 1, d + cross(turn, d))
         for c in range(3):
-            z = x[o + c * width]
+            z = x[o + c]
             dq[12 * i + c] += z
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)

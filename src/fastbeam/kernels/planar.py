@@ -25,7 +25,7 @@ def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
 def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, size):
     """Residual and tangent of the conserving step."""
     clear(inner, work)
-    spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+    spread(state.q, state.v, work.dq, h, 0, state.q.shape[0], work.q_mid, work.q_end, work.u)
     rate = 2.0 / (h * h)
     if sliders is not None:
         add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,

@@ -78,24 +78,24 @@ def planar_remember(theta, dq, s, s_end, force, h, first, last, past):
 
 
 @kernel
-def planar_update(row_of, x, pitch, width, q, theta, dq, q_last_out, q_line_out):
+def planar_update(row_of, x, first, last, q, theta, dq, q_last_out, q_line_out):
     """As `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
-    for i in range(row_of.shape[0]):
-        o = pitch * row_of[i]
+    for i in range(first, last):
+        o = 8 * row_of[i]
         for c in range(4):
             q_last_out[4 * i + c] = q[4 * i + c] + dq[4 * i + c]
         u = ld2(q_last_out, 4 * i + 2, 1)
-        st2(q_line_out, 4 * i, 1, ld2(q_last_out, 4 * i, 1) + ld2(x, o, width))
-        st2(q_line_out, 4 * i + 2, 1, u + x[o + 2 * width] * perp(u))
+        st2(q_line_out, 4 * i, 1, ld2(q_last_out, 4 * i, 1) + ld2(x, o, 1))
+        st2(q_line_out, 4 * i + 2, 1, u + x[o + 2] * perp(u))
         for c in range(2):
-            z = x[o + c * width]
+            z = x[o + c]
             dq[4 * i + c] += z
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)
         t = 1.0 + 0.25 * theta[i] * theta[i]
-        p = t * x[o + 2 * width]
+        p = t * x[o + 2]
         theta[i] += p
         z = abs(p) / np.sqrt(t)
         if z > spin or z != z:
@@ -238,15 +238,15 @@ def planar_pull(ties, q_mid, panel, width):
 
 
 @kernel
-def planar_push(ties, q_end, panel, width):
-    """Solutions on rows of tied nodes from their targets, all columns."""
+def planar_push(ties, q_end, panel, pitch, width, columns):
+    """Solutions on rows of tied nodes from their targets, for so many columns: `pitch` doubles a row, `width` an unknown."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
-        o = 3 * width * ties.row[k]
-        for c in range(width):
+        o = pitch * ties.row[k]
+        for c in range(columns):
             x = zero2()
             for e in range(ties.start[i], ties.start[i + 1]):
-                t = 3 * width * ties.target_row[e] + c
+                t = pitch * ties.target_row[e] + c
                 if ties.kind[e] == 0:
                     x += ld2(panel, t, width)
                 elif ties.kind[e] == 1:

@@ -7,7 +7,7 @@ from .beam import element_groups
 from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
 from .ties import apply_ties, tie_coordinates
-from .work import clear, copy, start_line
+from .work import clear, copy, halve, start_line
 
 
 @kernel
@@ -51,7 +51,7 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
             for k in range(bodies.node.shape[0]):
                 add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)
     else:
-        spread(state.q, state.v, work.dq, h, work.q_mid, work.q_end, work.u)
+        spread(state.q, state.v, work.dq, h, 0, state.q.shape[0], work.q_mid, work.q_end, work.u)
         rate = 2.0 / (h * h)
         if sliders is not None:
             if middle is not None:
@@ -67,11 +67,9 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
         apply_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
                    work.scratch)
     if alpha is not None:
-        for i in range(work.r.shape[0]):
-            work.r[i] *= 0.5
+        halve(work.r)
         if inner is not None:
-            for i in range(inner.rhs.shape[0]):
-                inner.rhs[i] *= 0.5
+            halve(inner.rhs)
     if held is not None:
         apply_held(held, work.r, work.blocks, size)
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from .._jit import kernel, written_in
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
-from .border import clear_held, fill_panel, gaps_are_closed, solve_border
+from .border import clear_held, fill_panel, gaps_are_closed, solve_border, take_solution
 from .chain import back_substitute, factor
-from .inner import eliminate_columns, put_inner_rhs, recover_inner
+from .inner import eliminate_columns, put_inner_rhs, recover_inner, recover_rows
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
@@ -20,7 +20,7 @@ from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
 from .sparse import solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
-from .work import copy, follow_line
+from .work import copy, follow_line, keep
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 END_SLACK = 1e-12
@@ -51,45 +51,81 @@ def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, 
 
 
 @written_in
-def prepare_panel(space, plane, inner, ties, contact, held, n_rows, width, work, size):
-    """Right-hand sides of the end nodes: residual and borders."""
-    fill_panel(contact, work.r, n_rows, width, work.panel, size)
-    if inner is not None:
-        for i in range(len(size) * inner.first[0] * width, len(size) * n_rows * width, width):
-            work.panel[i] = 0.0
-        if contact is not None:
+def prepare_panel(space, plane, inner, ties, contact, held, width, work, size):
+    """Right-hand sides: the residual of the end nodes; with sliders their borders too, for all nodes."""
+    fill_panel(contact, work.r, width, work.panel, size)
+    if contact is not None:
+        if inner is not None:
+            for i in range(len(size) * inner.first[0] * width, work.panel.shape[0], width):
+                work.panel[i] = 0.0
             eliminate_columns(inner, contact, work.panel, width, size)
             if ties is not None:
                 if space is not None:
                     pull_tied_columns(ties, work.q_mid, work.panel, width)
                 if plane is not None:
                     planar_pull(ties, work.q_mid, work.panel, width)
-        put_inner_rhs(inner, n_rows, work.panel, width, size)
-    if contact is not None:
+            put_inner_rhs(inner, work.panel, width, size)
         if held is not None:
             clear_held(held, width, work.panel, size)
 
 
 @written_in
+def push_ties(space, plane, ties, q_end, x, pitch, width, columns):
+    """Rows of tied nodes from those of their targets."""
+    if ties is not None:
+        if space is not None:
+            push_tied_columns(ties, q_end, x, pitch, width, columns)
+        if plane is not None:
+            planar_push(ties, q_end, x, pitch, width, columns)
+
+
+@written_in
 def complete_panel(space, plane, inner, ties, width, work, size):
-    """Solutions of inner nodes from those of the end nodes."""
+    """Solutions of inner nodes from those of the end nodes, all columns."""
     if inner is not None:
-        if ties is not None:
-            if space is not None:
-                push_tied_columns(ties, work.q_end, work.panel, width)
-            if plane is not None:
-                planar_push(ties, work.q_end, work.panel, width)
+        push_ties(space, plane, ties, work.q_end, work.panel, len(size) * width, width, width)
         recover_inner(inner, work.panel, width, size)
 
 
 @written_in
-def update_step(space, plane, inner, ties, contact, row_of, state, work, width, length, size):
+def take_rows(space, plane, simo, green, inner, ties, factor, of_inner, width, work, size):
+    """Increments of all rows from the solved column of the panel, in a scene without sliders: `factor` per solution, and so many
+    of what was stored of inner nodes."""
+    take_solution(work.panel, width, factor, work.x, size)
+    if inner is not None:
+        push_ties(space, plane, ties, work.q_end, work.x, 8, 1, 1)
+        if simo is not None:
+            recover_rows(simo, inner, of_inner, work.x, work.scratch, size)
+        if green is not None:
+            recover_rows(green, inner, of_inner, work.x, work.scratch, size)
+
+
+@written_in
+def move_nodes(space, plane, ties, row_of, state, work):
+    """Add the rows of increments to all nodes. Returns the largest of positions and of spins."""
+    move = 0.0
+    spin = 0.0
+    if space is not None:
+        move, spin = update_nodes(row_of, work.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.q_last,
+                                  work.line.q_line)
+        if ties is not None:
+            tie_increments(ties, work.theta, work.dq, work.line.q_line)
+    if plane is not None:
+        move, spin = planar_update(row_of, work.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.q_last,
+                                   work.line.q_line)
+        if ties is not None:
+            tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
+    return move, spin
+
+
+@written_in
+def update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, state, work, width, length, size):
     """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
     increment relative to `length`, or -1 - k where slider k makes the border singular."""
     slide = 0.0
-    complete_panel(space, plane, inner, ties, width, work, size)
     if contact is not None:
-        singular = solve_border(contact, state.force, work.panel, row_of.shape[0], width, work.rows, work.schur, work.y, size)
+        complete_panel(space, plane, inner, ties, width, work, size)
+        singular = solve_border(contact, state.force, work.panel, width, work.rows, work.schur, work.y, work.x, size)
         if singular >= 0:
             return -1.0 - singular
         d = dim_of(len(size))
@@ -102,20 +138,9 @@ def update_step(space, plane, inner, ties, contact, row_of, state, work, width, 
             if abs(z) > slide or z != z:
                 slide = abs(z)
     else:
-        for i in range(len(size) * row_of.shape[0]):
-            work.panel[i * width] = -work.panel[i * width]
-    move = 0.0
-    spin = 0.0
-    if space is not None:
-        move, spin = update_nodes(row_of, work.panel, 6 * width, width, state.q, work.theta, work.dq, work.line.q_last,
-                                  work.line.q_line)
-        if ties is not None:
-            tie_increments(ties, work.theta, work.dq, work.line.q_line)
-    if plane is not None:
-        move, spin = planar_update(row_of, work.panel, 3 * width, width, state.q, work.theta, work.dq, work.line.q_last,
-                                   work.line.q_line)
-        if ties is not None:
-            tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
+        # half the equations of generalised alpha are solved, inner nodes store the whole ones
+        take_rows(space, plane, simo, green, inner, ties, -1.0, -1.0 if alpha is None else -0.5, width, work, size)
+    move, spin = move_nodes(space, plane, ties, row_of, state, work)
     follow_line(work.line, move / length + spin)
     return move / length + spin + slide / length
 
@@ -154,11 +179,11 @@ def solve_nodes(inner, plan, pardiso, work, width, size):
 def keep_state(alpha, state, work):
     if alpha is not None:
         keep_rates(alpha, NOW, KEPT)
-    copy(state.q, work.keep_q)
-    copy(state.v, work.keep_v)
-    copy(state.s, work.keep_s)
-    copy(state.force, work.keep_force)
-    copy(work.past, work.keep_past)
+    keep(state.q, work.keep_q)
+    keep(state.v, work.keep_v)
+    keep(state.s, work.keep_s)
+    keep(state.force, work.keep_force)
+    keep(work.past, work.keep_past)
 
 
 @kernel
@@ -245,11 +270,12 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 counts_out[2] += 1
                 assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha,
                               row_of, state, work, hm)
-                prepare_panel(space, plane, inner, ties, contact, held, row_of.shape[0], width, work, size)
+                prepare_panel(space, plane, inner, ties, contact, held, width, work, size)
                 if not solve_nodes(inner, plan, pardiso, work, width, size):
                     status = SINGULAR
                     break
-                moved = update_step(space, plane, inner, ties, contact, row_of, state, work, width, length, size)
+                moved = update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, state, work, width, length,
+                                    size)
                 sizes_out[it] = moved
                 if moved < 0.0:
                     status = BORDER_SINGULAR
@@ -291,27 +317,14 @@ def assemble_static(space, plane, simo, green, inner, ties, held, state, work):
 
 
 @kernel
-def update_static(space, plane, inner, ties, row_of, state, work, width, length, size):
+def update_static(space, plane, simo, green, inner, ties, row_of, state, work, width, length, size):
     """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns its size."""
     for i in range(work.theta.shape[0]):
         work.theta[i] = 0.0
     for i in range(work.dq.shape[0]):
         work.dq[i] = 0.0
-    complete_panel(space, plane, inner, ties, width, work, size)
-    for i in range(len(size) * row_of.shape[0]):
-        work.panel[i * width] *= -0.5
-    move = 0.0
-    spin = 0.0
-    if space is not None:
-        move, spin = update_nodes(row_of, work.panel, 6 * width, width, state.q, work.theta, work.dq, work.line.q_last,
-                                  work.line.q_line)
-        if ties is not None:
-            tie_increments(ties, work.theta, work.dq, work.line.q_line)
-    if plane is not None:
-        move, spin = planar_update(row_of, work.panel, 3 * width, width, state.q, work.theta, work.dq, work.line.q_last,
-                                   work.line.q_line)
-        if ties is not None:
-            tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
+    take_rows(space, plane, simo, green, inner, ties, -0.5, -0.5, width, work, size)
+    move, spin = move_nodes(space, plane, ties, row_of, state, work)
     for k in range(work.dq.shape[0]):
         state.q[k] += work.dq[k]
     follow_line(work.line, move / length + spin)
@@ -326,10 +339,10 @@ def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, 
     before = np.inf
     for it in range(max_iterations):
         assemble_static(space, plane, simo, green, inner, ties, held, state, work)
-        prepare_panel(space, plane, inner, ties, None, held, row_of.shape[0], width, work, size)
+        prepare_panel(space, plane, inner, ties, None, held, width, work, size)
         if not solve_nodes(inner, plan, pardiso, work, width, size):
             return SINGULAR, it + 1
-        moved = update_static(space, plane, inner, ties, row_of, state, work, width, length, size)
+        moved = update_static(space, plane, simo, green, inner, ties, row_of, state, work, width, length, size)
         sizes_out[it] = moved
         if not moved < largest:
             return NOT_FINITE, it + 1

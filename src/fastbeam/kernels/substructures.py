@@ -7,8 +7,9 @@ next node e, with what the elements behind c left (S) and the present element (K
     S_ee = K_ee - K_ec U,   S_eo = - K_ec P,   S_oe = - S_oc U,   S_oo -= S_oc P,   r_e -= K_ec y,   r_o -= S_oc y
 
 and the four blocks and two residuals of the ends are what the solver sees. Recovered in reverse: x_c = y - U x_e - P x_o.
-Threads take groups of beams; each writes what belongs to its beams only, and what ends add to a block or row is summed up in a
-fixed order.
+Threads take groups of beams; each writes what belongs to its beams only (mid and end coordinates of shared ends are the same
+numbers from all), and what ends add to a block or row is summed up in a fixed order. Loops over nodes go along with the groups,
+whose arrays are still in the cache then.
 """
 from __future__ import annotations
 
@@ -20,8 +21,10 @@ from .._jit import kernel
 from .algebra import gather_lanes, put_rows, scatter_rows, vld, vst
 from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
-from .inner import PIVOT, eliminate_inner
+from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size
+from .nodes import spread, update_nodes
 from .planar_beam import planar_groups
+from .planar_nodes import planar_update
 
 
 class Substructures(NamedTuple):
@@ -38,7 +41,6 @@ class Substructures(NamedTuple):
     store: np.ndarray       # float64: U, P and y of every interior node, lanes last
     ends: np.ndarray        # float64 [B, 32 n + 16]: four blocks and two residuals, rows padded to 8
     state: np.ndarray       # float64 [G]: 0 where an elimination failed
-    x: np.ndarray           # float64 [8 rows]: the solution, all rows of the scene
 
 
 def place_stores(subs: Substructures, n: int) -> Substructures:
@@ -46,7 +48,7 @@ def place_stores(subs: Substructures, n: int) -> Substructures:
     group = subs.group.copy()
     size = 8 * n * (2 * n + 1) * (group[:, 1] - 1)
     for nn in np.unique(group[:, 2]).tolist():
-        size += np.where(group[:, 2] == nn, group[:, 1] * sum(8 * n * (n * (nn - i) + 1) for i in range(1, nn - 1)), 0)
+        size += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n), 0)
     group[:, 3] = np.cumsum(size) - size
     return subs._replace(group=group, store=np.zeros(size.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
                          state=np.ones(len(group)))
@@ -58,16 +60,7 @@ def front_size(n: int) -> int:
 
 
 @kernel
-def inner_store(nn, n):
-    """Doubles in `store` for the inner nodes of 8 elements."""
-    room = 0
-    for i in range(1, nn - 1):
-        room += 8 * n * (n * (nn - i) + 1)
-    return room
-
-
-@kernel
-def move(source, offset, count, target, to):
+def copy_lanes(source, offset, count, target, to):
     """Copy `count` doubles, a multiple of 8."""
     for i in range(0, count, 8):
         vst(target, to + i, 0, vld(source, offset + i, 0))
@@ -113,15 +106,32 @@ def condense_node(scratch, so, present, nn, ro, ko, store, d, size):
     subtract_lanes(scratch, oc, store, d + block, scratch, so, size, size)
     subtract_lanes(scratch, ec, store, y, scratch, ro + column * last, ONE, size)
     subtract_lanes(scratch, oc, store, y, scratch, r, ONE, size)
-    move(scratch, ee, block, scratch, so + 5 * block)
-    move(scratch, ro + column * last, column, scratch, r + column)
+    copy_lanes(scratch, ee, block, scratch, so + 5 * block)
+    copy_lanes(scratch, ro + column * last, column, scratch, r + column)
     return True
 
 
 @kernel
-def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rate, green, r_out, scratch, size):
-    """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`. Loads of
-    interior nodes stand in r_out already."""
+def ends_of_beam(subs, tables, g, lane):
+    """Nodes at the ends of one beam of a group; those between them are numbered in turn."""
+    first = subs.group[g, 0]
+    last = first + subs.group[g, 1] - 1
+    return tables.nodes[tables.meta[first, 3] + lane], tables.nodes[tables.meta[last, 3] + 8 * (subs.group[g, 2] - 1) + lane]
+
+
+@kernel
+def spread_nodes(nodes, first, last, coordinates, state, dq, h, q_mid_out, q_end_out, u_out):
+    """`nodes.spread` for the nodes of a list, from `first` to before `last`, of so many coordinates each."""
+    for k in range(first, last):
+        o = coordinates * nodes[k]
+        spread(state.q, state.v, dq, h, o, o + coordinates, q_mid_out, q_end_out, u_out)
+
+
+@kernel
+def condense(subs, tables, first, last, space, plane, state, dq, h, q_mid_out, q_end_out, line, u_out, rate, green, r_out,
+             scratch, size):
+    """Evaluate and condense the groups of beams from `first` to before `last`, their mid and end coordinates first; arguments as
+    in `nodes.spread` and `beam.element_groups`. Loads of interior nodes stand in r_out already."""
     n = len(size)
     column = 8 * n
     block = column * n
@@ -129,15 +139,21 @@ def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rat
     per_beam = 4 * column + 16
     so = scratch.shape[0] - 7 * block - 2 * column
     r = so + 7 * block
+    coordinates = 12
+    if plane is not None:
+        coordinates = 4
     for g in range(first, last):
         nn = subs.group[g, 2]
-        inner = inner_store(nn, n)
+        inner = short_store(nn, n)
         # residual and tangent of a group of elements
         ro = 384 * nn
         ko = 432 * nn
         if plane is not None:
             ro = 128 * nn
             ko = 152 * nn
+        for lane in range(8):
+            a, b = ends_of_beam(subs, tables, g, lane)
+            spread(state.q, state.v, dq, h, coordinates * a, coordinates * (b + 1), q_mid_out, q_end_out, u_out)
         d = subs.group[g, 3] - per_node
         present = 1
         subs.state[g] = 1.0
@@ -145,18 +161,19 @@ def condense(subs, tables, first, last, space, plane, q_mid, q_end, line, u, rat
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
             if space is not None:
-                element_groups(tables, k, k + 1, None, q_mid, q_end, line, u, rate, None, green, None, None, None, scratch, size)
+                element_groups(tables, k, k + 1, None, q_mid_out, q_end_out, line, u_out, rate, None, green, None, None, None,
+                               scratch, size)
             if plane is not None:
-                planar_groups(tables, k, k + 1, None, q_mid, q_end, line, u, rate, green, None, None, scratch, size)
+                planar_groups(tables, k, k + 1, None, q_mid_out, q_end_out, line, u_out, rate, green, None, None, scratch, size)
             good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, r_out, None, so + 6 * block, size)
             if j == 0:
                 end = ko + block * (nn - 1)
-                move(scratch, ko, block, scratch, so)
-                move(scratch, end, block, scratch, so + block)
-                move(scratch, end + block * (nn - 1) * (nn - 1), block, scratch, so + 3 * block)
-                move(scratch, ko + block * (nn * nn - 1), block, scratch, so + 5 * block)
-                move(scratch, ro, column, scratch, r)
-                move(scratch, ro + column * (nn - 1), column, scratch, r + column)
+                copy_lanes(scratch, ko, block, scratch, so)
+                copy_lanes(scratch, end, block, scratch, so + block)
+                copy_lanes(scratch, end + block * (nn - 1) * (nn - 1), block, scratch, so + 3 * block)
+                copy_lanes(scratch, ko + block * (nn * nn - 1), block, scratch, so + 5 * block)
+                copy_lanes(scratch, ro, column, scratch, r)
+                copy_lanes(scratch, ro + column * (nn - 1), column, scratch, r + column)
             else:
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
@@ -202,50 +219,70 @@ def add_end_rows(subs, first, last, r_out, size):
 
 
 @kernel
-def take_solution(panel, width, n_rows, factor, x_out, size):
-    """`factor` times column 0 of the panel to the rows of x."""
-    n = len(size)
-    for i in range(n_rows):
-        for c in range(n):
-            x_out[8 * i + c] = factor * panel[(n * i + c) * width]
-
-
-@kernel
-def recover(subs, tables, first, last, factor, scratch, size):
-    """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends; factor:
-    increment per solution, -1 in a step."""
+def recover(subs, tables, first, last, factor, space, plane, row_of, state, work, scratch, size):
+    """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends, added to
+    those of the step; factor: increment per solution, -1 in a step. Returns the largest, as `nodes.update_nodes` does."""
     n = len(size)
     column = 8 * n
     block = column * n
     per_node = 2 * block + column
+    move = 0.0
+    spin = 0.0
     for g in range(first, last):
         k0 = subs.group[g, 0]
         count = subs.group[g, 1]
         nn = subs.group[g, 2]
         end = column * nn
-        inner = inner_store(nn, n)
+        inner = short_store(nn, n)
         # start of the beam, then the nodes of an element
-        gather_lanes(subs.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
-        gather_lanes(subs.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
+        gather_lanes(work.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
+        gather_lanes(work.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
         for j in range(count - 1, -1, -1):
             no = tables.meta[k0 + j, 3]
             d = subs.group[g, 3] + j * (per_node + inner) - per_node
             if j == 0:
-                move(scratch, 0, column, scratch, column)
+                copy_lanes(scratch, 0, column, scratch, column)
             else:
                 for c in range(0, column, 8):
                     vst(scratch, column + c, 0, factor * vld(subs.store, d + 2 * block + c, 0))
                 subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
                 subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
-                put_rows(scratch, column, tables.rows, no, 8, 0, subs.x, size)
-            s = d + per_node + inner
-            for i in range(nn - 2, 0, -1):
-                s -= block * (nn - i) + column
-                xi = column * (1 + i)
-                for c in range(0, column, 8):
-                    vst(scratch, xi + c, 0, factor * vld(subs.store, s + block * (nn - i) + c, 0))
-                for m in range(nn - i):
-                    a = i + 1 + m if m < nn - 1 - i else 0
-                    subtract_lanes(subs.store, s + block * m, scratch, column * (1 + a), scratch, xi, ONE, size)
-                put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, subs.x, size)
-            move(scratch, column, column, scratch, end)
+                put_rows(scratch, column, tables.rows, no, 8, 0, work.x, size)
+            recover_group(subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.x, size)
+            copy_lanes(scratch, column, column, scratch, end)
+        for lane in range(8):
+            a, b = ends_of_beam(subs, tables, g, lane)
+            m, s = move_some(space, plane, row_of, a + 1, b, state, work)
+            move = larger(m, move)
+            spin = larger(s, spin)
+    return move, spin
+
+
+@kernel
+def larger(x, y):
+    """The larger of two numbers; NaN stays."""
+    return x if x > y or x != x else y
+
+
+@kernel
+def move_some(space, plane, row_of, first, last, state, work):
+    """Add the increments of the nodes from `first` to before `last`."""
+    move = 0.0
+    spin = 0.0
+    if space is not None:
+        move, spin = update_nodes(row_of, work.x, first, last, state.q, work.theta, work.dq, work.line.q_last, work.line.q_line)
+    if plane is not None:
+        move, spin = planar_update(row_of, work.x, first, last, state.q, work.theta, work.dq, work.line.q_last, work.line.q_line)
+    return move, spin
+
+
+@kernel
+def move_nodes(nodes, first, last, space, plane, row_of, state, work):
+    """Add the increments of the nodes of a list, from `first` to before `last`."""
+    move = 0.0
+    spin = 0.0
+    for k in range(first, last):
+        m, s = move_some(space, plane, row_of, nodes[k], nodes[k] + 1, state, work)
+        move = larger(m, move)
+        spin = larger(s, spin)
+    return move, spin

@@ -153,20 +153,20 @@ def pull_tied_columns(ties, q_mid, panel, width):
 
 
 @kernel
-def push_tied_columns(ties, q_end, panel, width):
-    """Solutions on rows of tied nodes from their targets, all columns."""
+def push_tied_columns(ties, q_end, panel, pitch, width, columns):
+    """Solutions on rows of tied nodes from their targets, for so many columns: `pitch` doubles a row, `width` an unknown."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
-        o = 6 * width * ties.row[k]
-        for c in range(width):
+        o = pitch * ties.row[k]
+        for c in range(columns):
             for e in range(ties.start[i], ties.start[i + 1]):
-                t = 6 * width * ties.target_row[e] + c
+                t = pitch * ties.target_row[e] + c
                 if ties.kind[e] == 2 and ties.target[e] != i:
                     st3(panel, o + 3 * width + c, width, ld3(panel, t + 3 * width, width))
             x = ld3(panel, o + c, width)
             x = x - x
             for e in range(ties.start[i], ties.start[i + 1]):
-                t = 6 * width * ties.target_row[e] + c
+                t = pitch * ties.target_row[e] + c
                 if ties.kind[e] == 0:
                     x += ld3(panel, t, width)
                 elif ties.kind[e] == 1:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
+from .inner import clear_rhs
 
 
 class Line(NamedTuple):
@@ -30,12 +31,13 @@ class Work(NamedTuple):
     r: np.ndarray         # float64 [8 (rows + 1)]
     blocks: np.ndarray    # float64 [8 n (blocks + 1)] for n unknowns per node
     pivots: np.ndarray    # int64 [n rows]
-    panel: np.ndarray     # float64 [rows, n, width] flat
+    panel: np.ndarray     # float64 [rows, n, width] flat: right-hand sides of the rows that the solver sees; with sliders of all
+    x: np.ndarray         # float64 [8 (rows + 1)]: increments of all rows
     rows: np.ndarray      # float64 [7 S + 1, width] flat, 5 in a plane
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
     scratch: np.ndarray   # float64
-    keep_q: np.ndarray    # float64 [12 N]: state before the step
+    keep_q: np.ndarray    # float64 [12 N]: state before the step; the arrays keep_* are empty where a failed step changes nothing
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
@@ -58,6 +60,21 @@ class State(NamedTuple):
 def copy(x, y_out):
     for i in range(x.shape[0]):
         y_out[i] = x[i]
+
+
+@kernel
+def keep(x, y_out):
+    """Copy, where there is room."""
+    for i in range(y_out.shape[0]):
+        y_out[i] = x[i]
+
+
+@kernel
+def halve(x):
+    """Half of everything, where there is any."""
+    if x is not None:
+        for i in range(x.shape[0]):
+            x[i] *= 0.5
 
 
 @kernel
@@ -84,8 +101,7 @@ def clear(inner, work):
     """Start a residual with the loads and a tangent with zeros."""
     if inner is not None:
         inner.state[0] = 1.0
-        for i in range(inner.rhs.shape[0]):
-            inner.rhs[i] = 0.0
+        clear_rhs(inner.rhs)
     for i in range(work.r.shape[0]):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):
