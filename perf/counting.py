@@ -8,7 +8,7 @@ The block elimination does not run on lanes and has formulas, which tests/unit/t
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import FunctionType
 from typing import Any
 
@@ -147,8 +147,13 @@ def _unknown(name: str) -> Callable[..., Any]:
     return work
 
 
-def twin(kernel: Dispatcher, tally: Tally) -> Callable[..., Any]:
-    """The Python function of a kernel that counts; it raises LookupError where it meets an operation that has no counter."""
+def _nothing(*arguments: Any) -> tuple[float, float]:
+    return 0.0, 0.0
+
+
+def twin(kernel: Dispatcher, tally: Tally, without: Sequence[str] = ()) -> Callable[..., Any]:
+    """The Python function of a kernel that counts, `without` some kernels that it calls, which count as nothing and return two
+    zeros; it raises LookupError where it meets an operation that has no counter."""
     counters = _registers(tally)
     known: dict[int, Callable[..., Any]] = {}
 
@@ -158,7 +163,7 @@ def twin(kernel: Dispatcher, tally: Tally) -> Callable[..., Any]:
             names = dict(source.__globals__)
             for name in source.__code__.co_names:
                 if isinstance(names.get(name), Dispatcher):
-                    names[name] = of(names[name])
+                    names[name] = _nothing if name in without else of(names[name])
                 elif isinstance(names.get(name), _Intrinsic):
                     names[name] = counters.get(name, _unknown(name))
             known[id(dispatcher)] = FunctionType(source.__code__, names, source.__name__, source.__defaults__)
@@ -167,10 +172,10 @@ def twin(kernel: Dispatcher, tally: Tally) -> Callable[..., Any]:
     return of(kernel)
 
 
-def count(kernel: Dispatcher, *arguments: Any) -> int:
-    """Operations of one call."""
+def count(kernel: Dispatcher, *arguments: Any, without: Sequence[str] = ()) -> int:
+    """Operations of one call; a slice stands for an array of so many numbers."""
     tally = Tally()
-    twin(kernel, tally)(*(Numbers(tally, a.stop) if isinstance(a, slice) else a for a in arguments))
+    twin(kernel, tally, without)(*(Numbers(tally, a.stop) if isinstance(a, slice) else a for a in arguments))
     return tally.operations
 
 
@@ -212,15 +217,14 @@ def inner_elimination_formula(nn: int, n: int = 6) -> int:
     out = 0
     for others in range(nn - 1, 1, -1):
         columns = others * n + 1
-        # residual of the node to its row and back, factors, D^-1 of the others' columns and of y, products of all with all; y is
-        # added up by rows
-        out += n + lu(n) + columns * triangular(n) + others * columns * product(n) + n
+        # residual of the node to its row and back, factors, D^-1 of the others' columns and of y, products of all with all
+        out += n + lu(n) + columns * triangular(n) + others * columns * product(n)
     return out
 
 
 def inner_recovery(nn: int, n: int = 6) -> int:
-    """Of the solutions of the inner nodes of an element."""
-    return sum(others * product(n) for others in range(nn - 1, 1, -1))
+    """Of the increments of the inner nodes of an element."""
+    return sum(n + others * product(n) for others in range(nn - 1, 1, -1))
 
 
 def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -> int:
@@ -236,9 +240,14 @@ def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -
 
 def node_loops(model: Model) -> int:
     """Of a node of a model in space in every iteration: both ends of the step, and the increments."""
-    a = slice(12)  # stands for an array of so many numbers
-    two = np.zeros(1, np.int64)
-    return count(nodes.spread, a, a, a, 1.0, a, a, a) + count(nodes.update_nodes, two, slice(48), 48, 8, a, slice(3), a, a, a)
+    a, row_of = slice(12), np.zeros(1, np.int64)
+    return spread_of_node() + count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, a, a)
+
+
+def spread_of_node() -> int:
+    """The first part of `node_loops`."""
+    a = slice(12)
+    return count(nodes.spread, a, a, a, 1.0, 0, 12, a, a, a)
 
 
 def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
@@ -250,13 +259,13 @@ def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
 
 
 def condensed_beams(stepper: Stepper, mixed: float) -> float:
-    """Of all condensed beams in one iteration: elements, their elimination, and the recovery of the interior."""
+    """Of all condensed beams in one iteration without loops over nodes: elements, elimination, recovery of the interior."""
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], work.q_mid, work.q_end,
-                             work.line._replace(use=np.array([use, 0.0, 0.0])), work.u, 1.0, None, work.r, work.scratch,
-                             model.size)
+        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], stepper.core_state, work.dq,
+                             1.0, work.q_mid, work.q_end, work.line._replace(use=np.array([use, 0.0, 0.0])), work.u, 1.0, None,
+                             work.r, work.scratch, model.size, without=("spread",))
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
     return out
@@ -265,5 +274,6 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
 def recovery_of_beams(stepper: Stepper) -> float:
     """The last part of `condensed_beams`."""
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
-    return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, work.scratch, model.size)
+    return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, *stepper.kind[:2], model.pattern.row_of,
+                             stepper.core_state, work, work.scratch, model.size, without=("move_some",))
                for g, beams in _kinds_of_beams(stepper))

@@ -365,9 +365,8 @@ def memory(m: Measurements) -> list[Verdict]:
     for degree, bound in zip(DEGREES, (1.4, 2.2, 3.2)):
         elements = 2000
         stepper = Stepper(fb.compile_scene(chain_scene(elements, degree), planar=False), np.ones(1))
-        why = "" if degree == 1 else "inner nodes keep both sides of their factors, for the columns of sliders"
         out.append(Verdict(f"memory of an element of a chain, matrix and factors, degree {degree}", bound,
-                           1e-3 * traffic.kept(stepper)["factors"] / elements, "kB", note=why))
+                           1e-3 * traffic.kept(stepper)["factors"] / elements, "kB"))
     return out
 
 

@@ -104,8 +104,6 @@ class ChainParts:
         w, m = self.work, self.model
         w.blocks[:] = 0.0
         w.r[:] = -w.f_ext
-        if self.stepper.inner is not None:
-            self.stepper.inner.rhs[:] = 0.0
         self.evaluate()
         if m.held is not None:
             apply_held(m.held, w.r, w.blocks, m.size)

@@ -40,6 +40,7 @@ from fastbeam.newton import Stepper  # noqa: E402
 import counting  # noqa: E402
 import traffic  # noqa: E402
 from ceilings import Ceilings, clock  # noqa: E402
+from net_step import square_net  # noqa: E402
 from parts import ChainParts, iteration  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
 from table import table  # noqa: E402
@@ -102,7 +103,7 @@ HEADER = ["case", "part", "threads", "us/element", "operations", "bytes", "GF/s"
 
 
 def chain(elements: int, degree: int, ceilings: Ceilings, seconds: float) -> list[Part]:
-    """A whole iteration of one beam and its parts, on one thread. Models that condense long beams run uncondensed here."""
+    """A whole iteration of one beam that is not condensed and its parts, on one thread."""
     model = fb.compile_scene(chain_scene(elements, degree), planar=False, condense=False)
     stepper = Stepper(model, np.ones(1))
     stepper.advance(0.0, STEP, 2)
@@ -150,10 +151,8 @@ def pardiso_operations(model: Any) -> tuple[float, float]:
     return 1e6 * float(t.iparm[18]), 2.0 * float(t.iparm[17])
 
 
-def net(cells: int, per_beam: int, degree: int, threads: int, ceilings: Ceilings, seconds: float) -> list[Part]:
-    """An iteration of a welded net with condensed beams and its parts, the calls of the time loop."""
-    from net_step import square_net
-    model = fb.compile_scene(square_net(cells, per_beam, degree, "rigid"), planar=False, condense=True)
+def condensed(model: Any, case: str, threads: int, ceilings: Ceilings, seconds: float) -> list[Part]:
+    """An iteration of a model with condensed beams and its parts, the calls of the time loop."""
     stepper = Stepper(model, np.ones(1), threads=threads)
     outcome = stepper.advance(0.0, STEP, 2)
     mixed = traffic.mixed_share(stepper, outcome)
@@ -173,7 +172,7 @@ def net(cells: int, per_beam: int, degree: int, threads: int, ceilings: Ceilings
         stepper.parts.update()
         marks.append(now())
         best, k = np.minimum(best, np.diff(marks)), k + 1
-    recovery = {"solution of the ends", "recover the beams", "increments"}
+    recovery = {"solution to rows", "recover the inner nodes", "recover the beams, increments"}
     moved = {"beams": 0.0, "solve": 0.0, "recover": 0.0}
     for p in traffic.passes(stepper, per_step, mixed):
         if p.often == 1.0:
@@ -181,16 +180,17 @@ def net(cells: int, per_beam: int, degree: int, threads: int, ceilings: Ceilings
             moved[part] += p.moved
     again = counting.recovery_of_beams(stepper)
     beams = counting.condensed_beams(stepper, mixed) - again
+    rest = elements - model.condensed_elements
+    if rest:
+        beams += rest * (counting.element_kernel(model, mixed) + counting.after_kernel(model))
     plan = model.pattern.plan
     factors, solution = pardiso_operations(model) if plan is None else (float(counting.elimination(plan, len(model.size))), 0.0)
     limits = ceilings.peak(threads), ceilings.bandwidth(sum(traffic.kept(stepper).values()), threads)
-    case = f"net, {elements} elements, {per_beam} a beam, degree {degree}"
-    spread = 72.0 * model.n_nodes
+    spread = float(model.n_nodes * counting.spread_of_node())
     nodes = model.n_nodes * counting.node_loops(model) - spread
     times = [("whole iteration", best.sum(), beams + spread + factors + solution + again + nodes, sum(moved.values())),
              ("elements, condensation", best[0], beams + spread, moved["beams"]),
-             ("joints: PARDISO" if plan is None else "joints: block elimination", best[1], factors + solution,
-              moved["solve"]),
+             ("ends: PARDISO" if plan is None else "ends: block elimination", best[1], factors + solution, moved["solve"]),
              ("recovery, nodes", best[2], again + nodes, moved["recover"])]
     return [Part(case, name, threads, 1e6 * t / elements, f / elements, b / elements, *limits) for name, t, f, b in times]
 
@@ -201,7 +201,7 @@ def main() -> None:
     parser.add_argument("--degrees", type=int, nargs="*", choices=(1, 2, 3), default=[1, 2, 3])
     parser.add_argument("--cells", type=int, nargs="*", default=[30], help="of nets")
     parser.add_argument("--per-beam", type=int, default=10, help="elements of a beam of a net")
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="of nets")
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="of condensed beams")
     parser.add_argument("--seconds", type=float, help="time of one measurement, default 1")
     parser.add_argument("--quick", action="store_true", help="one small chain and a small net, short measurements")
     parser.add_argument("--markdown", action="store_true", help="print tables as they stand in docs/performance.md")
@@ -214,11 +214,18 @@ def main() -> None:
     parts: list[Part] = []
     for degree in options.degrees:
         for elements in options.chains:
-            parts += chain(elements, degree, ceilings, seconds)
+            model = fb.compile_scene(chain_scene(elements, degree), planar=False)
+            if model.substructures is None:
+                parts += chain(elements, degree, ceilings, seconds)
+                continue
+            for threads in options.threads:
+                parts += condensed(model, f"chain, {elements} elements, degree {degree}", threads, ceilings, seconds)
     for cells in options.cells:
         for degree in options.degrees:
+            model = fb.compile_scene(square_net(cells, options.per_beam, degree, "rigid"), planar=False, condense=True)
+            case = f"net, {number_of_elements(model)} elements, {options.per_beam} a beam, degree {degree}"
             for threads in options.threads:
-                parts += net(cells, options.per_beam, degree, threads, ceilings, seconds)
+                parts += condensed(model, case, threads, ceilings, seconds)
     print(table(HEADER, [part.cells() for part in parts], options.markdown, left=(0, 1)))
     for name, values in ceilings.facts().items():
         print(f"{name}: " + ", ".join(f"{key}: {value:.1f}" for key, value in values.items()))

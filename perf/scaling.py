@@ -77,11 +77,12 @@ def run_case(kind: str, elements: int, degree: int, threads: int, seconds: float
     """One size in this process; seconds: how long to measure."""
     import fastbeam as fb
     import traffic
-    from fastbeam.compile import WORTH_CONDENSING
     from fastbeam.newton import Stepper
+    from fastbeam.substructuring import WORTH_IN_BEAMS, WORTH_IN_NETS
     from parts import iteration
     # loads the compiled code that the large scene runs
-    small = fb.compile_scene(scene(kind, 8, degree), planar=False, condense=elements >= WORTH_CONDENSING)
+    worth = WORTH_IN_BEAMS if kind == "chain" else WORTH_IN_NETS
+    small = fb.compile_scene(scene(kind, 32, degree), planar=False, condense=elements >= worth)
     Stepper(small, np.ones(1), threads=threads).advance(0.0, STEP, 1)
     del small
     whole_before, before = memory("VmHWM"), memory("VmRSS")

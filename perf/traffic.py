@@ -76,87 +76,72 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     m, s, w = stepper.core, stepper.core_state, stepper.work
     if m.sliders is not None or m.bodies is not None or m.ties is not None or stepper.alpha is not None:
         raise ValueError("bytes are counted for the conserving step of beams alone, without sliders, bodies or ties")
-    subs = None if m.substructures is None else stepper.parts.subs  # type: ignore[attr-defined]
     line = (w.line.q_last, w.line.q_line)
     tables = (m.simo, m.green)
     row = 8 * NUMBER
-    n = len(m.size)
     step = 1.0 / iterations
-    out = [Pass("remember the state", "nodes", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step),
-           Pass("first guess", "nodes", (s.q, w.past, m.spinless), (w.theta, w.dq), step),
+    out = [Pass("first guess", "nodes", (s.q, w.past, m.spinless), (w.theta, w.dq), step),
            Pass("keep the rates", "nodes", (w.theta, w.dq, w.past.nbytes // 2), (w.past,), step),
            Pass("accept", "nodes", (s.q, s.v, w.dq), (s.q, s.v), step)]
+    if w.keep_q.size:
+        out.append(Pass("remember the state", "nodes", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step))
     if mixed > 0.0:
         out.append(Pass("start the line", "nodes", (s.q,), line, step))
+    out.append(Pass("clear", "nodes", (w.f_ext,), (w.r, w.blocks)))
+    ends = (s.q, s.v, w.dq), (w.q_mid, w.q_end, w.u)
+    followed = mixed * nbytes(line)
     inner = stepper.inner
-    rhs = None if inner is None else inner.rhs
-    out += [Pass("clear", "nodes", (w.f_ext,), (w.r, w.blocks, rhs)),
-            Pass("both ends of the step", "nodes", (s.q, s.v, w.dq), (w.q_mid, w.q_end, w.u))]
-    read = (tables, w.q_mid, w.q_end, w.u, mixed * nbytes(line))
-    if subs is None:
-        store = None if inner is None else inner.store
-        out.append(Pass("elements", "elements", (*read, w.r, w.blocks, rhs), (w.r, w.blocks, rhs, store)))
+    store = None if inner is None else inner.store
+    indices = tuple((t.rows, t.meta) for t in tables if t is not None)
+    if m.substructures is None:
+        out += [Pass("both ends of the step", "nodes", *ends),
+                Pass("elements", "elements", (tables, ends[1], followed, w.r, w.blocks), (w.r, w.blocks, store))]
     else:
-        interior = row * (m.n_rows - m.panel_rows)
-        ends = row * (subs.row_start.size - 1)
+        subs = stepper.parts.subs  # type: ignore[attr-defined]
+        interior = row * int(np.sum((subs.group[:, 1] * (subs.group[:, 2] - 1) - 1) * 8))
+        rows = row * (subs.row_start.size - 1)
         lists = (subs.block_start, subs.block_term, subs.row_start, subs.row_term)
-        out += [Pass("elements, condensed", "elements", (*read, interior), (subs.store, subs.ends, interior)),
-                Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, ends), (w.blocks, ends))]
+        # what a group of beams needs is formed with it, and read while it is in the cache
+        out += [Pass("elements, condensed", "elements", (tables, ends[0], followed, interior),
+                     (ends[1], subs.store, subs.ends, interior, store)),
+                Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, rows), (w.blocks, rows))]
     if m.held is not None:
-        touched = n * row * m.held.block.size
+        touched = len(m.size) * row * m.held.block.size
         out.append(Pass("supports", "nodes", (m.held, touched), (touched,)))
     out += _solution(stepper)
-    if subs is None:
-        out += [Pass("sign of the solution", "nodes", (w.panel,), (w.panel,)),
-                Pass("increments", "nodes", (m.pattern.row_of, w.panel, s.q, w.theta, w.dq), (line, w.theta, w.dq))]
+    out.append(Pass("solution to rows", "elimination", (w.panel,), (w.x[:8 * m.panel_rows],)))
+    if inner is not None:
+        out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.x), (row * inner.element.size,)))
+    increments = (m.pattern.row_of, s.q, w.theta, w.dq), (line, w.theta, w.dq)
+    if m.substructures is None:
+        out.append(Pass("increments", "nodes", (*increments[0], w.x), increments[1]))
     else:
-        rows = tuple((t.rows, t.meta) for t in tables if t is not None)
-        out += [Pass("solution of the ends", "elimination", (w.panel,), (row * m.panel_rows,)),
-                Pass("recover the beams", "elimination", (subs.store, rows, subs.x), (subs.x,)),
-                Pass("increments", "nodes", (m.pattern.row_of, subs.x, s.q, w.theta, w.dq), (line, w.theta, w.dq))]
+        out.append(Pass("recover the beams, increments", "elimination", (*increments[0], subs.store, indices),
+                        (*increments[1], w.x)))
     return out
 
 
 def _solution(stepper: Stepper) -> Iterator[Pass]:
     """From residual and blocks to the solutions of all rows of the panel."""
-    m, w, inner = stepper.core, stepper.work, stepper.inner
+    m, w = stepper.core, stepper.work
     n = len(m.size)
-    # a line of the panel holds one unknown: who needs one column moves them all
-    ends = n * m.pattern.n * m.width * NUMBER
-    rest = w.panel.nbytes - ends
     yield Pass("clear the right-hand sides", "elimination", (), (w.panel,))
+    # a line of the panel holds one unknown: who needs one column moves them all
     yield Pass("residual to right-hand sides", "elimination", (8 * NUMBER * m.panel_rows, w.panel), (w.panel,))
-    if inner is not None:
-        y = 8 * NUMBER * (m.panel_rows - m.pattern.n)
-        yield Pass("clear those of inner nodes", "elimination", (rest,), (rest,))
-        yield Pass("inner nodes to right-hand sides", "elimination", (y, rest), (rest,))
     blocks = 8 * n * NUMBER * m.pattern.keys.size
     if m.pattern.plan is not None:
         plan = m.pattern.plan
         upper = 8 * n * NUMBER * plan.upper.size
-        yield Pass("factors", "elimination", (plan, blocks, ends), (blocks, w.pivots, ends))
-        yield Pass("back substitution", "elimination", (plan.start, plan.column, plan.upper, upper, ends), (ends,))
+        yield Pass("factors", "elimination", (plan, blocks, w.panel), (blocks, w.pivots, w.panel))
+        yield Pass("back substitution", "elimination", (plan.start, plan.column, plan.upper, upper, w.panel), (w.panel,))
     elif stepper.linear.tables is not None:
         t = stepper.linear.tables
         structure, factors = (t.indptr, t.indices), pardiso_bytes(stepper)
-        yield Pass("matrix to PARDISO", "elimination", (blocks, ends), (t.data, t.b))
+        yield Pass("matrix to PARDISO", "elimination", (blocks, w.panel), (t.data, t.b))
         yield Pass("PARDISO's factors", "elimination", (t.data, structure), (factors,))
         yield Pass("PARDISO's solution", "elimination", (factors, t.b), (t.x,))
         yield Pass("its residual", "elimination", (t.data, structure, t.x, t.b), (t.r,))
-        yield Pass("solution from PARDISO", "elimination", (t.x, ends), (ends,))
-    if inner is not None:
-        upper = _upper_of_inner(stepper)
-        yield Pass("recover the inner nodes", "elimination", (inner.where, inner.rows, upper, w.panel), (rest,))
-
-
-def _upper_of_inner(stepper: Stepper) -> int:
-    """Bytes of the factors of inner nodes that the recovery reads."""
-    n, total = len(stepper.core.size), 0
-    for tables in (stepper.core.simo, stepper.core.green):
-        if tables is not None:
-            for nn, times in zip(*np.unique(tables.meta[tables.meta[:, 6] >= 0, 0], return_counts=True)):
-                total += int(times) * sum(8 * n * n * others for others in range(int(nn) - 1, 1, -1))
-    return NUMBER * total
+        yield Pass("solution from PARDISO", "elimination", (t.x, w.panel), (w.panel,))
 
 
 def pardiso_bytes(stepper: Stepper) -> int:
@@ -183,7 +168,6 @@ def kept(stepper: Stepper) -> dict[str, int]:
         own = stepper.parts.subs  # type: ignore[attr-defined]
         tables += nbytes(subs.group, subs.beam, subs.block_start, subs.block_term, subs.row_start, subs.row_term)
         factors += nbytes(own.store, own.ends)
-        work += own.x.nbytes
     if stepper.linear.tables is not None:
         factors += nbytes(stepper.linear.tables, pardiso_bytes(stepper))
     return {"tables": tables, "state": nbytes(stepper.core_state), "work": work, "factors": factors}

@@ -105,9 +105,9 @@ def test_operations_of_condensed_beams_contain_those_of_their_elements() -> None
     inner = counting.inner_elimination_formula(3)
     # two nodes a beam: factors, three triangular solutions of 13 columns in all, six products of blocks and two of columns
     node = counting.lu(6) + 13 * counting.triangular(6) + 4 * 6 * counting.product(6) + 2 * counting.product(6)
-    assert whole - recovery > 24 * (counting.element_kernel(compiled(8, 2), 1.0) + inner - 12) + 8 * 2 * node
-    # y of a node of three is taken over with a factor; products with its two neighbours; inner nodes the same with theirs
-    assert recovery == 8 * (2 * (6 + 2 * counting.product(6)) + 3 * (6 + 2 * counting.product(6)))
+    assert whole - recovery > 24 * (counting.element_kernel(compiled(8, 2), 1.0) + inner) + 8 * 2 * node
+    # y of a node is taken over with a factor; products with its two neighbours; inner nodes the same with theirs
+    assert recovery == 8 * (2 * (6 + 2 * counting.product(6)) + 3 * counting.inner_recovery(3))
 
 
 # --- bytes ------------------------------------------------------------------------------------------------------------
@@ -131,6 +131,7 @@ def test_bytes_of_the_passes_of_a_chain() -> None:
     assert found.read == arrays(model.simo) + 5 * q + rows + blocks
     assert by_name["factors"].written == blocks - 384 + 48 * nodes + 384 * nodes
     assert by_name["back substitution"].written == 384 * nodes
+    assert by_name["increments"].read == 8 * nodes + 2 * q + 24 * nodes + rows
     assert by_name["accept"].often == pytest.approx(1.0 / iterations)
     assert by_name["accept"].moved == pytest.approx(5 * q / iterations)
     assert "recover the inner nodes" not in by_name
@@ -139,6 +140,11 @@ def test_bytes_of_the_passes_of_a_chain() -> None:
 def every_array(x: Any) -> list[np.ndarray]:
     """All arrays below x."""
     return [x] if isinstance(x, np.ndarray) else sum(map(every_array, x), []) if isinstance(x, tuple) else []
+
+
+def place(x: np.ndarray) -> int:
+    """Where an array begins in memory."""
+    return int(x.__array_interface__["data"][0])
 
 
 @pytest.mark.parametrize("case", ["chain", "inner nodes", "joints", "net"])
@@ -156,12 +162,12 @@ def test_passes_write_what_changes(case: str) -> None:
         t = stepper.linear.tables
         held.append((t.data, t.b, t.x, t.r))
     # scratch stays in a cache, and there are arrays of a few numbers
-    small = {id(x) for x in (stepper.work.scratch, stepper.work.line.use)}
-    arrays_of_run = {id(x): x for x in every_array(tuple(held)) if id(x) not in small and x.size > 4}
+    small = {place(x) for x in (stepper.work.scratch, stepper.work.line.use)}
+    arrays_of_run = {place(x): x for x in every_array(tuple(held)) if place(x) not in small and x.size > 4}
     before = {key: x.copy() for key, x in arrays_of_run.items()}
     assert stepper.advance(0.0, STEP, 1).steps == 1
     changed = {key for key, x in arrays_of_run.items() if not np.array_equal(x, before[key])}
-    written = {id(x) for p in traffic.passes(stepper, *rest) for x in every_array(p.writes)}
+    written = {place(x) for p in traffic.passes(stepper, *rest) for x in every_array(p.writes)}
     assert changed <= written and len(changed) > 10
 
 
@@ -182,7 +188,7 @@ def test_kept_bytes_are_those_of_all_arrays(condense: bool) -> None:
     found = sum(map(arrays, (stepper.core_state, stepper.work, stepper.inner)))
     if condense:
         assert kept["factors"] > arrays(stepper.parts.subs.store) + arrays(stepper.parts.subs.ends)
-        found += sum(map(arrays, (stepper.parts.subs.store, stepper.parts.subs.ends, stepper.parts.subs.x)))
+        found += sum(map(arrays, (stepper.parts.subs.store, stepper.parts.subs.ends)))
     if stepper.inner is not None:
         # counted with the tables
         found -= sum(map(arrays, (stepper.inner.where, stepper.inner.rows, stepper.inner.element, stepper.inner.first,
@@ -220,7 +226,7 @@ def test_counts_in_the_documentation_are_those_of_the_source() -> None:
             found.setdefault(name, []).append(value)
     for name, values in found.items():
         rounded = max(said[name]) < 10.0 or "bytes" in name
-        np.testing.assert_allclose(said[name], values, rtol=0.02 if rounded else 0.0, err_msg=name)
+        np.testing.assert_allclose(said[name], values, rtol=0.01 if rounded else 0.0, err_msg=name)
 
 
 # --- the machine ------------------------------------------------------------------------------------------------------
