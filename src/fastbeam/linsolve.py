@@ -81,14 +81,15 @@ class Pardiso:
         # threads cost more than they bring in small systems
         self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
         iparm = np.zeros(64, np.int32)
-        # METIS order, no scaling or matching (they are computed from the values of the analysis), two refinements at most
-        for k, value in {0: 1, 1: 2, 7: 2, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
+        # METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of its own, which
+        # would take the present matrix and cost two more solutions
+        for k, value in {0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
             iparm[k] = value
         self._call = kernels.call_pardiso
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, 11, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
             indptr.astype(np.int32), indices.astype(np.int32), np.zeros(size**2 * indices.size),
-            *(np.zeros((columns, size * n)) for _ in range(3)), np.zeros(2, np.int64), np.zeros(1))
+            *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(4, np.int64), np.zeros(1))
         with self.threads():
             code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
         if code:
@@ -234,6 +235,11 @@ class LinearSystem:
         """Where the compiled loop has to run."""
         return nullcontext() if self.pardiso is None else self.pardiso.threads()
 
+    def begin_step(self) -> None:
+        """Factors of earlier steps are not used again."""
+        if self.pardiso is not None:
+            kernels.begin_step(self.pardiso.tables)
+
     @property
     def is_compiled(self) -> bool:
         """Whether the time loop runs in compiled code."""
@@ -259,6 +265,6 @@ class LinearSystem:
             return f"block elimination, {fell}"
         if self.pardiso is not None:
             t = self.pardiso.tables
-            return (f"PARDISO, {t.counts[0]} factorisations, {t.counts[1]} refined, "
+            return (f"PARDISO, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
                     f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")

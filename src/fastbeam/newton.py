@@ -304,6 +304,7 @@ class Stepper:
     def _python_step(self, h: float) -> tuple[int, Array]:
         model, parts = self.core, self.parts
         parts.start(h)
+        self.linear.begin_step()
         sizes: list[float] = []
         before = np.inf
         for _ in range(self.max_iterations):

@@ -203,6 +203,7 @@ class _StaticSolver:
         parts = self.stepper.parts
         sizes: list[float] = []
         self.work.line.use[0] = 0.0
+        self.linear.begin_step()
         for _ in range(self.max_iterations):
             parts.assemble_static()
             if not parts.solve(static=True):

@@ -209,8 +209,8 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
     before = q + dq
     last, line = np.zeros_like(q), np.zeros_like(q)
-    move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1), last.reshape(-1),
-                              line.reshape(-1))
+    move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
+                              last.reshape(-1), line.reshape(-1))
     np.testing.assert_array_equal(last, before)
     np.testing.assert_allclose(line[:, 0], before[:, 0] + change[:, :3], rtol=0, atol=1e-15)
     np.testing.assert_allclose(line[:, 1:], before[:, 1:] + np.cross(change[:, None, 3:], before[:, 1:]), rtol=0, atol=1e-15)
@@ -230,7 +230,8 @@ def test_update_does_not_lose_nan(node: int, component: int) -> None:
     rows = np.ones((3, 8))
     rows[node, component] = np.nan
     q = np.tile(np.eye(4, 3, -1), (3, 1, 1))
-    move, spin = update_nodes(np.arange(3), rows.reshape(-1), 0, 3, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36), np.zeros(36))
+    move, spin = update_nodes(np.arange(3), rows.reshape(-1), 0, 3, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36),
+                              np.zeros(36))
     assert np.isnan(move + spin)
 
 

@@ -1,6 +1,7 @@
 """The sparse solvers take the same steps as the block elimination, and nets run through whichever suits them."""
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -93,6 +94,20 @@ def test_net_with_much_fill_goes_to_the_sparse_solver_by_itself() -> None:
     assert result.info["solver"].startswith("PARDISO" if load_mkl() is not None else "SuperLU")
     assert result.info["fallbacks"] == 0
     assert max(drifts(result).values()) <= ROUND_OFF
+
+
+def test_factors_are_used_again_within_a_step_and_everything_is_conserved() -> None:
+    needs_mkl()
+    net = grid(4, 4, elements=2, degree=2)
+    options = {"t_end": 0.4, "step": 0.02, "progress": False}
+    again = fb.simulate(fb.compile_scene(net, solver="sparse"), **options)
+    counts = [int(x) for x in re.findall(r"(\d+) factorisations, used again (\d+) times", again.info["solver"])[0]]
+    # the first iteration of every step factors, and what stays of its factors serves for others
+    assert sum(counts) == again.info["iterations"]
+    assert 20 <= counts[0] < again.info["iterations"] and counts[1] >= 20
+    assert max(drifts(again).values()) <= ROUND_OFF
+    never = fb.simulate(fb.compile_scene(net, solver="sparse"), backend="superlu", **options)
+    assert np.max(np.abs(again.state.q - never.state.q)) <= SAME
 
 
 def test_superlu_gives_no_solution_of_a_singular_matrix() -> None:

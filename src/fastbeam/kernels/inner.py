@@ -24,8 +24,8 @@ PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes; None in a model without any."""
 
-    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of every
-    #                       other, then y_i
+    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of
+    #                       every other, then y_i
     rhs: np.ndarray | None  # float64 [8 (N + 1)]: y_i by rows; None in a scene without sliders, where no columns follow
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
     rows: np.ndarray      # int64: rows of the nodes of every element, first to last

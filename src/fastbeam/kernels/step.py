@@ -18,7 +18,7 @@ from .planar import planar_assemble, planar_static, planar_start
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
 from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
-from .sparse import solve_sparse
+from .sparse import begin_step, solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
 from .work import copy, follow_line, keep
 
@@ -262,6 +262,7 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
             if loads is not None:
                 external_forces(loads, factors[n * weights.shape[0] + m], work.f_ext)
             start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, hm)
+            begin_step(pardiso)
             status = NOT_CONVERGED
             before = np.inf
             for it in range(sizes_out.shape[0]):
@@ -336,6 +337,7 @@ def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, 
                       max_iterations, largest, sizes_out):
     """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
     work.line.use[0] = 0.0
+    begin_step(pardiso)
     before = np.inf
     for it in range(max_iterations):
         assemble_static(space, plane, simo, green, inner, ties, held, state, work)
