@@ -323,7 +323,7 @@ def nets(m: Measurements) -> list[Verdict]:
                 continue
             stepper, spent = m.net(cells, per_beam, degree, 2)
             n = number_of_elements(stepper.core)
-            note = "factors at the joints are made in every iteration; the bound was set for kept ones" if per_beam == 10 else ""
+            note = "factors at the joints are kept for a step, the bound was set for longer" if per_beam == 10 else ""
             out.append(Verdict(f"a Newton iteration of a net, {n} elements, {per_beam} a beam, two threads, per element, degree "
                                f"{degree}", bound, 1e6 * spent / n, "us", note=note))
             # room for the next

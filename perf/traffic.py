@@ -136,12 +136,20 @@ def _solution(stepper: Stepper) -> Iterator[Pass]:
         yield Pass("back substitution", "elimination", (plan.start, plan.column, plan.upper, upper, w.panel), (w.panel,))
     elif stepper.linear.tables is not None:
         t = stepper.linear.tables
-        structure, factors = (t.indptr, t.indices), pardiso_bytes(stepper)
+        structure, factors, fresh = (t.indptr, t.indices), pardiso_bytes(stepper), factored_share(stepper)
         yield Pass("matrix to PARDISO", "elimination", (blocks, w.panel), (t.data, t.b))
-        yield Pass("PARDISO's factors", "elimination", (t.data, structure), (factors,))
-        yield Pass("PARDISO's solution", "elimination", (factors, t.b), (t.x,))
+        yield Pass("PARDISO's factors", "elimination", (t.data, structure), (factors,), fresh)
+        yield Pass("PARDISO's solution", "elimination", (factors, t.b), (t.x,), fresh)
+        # one at least
+        yield Pass("correction with earlier factors", "elimination", (factors, t.r, t.x), (t.y, t.x), 1.0 - fresh)
         yield Pass("its residual", "elimination", (t.data, structure, t.x, t.b), (t.r,))
         yield Pass("solution from PARDISO", "elimination", (t.x, w.panel), (w.panel,))
+
+
+def factored_share(stepper: Stepper) -> float:
+    """Share of the solutions of a run for which PARDISO made factors; others took those of an earlier iteration of their step."""
+    made, _, again, _ = (float(x) for x in stepper.linear.tables.counts)
+    return made / (made + again) if made else 1.0
 
 
 def pardiso_bytes(stepper: Stepper) -> int:

@@ -160,7 +160,7 @@ def test_passes_write_what_changes(case: str) -> None:
     held = [stepper.core_state, stepper.work, stepper.inner, getattr(stepper.parts, "subs", None)]
     if stepper.linear.tables is not None:
         t = stepper.linear.tables
-        held.append((t.data, t.b, t.x, t.r))
+        held.append((t.data, t.b, t.x, t.r, t.y))
     # scratch stays in a cache, and there are arrays of a few numbers
     small = {place(x) for x in (stepper.work.scratch, stepper.work.line.use)}
     arrays_of_run = {place(x): x for x in every_array(tuple(held)) if place(x) not in small and x.size > 4}
