@@ -114,7 +114,7 @@ def chain(elements: int, degree: int, ceilings: Ceilings, seconds: float) -> lis
     kernel = elements * counting.element_kernel(model, mixed)
     after = elements * counting.after_kernel(model)
     rest = elements * counting.inner_recovery(degree + 1, n) + model.n_nodes * counting.node_loops(model)
-    moved = {"elements": 0.0, "elimination": 0.0, "nodes": 0.0}
+    moved = {"elements": 0.0, "elimination": 0.0, "nodes": 0.0, "step": 0.0}
     found = traffic.passes(stepper, per_step, mixed)
     for p in found:
         moved[p.part] += p.moved
@@ -180,7 +180,7 @@ def condensed(model: Any, case: str, threads: int, ceilings: Ceilings, seconds: 
     recovery = {"solution to rows", "recover the inner nodes", "recover the beams, increments"}
     moved = {"beams": 0.0, "solve": 0.0, "recover": 0.0}
     for p in traffic.passes(stepper, per_step, mixed):
-        if p.often == 1.0:
+        if p.part != "step":
             part = "recover" if p.name in recovery else "solve" if p.part == "elimination" else "beams"
             moved[part] += p.moved
     again = counting.recovery_of_beams(stepper)

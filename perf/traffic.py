@@ -20,7 +20,7 @@ NUMBER = 8  # bytes
 @dataclass(frozen=True)
 class Pass:
     """One pass: arrays, or numbers of bytes, that it reads and writes, `often` in a Newton iteration; part: 'elements',
-    'elimination' or 'nodes'."""
+    'elimination', 'nodes', or 'step' for what begins and ends a step."""
 
     name: str
     part: str
@@ -80,13 +80,13 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     tables = (m.simo, m.green)
     row = 8 * NUMBER
     step = 1.0 / iterations
-    out = [Pass("first guess", "nodes", (s.q, w.past, m.spinless), (w.theta, w.dq), step),
-           Pass("keep the rates", "nodes", (w.theta, w.dq, w.past.nbytes // 2), (w.past,), step),
-           Pass("accept", "nodes", (s.q, s.v, w.dq), (s.q, s.v), step)]
+    out = [Pass("first guess", "step", (s.q, w.past, m.spinless), (w.theta, w.dq), step),
+           Pass("keep the rates", "step", (w.theta, w.dq, w.past.nbytes // 2), (w.past,), step),
+           Pass("accept", "step", (s.q, s.v, w.dq), (s.q, s.v), step)]
     if w.keep_q.size:
-        out.append(Pass("remember the state", "nodes", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step))
+        out.append(Pass("remember the state", "step", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step))
     if mixed > 0.0:
-        out.append(Pass("start the line", "nodes", (s.q,), line, step))
+        out.append(Pass("start the line", "step", (s.q,), line, step))
     out.append(Pass("clear", "nodes", (w.f_ext,), (w.r, w.blocks)))
     ends = (s.q, s.v, w.dq), (w.q_mid, w.q_end, w.u)
     followed = mixed * nbytes(line)
