@@ -5,7 +5,7 @@ OUT ?= out
 BIN := $(VENV)/bin
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow study peers perf perf-compare clean
+.PHONY: help demo test test-slow study peers perf perf-compare perf-limits clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
@@ -15,6 +15,7 @@ help:
 	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
 	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
 	@echo "make perf-compare BASE=revision   the suite on this state and on another in turn; fails where this one is slower"
+	@echo "make perf-limits   scaling, roofline and goals (docs/performance.md); needs a quiet machine and an hour"
 	@echo "make clean      remove $(VENV), $(OUT) and caches"
 
 demo: $(VENV)/.installed
@@ -44,6 +45,12 @@ perf: $(VENV)/.installed
 perf-compare: $(VENV)/.installed
 	@test -n "$(BASE)" || { echo "perf-compare: name a revision, as in make perf-compare BASE=main~5"; exit 2; }
 	$(BIN)/python perf/compare.py $(BASE)
+
+perf-limits: $(VENV)/.installed
+	@mkdir -p $(OUT)
+	$(BIN)/python perf/roofline.py --json $(OUT)/roofline.json
+	$(BIN)/python perf/goals.py --large --json $(OUT)/goals.json
+	$(BIN)/python perf/scaling.py --json $(OUT)/scaling.json
 
 # the first Python in the list that is recent enough makes the environment
 $(BIN)/python:
