@@ -26,7 +26,16 @@ except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
 import numba
+import numba.np.linalg as _linalg
 from numba.core import config as _config
+
+# when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
+# does finds it all the same, later
+_look = _linalg.ensure_blas
+_linalg.ensure_blas = lambda: None
+import numba.np.arraymath  # noqa: E402, F401
+
+_linalg.ensure_blas = _look
 
 from ._beside import beside
 from ._parts import PROGRESS, Part, WholeCompiler, without_collection
