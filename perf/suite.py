@@ -177,7 +177,7 @@ print(light, time.perf_counter() - begin)
 def fresh(**environment: str) -> tuple[float, float]:
     """(import, import to first step), s, of a fresh process."""
     done = subprocess.run([sys.executable, "-c", SMALL_SCENE], capture_output=True, text=True, check=True,
-                          env={**os.environ, **environment})
+                          env={**os.environ, "PYTHONDONTWRITEBYTECODE": "", **environment})
     light, whole = done.stdout.split()[-2:]
     return float(light), float(whole)
 
