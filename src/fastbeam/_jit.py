@@ -6,7 +6,9 @@ into, so the folder carries a hash of all kernel sources: any edit starts a new 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
+import pickle
 import shutil
 import stat
 import sys
@@ -16,7 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import RLock
-from typing import Any, Callable, TypeVar
+from typing import Any, BinaryIO, Callable, TypeVar
 
 try:
     import fcntl
@@ -26,15 +28,22 @@ except ImportError:  # no such locks on this system
 import numba
 from numba.core import config as _config
 
+from ._beside import beside
+from ._parts import PROGRESS, Part, WholeCompiler, without_collection
+
 F = TypeVar("F", bound=Callable[..., Any])
 
+__all__ = ["ABSENT", "KERNELS", "announce_first_use", "beside", "compile_counts", "kernel", "link_library",
+           "one_variant", "work", "written_in"]
+
+ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
 
 
 def _source_hash() -> str:
     here = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted([Path(__file__), *here.glob("kernels/*.py")]):
+    for path in sorted([Path(__file__), here / "_parts.py", *here.glob("kernels/*.py")]):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -99,6 +108,7 @@ def cache_folder() -> str:
 
 
 _FOLDER = cache_folder()
+WholeCompiler.folder = _FOLDER
 
 
 _LOCK, _DEPTH = RLock(), [0]
@@ -170,16 +180,36 @@ def written_in(function: F) -> F:
     return _compiled(function, inline="always")
 
 
-def _compiled(function: F, **options: Any) -> F:
+def one_variant(function: F) -> F:
+    """Compile like `kernel`, once for all numbers that stand in the source of callers. Else f(x, 2) and f(x, 3) are compiled apart:
+    faster code in loops over elements, and only time lost where they differ in an offset."""
+    return _compiled(function, one=True)
+
+
+def _compiled(function: F, one: bool = False, **options: Any) -> F:
     before = _config.CACHE_DIR
     _config.CACHE_DIR = _FOLDER
     try:
-        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False, **options)(function)
+        compiled = numba.njit(cache=True, fastmath={"contract"}, error_model="numpy", nogil=True, _nrt=False,
+                              no_cfunc_wrapper=True, pipeline_class=WholeCompiler, **options)(function)
+        part = Part(compiled, one)
     finally:
         _config.CACHE_DIR = before
     _guard(compiled._cache)
+    _guard(part.cache)
     KERNELS.append(compiled)
     return compiled
+
+
+def work(source: BinaryIO) -> None:
+    """What a second process (`_beside`) does: compile the parts that `source` names, a line on stdout for each when it is kept."""
+    folder, jobs = pickle.load(source)
+    if folder != _FOLDER:
+        return
+    with without_collection():
+        for module, name, arguments in jobs:
+            getattr(importlib.import_module(module), name).part.compile(arguments)
+            print(flush=True)
 
 
 def link_library(path: str) -> None:
@@ -189,14 +219,15 @@ def link_library(path: str) -> None:
 
 
 def announce_first_use() -> None:
-    """One line on stderr before the first compilation on a machine, which takes about half a minute; silent with
+    """One line on stderr before the first compilation on a machine, which takes about ten seconds, and one after it; silent with
     FASTBEAM_PROGRESS=0."""
     if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
         print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
+        PROGRESS.announced = True
 
 
 def compile_counts() -> tuple[int, int]:
     """(kernels loaded from the cache, kernels compiled) in this process."""
-    hits = sum(sum(k.stats.cache_hits.values()) for k in KERNELS)
-    misses = sum(sum(k.stats.cache_misses.values()) for k in KERNELS)
+    hits = sum(sum(k.stats.cache_hits.values()) + sum(k.part.loaded.values()) for k in KERNELS)
+    misses = sum(sum(k.stats.cache_misses.values()) + sum(k.part.missed.values()) for k in KERNELS)
     return hits, misses

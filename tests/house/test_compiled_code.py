@@ -78,8 +78,8 @@ def test_warm_process_compiles_nothing() -> None:
 
 COMPILED = """
 from fastbeam import _jit
-print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS if every or kernel.signatures)
-                  for every in (False, True)]))
+print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS
+                         if every or kernel.signatures or kernel.part.signatures) for every in (False, True)]))
 """
 BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
 SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_translation", "contact_basis"}
@@ -138,6 +138,45 @@ print(json.dumps([name for name, kind in zip(names, types) if str(kind) == "none
     # green: the other strain set; None arguments are pruned before the compiler sees what hangs on them
     assert python(code) == ["plane", "green", "bodies", "ties", "held", "curves", "sliders", "contact", "middle", "alpha",
                             "pardiso", "loads"]
+
+
+PARTS = SCENE + """
+import os
+os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+from fastbeam import _beside, _parts
+from fastbeam.kernels import space, step
+
+class Typed(Exception):
+    pass
+
+def stop(library):
+    raise Typed
+
+def types_and_stop(function, arguments, folder):
+    global types
+    types = arguments
+
+# the loop and what stands between it and the parts: a part from the disk would bring its own along
+for cache in (step.run._cache, space.space_assemble.part.cache, space.add_elements.part.cache):
+    cache.load_overload = lambda *arguments: None
+_parts._WholeLibrary._optimize_final_module = stop
+_beside.start = types_and_stop
+out = {}
+for name in ("beam", "slider", "flat slider"):
+    try:
+        fb.simulate(fb.compile_scene(scenes[name]), t_end=0.02, step=0.01, observe=())
+    except Typed:
+        jobs = _beside._JOBS[step.run.py_func](*types)
+        out[name] = [[kernel.py_func.__name__, arguments in kernel.part.signatures] for kernel, arguments in jobs]
+print(json.dumps(out))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs a system that can hide a processor")
+def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
+    assert python(PARTS) == {"beam": [["element_groups", True], ["factor", True]],
+                             "slider": [["element_groups", True], ["solve_border", True], ["factor", True]],
+                             "flat slider": [["planar_groups", True], ["solve_border", True], ["factor", True]]}
 
 
 def test_time_loop_allocates_nothing() -> None:

@@ -112,9 +112,14 @@ def _int(ctx, b, x, ty):
     return ctx.cast(b, x, ty, types.intp)
 
 
+def _data(ctx, b, array_type, array):
+    """Address of an array's numbers, taken out of the value: ctx.make_array would write the array to memory first, which is half
+    of the code of a load."""
+    return b.extract_value(array, ctx.data_model_manager[array_type].get_field_position("data"))
+
+
 def _pointer(ctx, b, array_type, array, offset, lane):
-    data = ctx.make_array(array_type)(ctx, b, array).data
-    return b.bitcast(b.gep(data, [offset]), _lane_ir(lane).as_pointer())
+    return b.bitcast(b.gep(_data(ctx, b, array_type, array), [offset]), _lane_ir(lane).as_pointer())
 
 
 # ---------------------------------------------------------------------------------------------------- operators
@@ -396,7 +401,7 @@ def _make_rows(accumulate):
                     new[i] = b.shuffle_vector(x, y, mask([j if not j & st else 8 + j - st for j in range(8)]))
                     new[i + st] = b.shuffle_vector(x, y, mask([j + st if not j & st else 8 + j for j in range(8)]))
                 rows = new
-            indices = ctx.make_array(t_idx)(ctx, b, idx).data
+            indices = _data(ctx, b, t_idx, idx)
             for lane in range(8):
                 k = b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))]))
                 q = _pointer(ctx, b, t_dst, dst, b.add(b.mul(k, scale_), shift_), vec)
@@ -419,8 +424,8 @@ def gather_lanes(tc, source, index, index_offset, scale, n, target, offset):
         src, idx, io, scale_, n_, dst, o = args
         t_src, t_idx, t_io, t_scale, t_n, t_dst, t_o = sig.args
         io, scale_, n_, o = (_int(ctx, b, x, t) for x, t in ((io, t_io), (scale_, t_scale), (n_, t_n), (o, t_o)))
-        indices = ctx.make_array(t_idx)(ctx, b, idx).data
-        data = ctx.make_array(t_src)(ctx, b, src).data
+        indices = _data(ctx, b, t_idx, idx)
+        data = _data(ctx, b, t_src, src)
         base = [b.gep(data, [b.mul(b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))])), scale_)])
                 for lane in range(8)]
         with cgutils.for_range(b, n_) as loop:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import kernel, one_variant
 from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatter_rows, vadd3, vadd_matrix, vld, vld3,
                       vldm, vst, vst3, vst_matrix, vstm, vzero, vzero3, vzerom)
 from .inner import eliminate_inner
@@ -336,7 +336,7 @@ def project_node(scratch, q, fo, go, ro, ko):
     vadd_matrix(scratch, ko + 168, 48, 8, half)
 
 
-@kernel
+@one_variant
 def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
                    size):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; without r_out and blocks_out (None) they

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _div, _int, _mul, _pointer, _splat, _sub, f8, vec
+from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _int, _mul, _pointer, _splat, _sub, f8, vec
 
 SIX = (0, 0, 0, 0, 0, 0)
 THREE = (0, 0, 0)
@@ -32,7 +32,7 @@ class _Memory:
 
     def __init__(self, ctx, b, array_type, array, offset, offset_type):
         self.b = b
-        self.data = ctx.make_array(array_type)(ctx, b, array).data
+        self.data = _data(ctx, b, array_type, array)
         self.offset = _int(ctx, b, offset, offset_type)
 
     def _pointer(self, kind, terms):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import kernel, one_variant
 from .algebra import flush_rows, largest_of_row, vld, vst
 from .blocks import lu_rows, solve_rows, subtract_rows
 
@@ -33,7 +33,7 @@ class Elimination(NamedTuple):
     target: np.ndarray        # int64: blocks (j, k) for all j, k of row i, row by row
 
 
-@kernel
+@one_variant
 def exchange_rows(pivots, p, x, o, stride, size):
     """The row exchanges of a factored diagonal block, on n rows of 8 at o, `stride` apart."""
     for k in range(len(size)):

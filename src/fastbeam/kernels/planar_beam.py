@@ -13,7 +13,7 @@ reference strains; rhoA, rhoI; position masses nn*nn; director masses nn*nn.
 """
 from __future__ import annotations
 
-from .._jit import kernel
+from .._jit import kernel, one_variant
 from .algebra import (component0, component1, cross2, dot, gather_lanes, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero,
                       vzero2)
 from .inner import eliminate_inner
@@ -196,7 +196,7 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
     vst2(scratch, ko + 48, 8, rt); vst(scratch, ko + 64, 0, rr)
 
 
-@kernel
+@one_variant
 def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; or leave them in `scratch`, rows
     from 128 nn on, blocks from 152 nn on.

@@ -2,13 +2,13 @@
 number for the frame. A slider is a border of 5: F (2), s, g_mean (2)."""
 from __future__ import annotations
 
-from .._jit import kernel
+from .._jit import kernel, one_variant
 from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
 from .planar_nodes import planar_arm
 from .slider import add_basis, contact_basis, find_element
 
 
-@kernel
+@one_variant
 def planar_point_on_curve(curves, c, s, q, element, contact, derivative):
     """Position (or derivative by s) of curve c at s for node coordinates q [4 N]."""
     p = curves.meta[c, 3] + element

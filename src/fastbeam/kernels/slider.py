@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import kernel, one_variant
 from .algebra import add3, component0, component1, component2, cross, dot, ld3, st3, zero3
 from .ties import tie_arm
 
@@ -61,13 +61,13 @@ class Contact(NamedTuple):
     augmented: np.ndarray   # float64 [3]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration
 
 
-@kernel
+@one_variant
 def border_of(n):
     """Border unknowns of a slider where nodes have n unknowns: force, s, mean gap."""
     return 7 if n == 6 else 5
 
 
-@kernel
+@one_variant
 def dim_of(n):
     """Components of a position where nodes have n unknowns."""
     return 3 if n == 6 else 2
@@ -102,7 +102,7 @@ def legendre(xi, n, table_out):
         table_out[2, k + 1] = table_out[2, k - 1] + (2 * k + 1) * table_out[1, k]
 
 
-@kernel
+@one_variant
 def add_basis(curves, c, e, s, derivative, factor, next_factor, table, basis_out, slot):
     """basis_out[slot, A] += factor d^k N_A / ds^k at s, from the polynomials of element e, and basis_out[slot + 1, A] +=
     next_factor d^(k+1) N_A / ds^(k+1); k = 0 or 1."""
@@ -159,7 +159,7 @@ def contact_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
             basis[4, a] = (basis[2, a] - basis[3, a]) / (s1 - s0)
 
 
-@kernel
+@one_variant
 def point_on_curve(curves, c, s, q, element, contact, slot_derivative):
     """Position (or derivative by s) of curve c at s for node coordinates q."""
     p = curves.meta[c, 3] + element

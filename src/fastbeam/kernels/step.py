@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._jit import kernel, written_in
+from .._jit import ABSENT, beside, kernel, written_in
 from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
+from .beam import element_groups
 from .border import clear_held, fill_panel, gaps_are_closed, solve_border, take_solution
 from .chain import back_substitute, factor
 from .inner import eliminate_columns, put_inner_rhs, recover_inner, recover_rows
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
+from .planar_beam import planar_groups
 from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
 from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
@@ -306,6 +308,34 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
         if n == 0:
             for k in range(mean_force_out.shape[1]):
                 mean_force_out[0, k] = mean_force_out[1, k]
+
+
+def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
+                row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *others):
+    """Parts of `run` that together take as long to compile as the others, and the types that they are called with, from the types
+    of its arguments."""
+    def of(record, *names):
+        return [record.types[record.fields.index(name)] for name in names]
+
+    integer = n_steps
+    r, blocks, panel, scratch = of(work, "r", "blocks", "panel", "scratch")
+    jobs = []
+    for tables, green_strain in ((simo, ABSENT), (green, integer)):
+        if tables is not ABSENT:
+            common = (tables, integer, integer, inner, *of(work, "q_mid", "q_end", "line", "u"), h)
+            if space is not ABSENT:
+                (spin_rate,) = [ABSENT] if alpha is ABSENT else of(alpha, "spin_rate")
+                jobs.append((element_groups, (*common, spin_rate, green_strain, middle, r, blocks, scratch, size)))
+            else:
+                jobs.append((planar_groups, (*common, green_strain, r, blocks, scratch, size)))
+    if contact is not ABSENT:
+        jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y", "x"), size)))
+    if plan is not ABSENT:
+        jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, width, size)))
+    return jobs
+
+
+beside(run, _beside_run)
 
 
 @kernel

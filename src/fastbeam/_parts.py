@@ -1,0 +1,248 @@
+"""Kernels that other kernels call, and how all that belongs to one call from Python becomes machine code.
+
+Left to itself numba optimises a kernel, turns it into machine code, and does both again, with all that it calls, in every
+caller: code that lies five levels deep goes five times through LLVM. Here a kernel that kernels call is a `Part`: its code stays
+as LLVM's passes over single functions leave it, is kept on disk like that, and is optimised and turned into machine code once,
+in the kernel that Python calls.
+"""
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from llvmlite import binding
+from numba import version_info
+from numba.core import compiler, sigutils, types, typing
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler_lock import global_compiler_lock
+
+from . import _beside
+
+# s; compilation that takes no longer shows nothing
+QUIET_TIME = 1.0
+# versions of numba before these have another interface to the passes of LLVM
+PASS_BUILDERS = version_info.short >= (0, 62)
+
+
+class _WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Of a kernel that Python calls: what it links is optimised together, once. Kernels keep no reference counts, so the passes
+    that pair these are left out."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        if not PASS_BUILDERS:
+            super()._optimize_final_module()
+            return
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+
+class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Of a kernel that kernels call: simplified one function at a time, and linked."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        if not PASS_BUILDERS:
+            super()._optimize_functions(ll_module)
+            return
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
+    def finalize(self) -> None:
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._set_module(self._final_module)
+
+    def _set_module(self, module: Any) -> None:
+        """Code from now on; several kernels that bring the same part along may be linked."""
+        for function in module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.external:
+                function.linkage = "linkonce_odr"
+        self._final_module = self._shared_module = module
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """A compiler makes many objects and little garbage: looking for it takes a seventh of the time."""
+    before = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if before:
+            gc.enable()
+
+
+class _Progress:
+    """What the user sees while a kernel is compiled with all its parts: on a terminal one line that is kept up to date, else,
+    after the announcement of a first use, a line at the end."""
+
+    def __init__(self) -> None:
+        self.announced = False
+        self.count = 0
+        self._begin = 0.0
+        self._shown = False
+
+    def __enter__(self) -> None:
+        self.count, self._begin, self._shown = 0, time.perf_counter(), False
+
+    def __exit__(self, *failed: object) -> None:
+        if self._shown or (self.announced and self._seconds() > QUIET_TIME):
+            self._write("\r" if self._shown else "", "\n")
+            self.announced = False
+
+    def step(self) -> None:
+        """One part more is ready."""
+        self.count += 1
+        if (self._seconds() > QUIET_TIME and os.environ.get("FASTBEAM_PROGRESS") != "0" and sys.stderr is not None
+                and sys.stderr.isatty()):
+            self._shown = True
+            self._write("\r", "")
+
+    def _seconds(self) -> float:
+        return time.perf_counter() - self._begin
+
+    def _write(self, before: str, after: str) -> None:
+        sys.stderr.write(f"{before}fastbeam: compiling kernels, {self.count} in {self._seconds():.0f} s{after}")
+        sys.stderr.flush()
+
+
+PROGRESS = _Progress()
+
+
+class WholeCompiler(compiler.Compiler):  # type: ignore[misc]
+    """Numba's compiler for a kernel that Python calls."""
+
+    folder = ""
+
+    def compile_extra(self, function: Any) -> Any:
+        self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library.enable_object_caching()
+        _beside.start(function, tuple(self.state.args), self.folder)
+        with without_collection(), PROGRESS:
+            return super().compile_extra(function)
+
+
+class _Compiled:
+    """One part for one set of argument types."""
+
+    def __init__(self, library: _PartLibrary, fndesc: Any, signature: Any) -> None:
+        self.library, self.fndesc, self.signature = library, fndesc, signature
+        # as cached results of numba have it
+        self.codegen = library.codegen
+
+
+class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        """Beside the entries of the same function as Python calls it."""
+        return str(super().get_filename_base(fullname, abiflags)) + "-part"
+
+    def reduce(self, found: _Compiled) -> Any:
+        # these are not needed any more, and large
+        found.fndesc.typemap = found.fndesc.calltypes = None
+        found.library._ensure_finalized()
+        return found.library.name, found.library._final_module.as_bitcode(), found.fndesc, found.signature
+
+    def rebuild(self, target_context: Any, reduced: Any) -> _Compiled:
+        name, bitcode, fndesc, signature = reduced
+        library = _PartLibrary(target_context.codegen(), name)
+        library._set_module(binding.parse_bitcode(bitcode))
+        return _Compiled(library, fndesc, signature)
+
+    def check_cachable(self, found: _Compiled) -> bool:
+        return not found.library.has_dynamic_globals
+
+
+class _PartCache(FunctionCache):  # type: ignore[misc]
+    _impl_class = _PartCacheImpl
+
+    def holds(self, arguments: tuple[Any, ...], codegen: Any) -> bool:
+        """Whether there is an entry."""
+        return self._index_key(arguments, codegen) in self._cache_file._load_index()
+
+
+class Part:
+    """A kernel as other kernels call it.
+
+    Parameters
+    ----------
+    dispatcher : numba dispatcher
+        The kernel; from now on calls from kernels go through this object.
+    one_variant : bool
+        Whether numbers in the source of a caller are like any others. Else they are types of their own.
+    """
+
+    def __init__(self, dispatcher: Any, one_variant: bool) -> None:
+        self.dispatcher, self.one_variant = dispatcher, one_variant
+        self.cache = _PartCache(dispatcher.py_func)
+        self.loaded: Counter[Any] = Counter()
+        self.missed: Counter[Any] = Counter()
+        self._known: dict[Any, _Compiled] = {}
+        dispatcher.part = self
+        dispatcher.get_call_template, dispatcher.get_overload = self._call_template, self._overload
+
+    def compile(self, arguments: tuple[Any, ...]) -> _Compiled:
+        """For argument types: from this process, from the disk, or compiled."""
+        with global_compiler_lock:
+            found = self._known.get(arguments)
+            if found is None:
+                context = self.dispatcher.targetctx
+                _beside.wait(self.dispatcher.py_func, arguments)
+                found = self.cache.load_overload(arguments, context)
+                if found is None:
+                    self.missed[arguments] += 1
+                    found = self._compile(arguments)
+                    self.cache.save_overload(arguments, found)
+                else:
+                    self.loaded[arguments] += 1
+                PROGRESS.step()
+                context.insert_user_function(found, found.fndesc, [found.library])
+                self._known[arguments] = found
+            return found
+
+    @property
+    def signatures(self) -> list[tuple[Any, ...]]:
+        """Argument types that are ready in this process."""
+        return list(self._known)
+
+    def is_kept(self, arguments: tuple[Any, ...]) -> bool:
+        """Whether this process or the disk has it."""
+        try:
+            return arguments in self._known or self.cache.holds(arguments, self.dispatcher.targetctx.codegen())
+        except Exception:  # a damaged file, which `load_overload` reports
+            return False
+
+    def _compile(self, arguments: tuple[Any, ...]) -> _Compiled:
+        of = self.dispatcher
+        flags = compiler.Flags()
+        of.targetdescr.options.parse_as_flags(flags, of.targetoptions)
+        flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+        library = _PartLibrary(of.targetctx.codegen(), of.py_func.__qualname__)
+        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library)
+        library._ensure_finalized()
+        return _Compiled(library, done.fndesc, done.signature)
+
+    def _call_template(self, arguments: Any, keywords: Any) -> Any:
+        """What numba asks for when it meets a call."""
+        signature, arguments = self.dispatcher.fold_argument_types(arguments, keywords)
+        arguments = tuple(types.unliteral(argument) if self.one_variant else argument for argument in arguments)
+        name = self.dispatcher.py_func.__name__
+        found = self.compile(arguments)
+        template = typing.make_concrete_template(f"CallTemplate({name})", key=name, signatures=[found.signature])
+        return template, signature, arguments, {}
+
+    def _overload(self, signature: Any) -> _Compiled:
+        return self._known[tuple(sigutils.normalize_signature(signature)[0])]

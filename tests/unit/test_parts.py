@@ -1,0 +1,145 @@
+"""Kernels that kernels call: one code for all numbers in the source, a second process that compiles some, what the user sees."""
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fastbeam import _jit, _parts
+
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+PAIR = """
+from numba import int64
+from fastbeam._jit import ABSENT, beside, kernel, one_variant
+
+
+@one_variant
+def power(x, n, array):
+    y = 1.0
+    for i in range(n):
+        y *= x
+    if array is not None:
+        y += array[0]
+    return y
+
+
+@kernel
+def whole(x):
+    return power(x, 2, None) + power(x, 3, None)
+
+
+beside(whole, lambda x: [(power, (x, int64, ABSENT))])
+"""
+RUN = """
+import json, os, sys
+folder, processors, program, patience = json.loads(sys.argv[1])
+sys.path.insert(0, folder)
+if processors == 1:
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+from fastbeam import _beside, _jit
+import pair
+_beside.PATIENCE = patience
+sys.executable = program or sys.executable
+value = pair.whole(3.0)
+part = pair.power.part
+print(json.dumps([value, len(part.loaded), len(part.missed), len(part.signatures), *_jit.compile_counts(), len(_beside._COMING)]))
+"""
+two_processors = pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2,
+                                    reason="needs two processors and a system that can hide one")
+
+
+def run(folder: Path, processors: int = 2, program: str = "", patience: float = 60.0) -> Any:
+    """Call `whole` in a fresh process: value, variants of `power` that were loaded, compiled and used, kernels loaded and compiled,
+    what is still waited for."""
+    (folder / "pair.py").write_text(PAIR)
+    done = subprocess.run([sys.executable, "-c", RUN, json.dumps([str(folder), processors, program, patience])],
+                          capture_output=True, text=True, check=False, timeout=200,
+                          env={**os.environ, "PYTHONPATH": str(SOURCE), "FASTBEAM_CACHE_DIR": str(folder / "cache")})
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    return json.loads(done.stdout)
+
+
+def program(folder: Path, text: str) -> str:
+    """A program in place of Python's."""
+    path = folder / "python-of-another-kind"
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@two_processors
+def test_second_process_compiles_what_the_first_loads(tmp_path: Path) -> None:
+    assert run(tmp_path) == [36.0, 1, 0, 1, 1, 1, 0]
+    # all that a warm process needs is the kernel that it calls
+    assert run(tmp_path) == [36.0, 0, 0, 0, 1, 0, 0]
+
+
+@two_processors
+def test_one_processor_compiles_alone_and_numbers_in_the_source_make_no_variants(tmp_path: Path) -> None:
+    assert run(tmp_path, processors=1) == [36.0, 0, 1, 1, 0, 2, 0]
+
+
+@two_processors
+@pytest.mark.parametrize("text", ["exit 1", "exec sleep 20", "head -c 10; echo; echo; echo", "not a command"])
+def test_second_process_that_fails_does_not_matter(tmp_path: Path, text: str) -> None:
+    assert run(tmp_path, program=program(tmp_path, text), patience=0.5) == [36.0, 0, 1, 1, 0, 2, 0]
+
+
+@two_processors
+def test_program_that_is_not_python_is_not_started(tmp_path: Path) -> None:
+    trace = tmp_path / "started"
+    for name, started in (("python-of-another-kind", True), ("painter", False)):
+        path = Path(program(tmp_path, f"touch {trace}")).rename(tmp_path / name)
+        run(tmp_path, program=str(path))
+        assert trace.exists() is started
+        trace.unlink(missing_ok=True)
+        for kept in (tmp_path / "cache").rglob("*.nb?"):
+            kept.unlink()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def fresh_kernel() -> Any:
+    """A kernel with one part that has not been compiled yet."""
+    @_jit.kernel
+    def part(x: float) -> float:
+        return 2.0 * x
+
+    @_jit.kernel
+    def whole(x: float) -> float:
+        return part(x)
+
+    for kernel in (part, whole):
+        for cache in (kernel._cache, kernel.part.cache):
+            cache.disable()
+    yield whole
+    for kernel in (part, whole):
+        _jit.KERNELS.remove(kernel)
+
+
+@pytest.mark.parametrize("setting, quiet_time, kind, announced, text", [
+    ("1", 0.0, Terminal, False, ["\rfastbeam: compiling kernels, 1 in 0 s"] * 2),
+    ("1", 1e3, Terminal, False, []),
+    ("0", 0.0, Terminal, False, []),
+    ("1", 0.0, io.StringIO, False, []),
+    ("1", 0.0, io.StringIO, True, ["fastbeam: compiling kernels, 1 in 0 s"])])
+def test_compilation_shows_a_line(fresh_kernel: Any, monkeypatch: pytest.MonkeyPatch, setting: str, quiet_time: float,
+                                  kind: type[io.StringIO], announced: bool, text: list[str]) -> None:
+    stream = kind()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv("FASTBEAM_PROGRESS", setting)
+    monkeypatch.setattr(_parts, "QUIET_TIME", quiet_time)
+    monkeypatch.setattr(_parts.PROGRESS, "announced", announced)
+    assert fresh_kernel(1.5) == 3.0
+    assert stream.getvalue() == "".join(text) + ("\n" if text else "")
+    assert _parts.PROGRESS.announced is False
