@@ -19,7 +19,8 @@ Job = tuple[Any, tuple[Any, ...]]
 PATIENCE = 60.0
 PROGRAM = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); from fastbeam._jit import work; work(sys.stdin.buffer)"
 _JOBS: dict[Any, Callable[..., list[Job]]] = {}
-_COMING: dict[Any, threading.Event] = {}
+# of each part: when it is there, when it is begun
+_COMING: dict[Any, tuple[threading.Event, threading.Event | None]] = {}
 
 
 def beside(kernel: Any, jobs: Callable[..., list[Job]]) -> None:
@@ -52,14 +53,15 @@ def start(function: Any, arguments: tuple[Any, ...], folder: str) -> None:
     except (OSError, TypeError, AttributeError, pickle.PicklingError):
         return  # no process, or kernels that another process cannot name
     events = [threading.Event() for _ in jobs]
-    _COMING.update(((kernel.py_func, some), event) for (kernel, some), event in zip(jobs, events))
+    _COMING.update(((kernel.py_func, some), (event, before)) for (kernel, some), event, before
+                   in zip(jobs, events, [None, *events]))
     threading.Thread(target=_follow, args=(process, events), daemon=True).start()
 
 
 def wait(function: Any, arguments: tuple[Any, ...]) -> None:
-    """Until a part that the second process works on stands on the disk, or will not."""
-    event = _COMING.pop((function, arguments), None)
-    if event is not None:
+    """Until a part that the second process works on stands on the disk, or will not. What it has not begun is not waited for."""
+    event, before = _COMING.pop((function, arguments), (None, None))
+    if event is not None and (before is None or before.is_set()):
         event.wait(PATIENCE)
 
 

@@ -174,9 +174,12 @@ print(json.dumps(out))
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs a system that can hide a processor")
 def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
-    assert python(PARTS) == {"beam": [["element_groups", True], ["factor", True]],
-                             "slider": [["element_groups", True], ["solve_border", True], ["factor", True]],
-                             "flat slider": [["planar_groups", True], ["solve_border", True], ["factor", True]]}
+    def called(*names: str) -> list[list[Any]]:
+        return [[name, True] for name in names]
+
+    assert python(PARTS) == {"beam": called("element_groups", "factor", "recover_rows"),
+                             "slider": called("element_groups", "factor", "solve_border", "recover_rows"),
+                             "flat slider": called("planar_groups", "factor", "solve_border", "recover_rows")}
 
 
 def test_time_loop_allocates_nothing() -> None:

@@ -312,8 +312,8 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
 
 def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
                 row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *others):
-    """Parts of `run` that together take as long to compile as the others, and the types that they are called with, from the types
-    of its arguments."""
+    """Parts of `run` that together take as long to compile as the others, in the order of their calls, and the types that they
+    are called with, from the types of its arguments."""
     def of(record, *names):
         return [record.types[record.fields.index(name)] for name in names]
 
@@ -328,10 +328,13 @@ def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curv
                 jobs.append((element_groups, (*common, spin_rate, green_strain, middle, r, blocks, scratch, size)))
             else:
                 jobs.append((planar_groups, (*common, green_strain, r, blocks, scratch, size)))
-    if contact is not ABSENT:
-        jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y", "x"), size)))
     if plan is not ABSENT:
         jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, width, size)))
+    if contact is not ABSENT:
+        jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y", "x"), size)))
+    if inner is not ABSENT:
+        jobs += [(recover_rows, (tables, inner, h, *of(work, "x"), scratch, size)) for tables in (simo, green)
+                 if tables is not ABSENT]
     return jobs
 
 
