@@ -17,7 +17,8 @@ from typing import Any, Callable
 Job = tuple[Any, tuple[Any, ...]]
 # s; longer than any part takes, even on a busy machine
 PATIENCE = 60.0
-PROGRAM = "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); from fastbeam._jit import work; work(sys.stdin.buffer)"
+PROGRAM = ("import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+           "from fastbeam._jit import work; work(sys.stdin.buffer)")
 _JOBS: dict[Any, Callable[..., list[Job]]] = {}
 # of each part: when it is there, when it is begun
 _COMING: dict[Any, tuple[threading.Event, threading.Event | None]] = {}

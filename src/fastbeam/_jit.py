@@ -190,8 +190,8 @@ def written_in(function: F) -> F:
 
 
 def one_variant(function: F) -> F:
-    """Compile like `kernel`, once for all numbers that stand in the source of callers. Else f(x, 2) and f(x, 3) are compiled apart:
-    faster code in loops over elements, and only time lost where they differ in an offset."""
+    """Compile like `kernel`, once for all numbers that stand in the source of callers. Else f(x, 2) and f(x, 3) are compiled
+    apart: faster code in loops over elements, and only time lost where they differ in an offset."""
     return _compiled(function, one=True)
 
 
@@ -211,7 +211,8 @@ def _compiled(function: F, one: bool = False, **options: Any) -> F:
 
 
 def work(source: BinaryIO) -> None:
-    """What a second process (`_beside`) does: compile the parts that `source` names, a line on stdout for each when it is kept."""
+    """What a second process (`_beside`) does: compile the parts that `source` names, a line on stdout for each when it is
+    kept."""
     folder, jobs = pickle.load(source)
     if folder != _FOLDER:
         return

@@ -310,8 +310,8 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 mean_force_out[0, k] = mean_force_out[1, k]
 
 
-def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
-                row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *others):
+def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan,
+                pardiso, row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *others):
     """Parts of `run` that together take as long to compile as the others, in the order of their calls, and the types that they
     are called with, from the types of its arguments."""
     def of(record, *names):
