@@ -43,7 +43,7 @@ import traffic  # noqa: E402
 from ceilings import Ceilings, best  # noqa: E402
 from parts import ChainParts, iteration, shortest  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
-from table import table  # noqa: E402
+from printing import table  # noqa: E402
 
 Array = np.ndarray
 STEP = 1e-3

@@ -43,7 +43,7 @@ from ceilings import Ceilings, clock  # noqa: E402
 from net_step import square_net  # noqa: E402
 from parts import ChainParts, iteration  # noqa: E402
 from scaling import chain_scene, number_of_elements  # noqa: E402
-from table import table  # noqa: E402
+from printing import table  # noqa: E402
 
 STEP = 1e-3
 FREE = 0.5  # a part that reaches less than this share of its limit is not bound by it

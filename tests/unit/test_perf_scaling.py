@@ -24,9 +24,9 @@ import counting  # noqa: E402
 import goals  # noqa: E402
 import net_step  # noqa: E402
 import parts  # noqa: E402
+import printing  # noqa: E402
 import roofline  # noqa: E402
 import scaling  # noqa: E402
-import table  # noqa: E402
 import traffic  # noqa: E402
 
 STEP = 1e-3
@@ -296,9 +296,9 @@ def command(name: str, tmp_path: Path, *options: str) -> dict[str, Any]:
 
 def test_tables_are_as_wide_as_their_texts_but_for_remarks() -> None:
     lines = [["a", "10", "x"], ["bcd", "no reason at all"]]
-    assert table.table(["k", "number", "z"], lines) == "k    number  z\na        10  x\nbcd  no reason at all"
-    assert table.table(["k", "number", "z"], lines, left=(0, 1)).splitlines()[1] == "a    10      x"
-    assert table.table(["k", "number", "z"], lines, True).splitlines()[3] == "| bcd | no reason at all |  |"
+    assert printing.table(["k", "number", "z"], lines) == "k    number  z\na        10  x\nbcd  no reason at all"
+    assert printing.table(["k", "number", "z"], lines, left=(0, 1)).splitlines()[1] == "a    10      x"
+    assert printing.table(["k", "number", "z"], lines, True).splitlines()[3] == "| bcd | no reason at all |  |"
 
 
 def test_scaling_measures_a_size_in_its_own_process(tmp_path: Path) -> None:

@@ -13,9 +13,11 @@ from .._jit import kernel
 
 _PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
 ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
-# relative residual above which a solution is refined once, and above which it is not accepted, unless the solution is that of a
-# matrix this near: on large soft nets K x is a small difference of large forces, and round-off alone is more than 1e-8 of b
-REFINE_AT, REFUSE_AT, NEAR = 1e-12, 1e-8, 1e-13
+# relative residual above which a solution is refined once, and above which it is not accepted
+REFINE_AT, REFUSE_AT = 1e-12, 1e-8
+# on large soft nets K x is a small difference of large forces, and round-off alone may leave this relative residual: a solution
+# is as good as can be where it is that of a matrix this near. What is singular leaves more
+SOFT, NEAR = 1e-5, 1e-13
 # factors of an earlier iteration are used again where each solution with them leaves so little, which takes five at most, for
 # about a tenth of the time of factors each; the error that stays is a share of an increment that is small itself
 WORTH, AGAIN_AT = 1e-2, 1e-10
@@ -170,6 +172,8 @@ def solve_sparse(t, blocks, panel, width, size):
             t.counts[1] += 1
             worst = add_correction(t, n, size)
         if not worst <= REFUSE_AT:
+            if not worst <= SOFT:
+                return False
             if not distance(t, t.x, t.b, t.r, size) <= NEAR:
                 return False
         t.counts[3] = 1
