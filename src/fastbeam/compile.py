@@ -109,7 +109,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     n_panel = blocks.pattern.n + int(np.sum(level == 1))
     inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size, columns)
     substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:].reshape(-1, 4), blocks.n_blocks,
-                                       blocks.pattern.n, blocks.n_rows, n_panel)
+                                       blocks.pattern.n, n_panel)
     del used, packers
     bodies = _bodies(scene, nodes, blocks)
     ties = _ties(joints.apart(), blocks)
@@ -220,7 +220,6 @@ class _Blocks:
         among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse")
         del final
         self.pattern: Pattern = widen(among_ends, level, joints.row_root)
-        self.n_rows = int(own.sum())
         if solver == "chain" and self.pattern.plan is None:
             raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
         self.base = self.pattern.keys.size

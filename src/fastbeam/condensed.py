@@ -1,4 +1,4 @@
-"""Newton iterations of nets whose beams are condensed to their ends, on several threads (theory.md 9).
+"""Newton iterations of scenes with beams, or pieces of them, condensed to their ends, on several threads (theory.md 9).
 
 Threads take chunks of beams, nodes, blocks and rows. Every chunk writes what belongs to it, sums have a fixed order, and the
 largest increment is that of all chunks: results do not depend on the number of threads. Compiled code runs without Python's lock.

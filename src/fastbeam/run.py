@@ -84,8 +84,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Augmented Lagrangian of the sliders: stiffness of a contact over that of the parts it joins in a step, 1 to 1e12 or 0 for
         plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
     threads : int
-        Of large nets, whose beams are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for every
-        2000 elements. Results are the same for any number, to the last bit.
+        Of large nets and long beams, which are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for
+        every 2000 elements. Results are the same for any number, to the last bit.
     progress : bool
         Progress bar; default: on anything longer than a second.
 

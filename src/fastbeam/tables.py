@@ -232,7 +232,7 @@ def condensed_ends(packers: list[ElementPacker]) -> Array:
     return np.concatenate([np.zeros((0, 2), np.int64), *out])
 
 
-def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array, n_blocks: int, n_end: int, n_rows: int,
+def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array, n_blocks: int, n_end: int,
                        first: int) -> Substructures | None:
     """Tables of the condensed beams, for 6 unknowns a node.
 
@@ -240,8 +240,8 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
     ----------
     rows, blocks : int [B, 2], [B, 4]
         Rows and blocks of their ends: start and end; start-start, start-end, end-start, end-end.
-    n_blocks, n_end, n_rows : int
-        Blocks of the tangent; rows that ends may have; rows in all.
+    n_blocks, n_end : int
+        Blocks of the tangent; rows that ends may have.
     first : int
         Where the rows of their interior nodes begin.
     """
