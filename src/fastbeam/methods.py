@@ -10,6 +10,7 @@ from .arguments import number
 from .errors import ConvergenceError, SceneError
 from .kernels import alpha as kernels
 from .kernels.alpha import Alpha
+from .kernels.beam import point_table_size
 from .kernels.work import State
 from .model import Model
 
@@ -227,7 +228,7 @@ def _mass(model: Model) -> Any:
         for nn, nq, co, no, *_ in () if tables is None else tables.meta:
             at = tables.nodes[no:no + 8 * nn].reshape(nn, 8)
             live = tables.rows[no:no + 8] != n
-            mo = co + 288 + nq * 8 * (7 + 3 * nn)
+            mo = co + 288 + nq * point_table_size(nn)
             rho, j2, j3 = tables.tab[mo:mo + 24].reshape(3, 8)
             m = tables.tab[mo + 24:mo + 24 + 16 * nn * nn].reshape(2, nn, nn, 8)
             a, b = np.broadcast_arrays(at[:, None, live], at[None, :, live])

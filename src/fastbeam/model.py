@@ -148,7 +148,7 @@ class Model:
         out = np.inf
         for tables in (self.simo, self.green):
             if tables is not None:
-                stiff = tables.tab[tables.meta[:, 2, None, None] + 56 * np.arange(6)[:, None] + np.arange(8)]
+                stiff = tables.tab[np.unique(tables.meta[:, 2])[:, None, None] + 56 * np.arange(6)[:, None] + np.arange(8)]
                 long, bend = stiff[:, :3].max(axis=1), stiff[:, 3:]
                 bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
                 out = min(out, float(np.min(bend / (long * self.length**2))))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .kernels.beam import ElementTables
+from .kernels.beam import ElementTables, group_table_size
 from .kernels.blocks import THREE
 from .kernels.inner import Inner, store_size
 from .kernels.nodes import Bodies, Held
@@ -16,6 +16,7 @@ from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
 from .kernels.ties import Ties
 from .kernels.work import State
+from .tables import CHUNK, TablePool
 
 if TYPE_CHECKING:
     from .model import Model
@@ -252,51 +253,55 @@ def _elements(model: Model, tables: ElementTables | None, plane: Plane) -> Eleme
     if tables is None:
         return None
     meta = tables.meta.copy()
-    tab, at = [], 0
+    tab = TablePool()
     for nn, nq in np.unique(meta[:, :2], axis=0).tolist():
-        some = np.flatnonzero((meta[:, 0] == nn) & (meta[:, 1] == nq))
-        old = 8 * (36 + 3 + 2 * nn * nn) + nq * 8 * (7 + 3 * nn)
-        lanes = tables.tab[meta[some, 2, None] + np.arange(old)].reshape(len(some), -1, 8)
-        nodes = tables.nodes[meta[some, 3, None] + np.arange(8 * nn)].reshape(-1, nn, 8)
-        # [group, node, lane]: d2 = cos J u + sin n
-        cos, sin = plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
-
-        def refuse(wrong: Array, why: str) -> None:
-            """wrong: bool [group, lane]"""
-            if np.any(wrong):
-                raise NotPlanar(why.format(model.node_label(int(nodes[:, 0][wrong][0])).split(" node ")[0]))
-
-        turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
-        refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
-        c, s = cos[:, 0], sin[:, 0]
-        zero, one = np.zeros_like(c), np.ones_like(c)
-        within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
-                           [zero, zero, c]]).transpose(2, 3, 0, 1)
-        beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
-                           [zero, zero, -s]]).transpose(2, 3, 0, 1)
-        C = lanes[:, :36].reshape(-1, 6, 6, 8).transpose(0, 3, 1, 2)
-        inner, outer, cross = (np.einsum("glia,glij,gljb->glab", x, C, y)
-                               for x, y in ((within, within), (beyond, beyond), (beyond, within)))
-        scale = np.einsum("glaa,glbb->glab", outer, inner)
-        refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(2, 3)), "the section of {} couples strains in the plane with others")
-        points = lanes[:, 36:36 + nq * (7 + 3 * nn)].reshape(-1, nq, 7 + 3 * nn, 8)
-        e0 = points[:, :, 1 + 3 * nn:].transpose(0, 1, 3, 2)
-        off = np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
-        refuse(np.any(off, axis=(1, 3)), "{} is curved or twisted out of the plane")
-        rho, i2, i3 = (lanes[:, 36 + nq * (7 + 3 * nn) + k] for k in range(3))
-        refuse(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3), "the section inertia of {} is oblique to the plane")
-        strains = np.einsum("glia,gpli->gpla", within, e0).transpose(0, 1, 3, 2)
-        fresh = np.concatenate((points[:, :, :1 + 3 * nn], strains), axis=2).reshape(len(some), -1, 8)
-        inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
-        masses = lanes[:, 36 + nq * (7 + 3 * nn) + 3:]
-        flat = np.concatenate((inner.reshape(-1, 8, 9).transpose(0, 2, 1), fresh, inertia, masses), axis=1).reshape(len(some), -1)
-        size = planar_group_size(nn, nq)
-        assert flat.shape[1] == size
-        meta[some, 2] = at + size * np.arange(len(some))
-        tab.append(flat.reshape(-1))
-        at += flat.size
+        every = np.flatnonzero((meta[:, 0] == nn) & (meta[:, 1] == nq))
+        for begin in range(0, every.size, CHUNK // 8):
+            some = every[begin:begin + CHUNK // 8]
+            meta[some, 2], meta[some, 7] = _group_tables(model, tables, plane, nn, nq, some, tab)
     meta[:, 6] = np.where(meta[:, 6] >= 0, meta[:, 6] // 4, -1)
-    return ElementTables(meta, np.concatenate(tab), tables.nodes, tables.rows, tables.blocks)
+    return ElementTables(meta, tab.array(), tables.nodes, tables.rows, tables.blocks)
+
+
+def _group_tables(model: Model, tables: ElementTables, plane: Plane, nn: int, nq: int, some: Array,
+                  tab: TablePool) -> tuple[Array, Array]:
+    """Put the tables of some groups of equal size, int [S], into the pool; where they and their reference strains begin."""
+    meta = tables.meta
+    lanes = tables.tab[meta[some, 2, None] + np.arange(group_table_size(nn, nq))].reshape(len(some), -1, 8)
+    nodes = tables.nodes[meta[some, 3, None] + np.arange(8 * nn)].reshape(-1, nn, 8)
+    # [group, node, lane]: d2 = cos J u + sin n
+    cos, sin = plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
+
+    def refuse(wrong: Array, why: str) -> None:
+        """wrong: bool [group, lane]"""
+        if np.any(wrong):
+            raise NotPlanar(why.format(model.node_label(int(nodes[:, 0][wrong][0])).split(" node ")[0]))
+
+    turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
+    refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
+    c, s = cos[:, 0], sin[:, 0]
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
+                       [zero, zero, c]]).transpose(2, 3, 0, 1)
+    beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
+                       [zero, zero, -s]]).transpose(2, 3, 0, 1)
+    C = lanes[:, :36].reshape(-1, 6, 6, 8).transpose(0, 3, 1, 2)
+    inner, outer, cross = (np.einsum("glia,glij,gljb->glab", x, C, y)
+                           for x, y in ((within, within), (beyond, beyond), (beyond, within)))
+    scale = np.einsum("glaa,glbb->glab", outer, inner)
+    refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(2, 3)), "the section of {} couples strains in the plane with others")
+    e0 = tables.tab[meta[some, 7, None] + np.arange(48 * nq)].reshape(-1, nq, 6, 8).transpose(0, 1, 3, 2)
+    off = np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
+    refuse(np.any(off, axis=(1, 3)), "{} is curved or twisted out of the plane")
+    strains = np.einsum("glia,gpli->gpal", within, e0)
+    points = lanes[:, 36:36 + nq * (1 + 3 * nn)]
+    rho, i2, i3 = (lanes[:, 36 + points.shape[1] + k] for k in range(3))
+    refuse(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3), "the section inertia of {} is oblique to the plane")
+    inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
+    masses = lanes[:, 39 + points.shape[1]:]
+    flat = np.concatenate((inner.reshape(-1, 8, 9).transpose(0, 2, 1), points, inertia, masses), axis=1).reshape(len(some), -1)
+    assert flat.shape[1] == planar_group_size(nn, nq)
+    return tab.share(flat), tab.append(strains.reshape(len(some), -1))
 
 
 def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | None:

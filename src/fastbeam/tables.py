@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from .kernels.substructures import Substructures, place_stores
 from .scene import Beam, Net
 
 Array = np.ndarray
-# elements whose reference strains are computed at a time
+# elements whose tables are made at a time
 CHUNK = 32768
 
 
@@ -73,27 +74,83 @@ def elements_of(part: Beam | Net, first: int) -> Elements:
 def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
     """Quadratic part of the six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3]:
     [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
-    out = np.empty((some.size, elements.weight.shape[1], 6))
-    for at in range(0, len(out), CHUNK):
-        part = some[at:at + CHUNK]
-        nodes = elements.nodes[part]
-        f = np.einsum("egn,enc->egc", elements.phi_s[part], phi[nodes])
-        d_g = np.einsum("egn,enkc->egkc", elements.dir[part], d[nodes])
-        k_g = np.einsum("egn,enkc->egkc", elements.dir_s[part], d[nodes])
-        d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
-        k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
-        twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
-        if elements.strain == "simo_reissner":
-            e = [_dot(f, d1), _dot(f, d2), _dot(f, d3), twist, 0.5 * (_dot(k3, d1) - _dot(k1, d3)),
-                 0.5 * (_dot(k1, d2) - _dot(k2, d1))]
-        else:
-            e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
-        out[at:at + CHUNK] = np.stack(e, axis=-1)
-    return out
+    nodes = elements.nodes[some]
+    f = np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes])
+    d_g = np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes])
+    k_g = np.einsum("egn,enkc->egkc", elements.dir_s[some], d[nodes])
+    d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
+    k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
+    twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
+    if elements.strain == "simo_reissner":
+        e = [_dot(f, d1), _dot(f, d2), _dot(f, d3), twist, 0.5 * (_dot(k3, d1) - _dot(k1, d3)),
+             0.5 * (_dot(k1, d2) - _dot(k2, d1))]
+    else:
+        e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
+    return np.stack(e, axis=-1)
+
+
+def _group_tables(elements: Elements, lane: Array) -> Array:
+    """Constants of groups of 8 elements but their reference strains, as kernels/beam.py has them: [groups, doubles]; lane: int
+    [8 groups]."""
+    nq, nn = elements.phi_s.shape[1:]
+    groups = lane.size // 8
+
+    def lanes(x: Array) -> Array:
+        return x[lane].reshape(groups, 8, *x.shape[1:])
+
+    tab = np.empty((groups, group_table_size(nn, nq) // 8, 8))
+    section = elements.section[lane].reshape(groups, 8)
+    tab[:, :36] = elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1)
+    behind = 36 + nq * (1 + 3 * nn)
+    points = tab[:, 36:behind].reshape(groups, nq, 1 + 3 * nn, 8)
+    points[:, :, 0] = lanes(elements.weight).transpose(0, 2, 1)
+    for k, shape in enumerate((elements.phi_s, elements.dir, elements.dir_s)):
+        points[:, :, 1 + k::3] = lanes(shape).transpose(0, 2, 3, 1)
+    tab[:, behind:behind + 3] = elements.inertia[section].transpose(0, 2, 1)
+    for k, mass in enumerate((elements.mass_phi, elements.mass_dir)):
+        at = behind + 3 + k * nn * nn
+        tab[:, at:at + nn * nn] = lanes(mass.reshape(len(mass), -1)).transpose(0, 2, 1)
+    return tab.reshape(groups, -1)
 
 
 def _dot(a: Array, b: Array) -> Array:
     return np.einsum("egc,egc->eg", a, b)
+
+
+class TablePool:
+    """One array of the tables of all groups; those that are equal to the last bit stand there once, and stay in the cache."""
+
+    def __init__(self) -> None:
+        self._parts: list[Array] = []
+        self._known: dict[bytes, int] = {}
+        self._size = 0
+
+    def append(self, rows: Array) -> Array:
+        """Add rows [groups, m]; returns where each begins."""
+        at = self._size + rows.shape[1] * np.arange(len(rows))
+        self._parts.append(rows.reshape(-1))
+        self._size += rows.size
+        return at
+
+    def share(self, rows: Array) -> Array:
+        """The same for rows of which many are equal."""
+        words = np.ascontiguousarray(rows).view(np.uint64)
+        # a quick hash; what has the same and differs is only not shared
+        key = words @ (0x9E3779B97F4A7C15 * np.arange(1, 2 * words.shape[1], 2, dtype=np.uint64))
+        _, first, which = np.unique(key, return_index=True, return_inverse=True)
+        first = first[which.reshape(-1)]
+        differs = (words != words[first]).any(axis=1)
+        first[differs] = np.flatnonzero(differs)
+        own = np.unique(first)
+        digests = [blake2b(words[k].tobytes(), digest_size=16).digest() for k in own.tolist()]
+        fresh = [k for k, digest in zip(own.tolist(), digests) if digest not in self._known]
+        at = dict(zip(fresh, self.append(rows[fresh]).tolist()))
+        found = [self._known.setdefault(digest, at.get(k, 0)) for k, digest in zip(own.tolist(), digests)]
+        return np.array(found, np.int64)[np.searchsorted(own, first)]
+
+    def array(self) -> Array:
+        """All tables."""
+        return self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
 
 
 @dataclass
@@ -101,10 +158,9 @@ class ElementPacker:
     """Collects the elements of one strain set."""
 
     meta: list[Array] = field(default_factory=list)
-    tab: list[Array] = field(default_factory=list)
+    tab: TablePool = field(default_factory=TablePool)
     nodes: list[Array] = field(default_factory=list)
     beam: list[int] = field(default_factory=list)
-    n_tab: int = 0
     n_nodes: int = 0
     n_blocks: int = 0
 
@@ -119,39 +175,26 @@ class ElementPacker:
         # idle lanes of the last group repeat its last element
         lane = some[np.minimum(np.arange(8 * groups), some.size - 1)]
 
-        def lanes(x: Array) -> Array:
-            return x[lane].reshape(groups, 8, *x.shape[1:])
-
-        size = group_table_size(nn, nq)
-        tab = np.empty((groups, size // 8, 8))
-        section = elements.section[lane].reshape(groups, 8)
-        tab[:, :36] = elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1)
-        points = tab[:, 36:36 + nq * (7 + 3 * nn)].reshape(groups, nq, 7 + 3 * nn, 8)
-        points[:, :, 0] = lanes(elements.weight).transpose(0, 2, 1)
-        for k, shape in enumerate((elements.phi_s, elements.dir, elements.dir_s)):
-            points[:, :, 1 + k:1 + 3 * nn:3] = lanes(shape).transpose(0, 2, 3, 1)
-        points[:, :, 1 + 3 * nn:] = reference_strains(elements, lane, phi, d).reshape(groups, 8, nq, 6).transpose(0, 2, 3, 1)
-        rest = tab[:, 36 + nq * (7 + 3 * nn):]
-        rest[:, :3] = elements.inertia[section].transpose(0, 2, 1)
-        for k, mass in enumerate((elements.mass_phi, elements.mass_dir)):
-            at = 3 + k * nn * nn
-            rest[:, at:at + nn * nn] = lanes(mass.reshape(len(mass), -1)).transpose(0, 2, 1)
-        coupled = elements.coupled[lane].reshape(groups, 8).any(axis=1)
         k = np.arange(groups)
-        self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), self.n_tab + size * k, self.n_nodes + 8 * nn * k,
+        offset, strains = [], []
+        for begin in range(0, lane.size, CHUNK):
+            part = lane[begin:begin + CHUNK]
+            offset.append(self.tab.share(_group_tables(elements, part)))
+            reference = reference_strains(elements, part, phi, d).reshape(-1, 8, 6 * nq)
+            strains.append(self.tab.append(reference.transpose(0, 2, 1).reshape(-1, 48 * nq)))
+        coupled = elements.coupled[lane].reshape(groups, 8).any(axis=1)
+        self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), np.concatenate(offset), self.n_nodes + 8 * nn * k,
                                    0 * k if beam else self.n_blocks + 8 * nn * nn * k, coupled.astype(np.int64),
-                                   np.full(groups, -1)), axis=1))
-        self.tab.append(tab.reshape(-1))
-        nodes = lanes(elements.nodes)
+                                   np.full(groups, -1), np.concatenate(strains)), axis=1))
+        nodes = elements.nodes[lane].reshape(groups, 8, nn)
         idle = (np.arange(8 * groups) >= some.size).reshape(groups, 8)
         self.nodes.append(np.stack((nodes, np.where(idle[:, :, None], -1, nodes)), axis=-1).transpose(0, 2, 1, 3).reshape(-1, 2))
-        self.n_tab += groups * size
         self.n_nodes += 8 * nn * groups
         self.n_blocks += 0 if beam else 8 * nn * nn * groups
         self.beam.append(beam)
 
     def lanes(self) -> Any:
-        """(meta [groups, 7], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams."""
+        """(meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams."""
         for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
             if not beam:
                 yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
@@ -195,9 +238,8 @@ class ElementPacker:
             return None
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
-        tab = self.tab[0] if len(self.tab) == 1 else np.concatenate(self.tab)
         meta = [x for last in (False, True) for x, beam in zip(self.meta, self.beam) if (beam > 0) == last]
-        return ElementTables(np.ascontiguousarray(np.concatenate(meta)).astype(np.int64), tab,
+        return ElementTables(np.ascontiguousarray(np.concatenate(meta)).astype(np.int64), self.tab.array(),
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
 

@@ -4,8 +4,9 @@ Unknowns per node are the position increment and the spin increment at the end o
 by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, theory.md (4.2).
 With both ends equal the same kernel is statics; its tangent is then half the static one.
 
-Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 36; per point: weight, (phi_s, dir, dir_s) of every
-node, 6 reference strains; rhoA, rhoI2, rhoI3; position masses nn*nn; director masses nn*nn.
+Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 36; per point: weight, (phi_s, dir, dir_s) of every node;
+rhoA, rhoI2, rhoI3; position masses nn*nn; director masses nn*nn. Groups that are equal share it. Reference strains, 6 per point,
+stand apart.
 """
 from __future__ import annotations
 
@@ -25,8 +26,8 @@ B_LANES = 18 * 8     # six rotation rows of a node
 class ElementTables(NamedTuple):
     """Constant tables of all elements with one strain set; G groups of 8 lanes."""
 
-    meta: np.ndarray     # int64 [G, 7]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled, offset of
-    #                      the factors of inner nodes or -1
+    meta: np.ndarray     # int64 [G, 8]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled, offset of
+    #                      the factors of inner nodes or -1, of the reference strains in tab
     tab: np.ndarray      # float64 [*], see the module docstring
     nodes: np.ndarray    # int64 [*]: per group nn x 8 node numbers; idle lanes repeat the last element
     rows: np.ndarray     # int64 [*]: per group nn x 8 rows of the residual; idle lanes point to the row behind the last
@@ -35,7 +36,7 @@ class ElementTables(NamedTuple):
 
 def point_table_size(nn: int) -> int:
     """Doubles per quadrature point in `tab`."""
-    return 8 * (7 + 3 * nn)
+    return 8 * (1 + 3 * nn)
 
 
 def group_table_size(nn: int, nq: int) -> int:
@@ -360,7 +361,8 @@ def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin
         no = meta[k, 3]
         bo = meta[k, 4]
         coupled = meta[k, 5] != 0
-        pt = 8 * (7 + 3 * nn)
+        pt = 8 * (1 + 3 * nn)
+        eo0 = meta[k, 7]
         to0 = co + 288
         mo = to0 + nq * pt
         # scratch: coordinates, inertia, forces, residual, tangent, then the points
@@ -405,7 +407,7 @@ def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin
             interpolate(tab, to, nn, scratch, 0, zm)
             interpolate(tab, to, nn, scratch, 96, ze)
             room = zm + 720
-            mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room)
+            mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room)
             stresses(tab, co, to, coupled, scratch, eo, so)
             add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
             if mixed:

@@ -13,7 +13,7 @@ def element_momenta(tables, n_rows, v, p_out):
     tab = tables.tab
     for k in range(meta.shape[0]):
         nn = meta[k, 0]
-        mo = meta[k, 2] + 288 + meta[k, 1] * 8 * (7 + 3 * nn)
+        mo = meta[k, 2] + 288 + meta[k, 1] * 8 * (1 + 3 * nn)
         no = meta[k, 3]
         for lane in range(8):
             if tables.rows[no + lane] == n_rows:
@@ -70,7 +70,7 @@ def strain_energy(tables, n_rows, q, green, work):
             if tables.rows[no + lane] == n_rows:
                 continue
             for g in range(meta[k, 1]):
-                to = meta[k, 2] + 288 + 8 * (7 + 3 * nn) * g + lane
+                to = meta[k, 2] + 288 + 8 * (1 + 3 * nn) * g + lane
                 f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
                 for a in range(nn):
                     t = to + 8 + 24 * a
@@ -91,7 +91,7 @@ def strain_energy(tables, n_rows, q, green, work):
                     work[4] = dot(f, k3)
                     work[5] = -dot(f, k2)
                 for i in range(6):
-                    work[i] -= tab[to + 8 + 24 * nn + 8 * i]
+                    work[i] -= tab[meta[k, 7] + 48 * g + 8 * i + lane]
                 energy = 0.0
                 for i in range(6):
                     for j in range(6):

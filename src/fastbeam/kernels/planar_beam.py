@@ -8,8 +8,8 @@ J u, u turned by a right angle, the third is the constant normal. The strains th
 where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
 director, columns with the spin at the end.
 
-Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 9; per point: weight, (phi_s, dir, dir_s) of every node, 3
-reference strains; rhoA, rhoI; position masses nn*nn; director masses nn*nn.
+Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 9; per point: weight, (phi_s, dir, dir_s) of every node;
+rhoA, rhoI; position masses nn*nn; director masses nn*nn. Reference strains, 3 per point, stand apart, as in kernels/beam.py.
 """
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .inner import eliminate_inner
 
 def planar_point_size(nn: int) -> int:
     """Doubles per quadrature point in `tab`."""
-    return 8 * (4 + 3 * nn)
+    return 8 * (1 + 3 * nn)
 
 
 def planar_group_size(nn: int, nq: int) -> int:
@@ -35,7 +35,7 @@ def planar_scratch_size(nn: int, nq: int) -> int:
 
 
 @kernel
-def planar_point(tab, co, to, nn, scratch, fo, lo, mixed, u_step, po, green):
+def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, u_step, po, green):
     """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
     (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4,
     then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns rotation-translation 2
@@ -58,7 +58,6 @@ def planar_point(tab, co, to, nn, scratch, fo, lo, mixed, u_step, po, green):
         e = 0.5 * (dot(f, f) + dot(df, df))
         c = cross2(f, k) + cross2(df, dk)
     w = vld(tab, to, 0)
-    e0 = to + 8 + 24 * nn
     e -= vld(tab, e0, 0); g -= vld(tab, e0 + 8, 0); c -= vld(tab, e0 + 16, 0)
     c00 = w * vld(tab, co, 0); c01 = w * vld(tab, co + 8, 0); c02 = w * vld(tab, co + 16, 0)
     c11 = w * vld(tab, co + 32, 0); c12 = w * vld(tab, co + 40, 0); c22 = w * vld(tab, co + 64, 0)
@@ -214,7 +213,8 @@ def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green
         co = meta[k, 2]
         no = meta[k, 3]
         bo = meta[k, 4]
-        pt = 8 * (4 + 3 * nn)
+        pt = 8 * (1 + 3 * nn)
+        eo0 = meta[k, 7]
         to0 = co + 72
         mo = to0 + nq * pt
         # scratch: coordinates of the midpoint and the end, inertia, forces, residual, tangent, then the points
@@ -251,7 +251,7 @@ def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green
                 vst2(scratch, fo + 32 * a, 8, rho * p)
                 vst2(scratch, fo + 32 * a + 16, 8, j * d)
         for g in range(nq):
-            planar_point(tab, co, to0 + pt * g, nn, scratch, fo, lo, mixed, u, po0 + ps * g, green)
+            planar_point(tab, co, to0 + pt * g, eo0 + 24 * g, nn, scratch, fo, lo, mixed, u, po0 + ps * g, green)
         for a in range(nn):
             for b in range(nn):
                 planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))

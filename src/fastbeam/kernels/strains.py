@@ -47,14 +47,13 @@ def quadratic_strains(scratch, z, green, eo, add):
 
 
 @kernel
-def mean_strains(tab, to, nn, scratch, zm, ze, green, middle, eo, room):
-    """(E_n + E_n+1)/2 - E0: E quadratic gives E(z_mid) + E(z_end - z_mid). `middle`: only E(z_mid)."""
+def mean_strains(tab, e0, scratch, zm, ze, green, middle, eo, room):
+    """(E_n + E_n+1)/2 - E0: E quadratic gives E(z_mid) + E(z_end - z_mid). `middle`: only E(z_mid). e0: where E0 stands."""
     quadratic_strains(scratch, zm, green, eo, False)
     if middle is None:
         for i in range(0, 168, 8):
             vst(scratch, room + i, 0, vld(scratch, ze + i, 0) - vld(scratch, zm + i, 0))
         quadratic_strains(scratch, room, green, eo, True)
-    e0 = to + 8 + 24 * nn
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) - vld(tab, e0 + i, 0))
 
