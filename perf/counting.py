@@ -184,8 +184,8 @@ def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     work, tables = model.work(), model.simo
     line = work.line._replace(use=np.array([float(mixed), 0.0, 0.0]))
     end = work.r, work.blocks
-    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, work.q_mid, work.q_end, line,
-                 work.u, 1.0, None, None, None, *(end if assembled else (None, None)), work.scratch, model.size)
+    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, model.q0, work.dq, model.v0, None,
+                 line, 1.0, 1.0, None, None, None, *(end if assembled else (None, None)), work.scratch, model.size)
 
 
 def element_kernel(model: Model, mixed: float) -> float:
@@ -239,15 +239,9 @@ def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -
 
 
 def node_loops(model: Model) -> int:
-    """Of a node of a model in space in every iteration: both ends of the step, and the increments."""
+    """Of a node of a model in space in every iteration: the increments."""
     a, row_of = slice(12), np.zeros(1, np.int64)
-    return spread_of_node() + count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, a, a)
-
-
-def spread_of_node() -> int:
-    """The first part of `node_loops`."""
-    a = slice(12)
-    return count(nodes.spread, a, a, a, 1.0, 0, 12, a, a, a)
+    return count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, a)
 
 
 def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
@@ -263,9 +257,8 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], stepper.core_state, work.dq,
-                             1.0, work.q_mid, work.q_end, work.line._replace(use=np.array([use, 0.0, 0.0])), work.u, 1.0, None,
-                             work.r, work.scratch, model.size, without=("spread",))
+        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], model.q0, work.dq, model.v0,
+                             work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.r, work.scratch, model.size)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
     return out

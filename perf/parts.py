@@ -84,7 +84,7 @@ class ChainParts:
     def __init__(self, model: Model, step: float, mixed: bool = True) -> None:
         self.model, self.stepper = model, Stepper(model, np.ones(1))
         self.stepper.advance(0.0, step, 3)
-        self.work, self.rate = self.stepper.work, 2.0 / step**2
+        self.work, self.step, self.rate = self.stepper.work, step, 2.0 / step**2
         self.work.line.use[0] = float(mixed)
         self.groups = len(model.simo.meta)
         self.n = len(model.size)
@@ -96,8 +96,9 @@ class ChainParts:
         """Residual and tangent of so many groups of elements (default: all), added up or left in scratch."""
         w, m = self.work, self.model
         end = (w.r, w.blocks) if assembled else (None, None)
-        element_groups(m.simo, 0, self.groups if groups is None else groups, self.stepper.inner if assembled else None, w.q_mid,
-                       w.q_end, w.line, w.u, self.rate, None, None, None, *end, w.scratch, m.size)
+        state = self.stepper.core_state
+        element_groups(m.simo, 0, self.groups if groups is None else groups, self.stepper.inner if assembled else None, state.q,
+                       w.dq, state.v, None, w.line, self.step, self.rate, None, None, None, *end, w.scratch, m.size)
 
     def fill(self) -> None:
         """Blocks and right-hand sides of the iteration."""

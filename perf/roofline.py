@@ -195,10 +195,9 @@ def condensed(model: Any, case: str, threads: int, ceilings: Ceilings, seconds: 
     else:
         factors, solution = float(counting.elimination(plan, len(model.size))), 0.0
     limits = ceilings.peak(threads), ceilings.bandwidth(sum(traffic.kept(stepper).values()), threads)
-    spread = float(model.n_nodes * counting.spread_of_node())
-    nodes = model.n_nodes * counting.node_loops(model) - spread
-    times = [("whole iteration", best.sum(), beams + spread + factors + solution + again + nodes, sum(moved.values())),
-             ("elements, condensation", best[0], beams + spread, moved["beams"]),
+    nodes = float(model.n_nodes * counting.node_loops(model))
+    times = [("whole iteration", best.sum(), beams + factors + solution + again + nodes, sum(moved.values())),
+             ("elements, condensation", best[0], beams, moved["beams"]),
              ("ends: PARDISO" if plan is None else "ends: block elimination", best[1], factors + solution, moved["solve"]),
              ("recovery, nodes", best[2], again + nodes, moved["recover"])]
     return [Part(case, name, threads, 1e6 * t / elements, f / elements, b / elements, *limits) for name, t, f, b in times]

@@ -76,7 +76,7 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     m, s, w = stepper.core, stepper.core_state, stepper.work
     if m.sliders is not None or m.bodies is not None or m.ties is not None or stepper.alpha is not None:
         raise ValueError("bytes are counted for the conserving step of beams alone, without sliders, bodies or ties")
-    line = (w.line.q_last, w.line.q_line)
+    line = (w.line.last, w.line.x)
     tables = (m.simo, m.green)
     row = 8 * NUMBER
     step = 1.0 / iterations
@@ -86,38 +86,36 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     if w.keep_q.size:
         out.append(Pass("remember the state", "step", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step))
     if mixed > 0.0:
-        out.append(Pass("start the line", "step", (s.q,), line, step))
+        out.append(Pass("start the line", "step", (), line, step))
     out.append(Pass("clear", "nodes", (w.f_ext,), (w.r, w.blocks)))
-    ends = (s.q, s.v, w.dq), (w.q_mid, w.q_end, w.u)
+    step_of = (s.q, s.v, w.dq)
     followed = mixed * nbytes(line)
     inner = stepper.inner
     store = None if inner is None else inner.store
     indices = tuple((t.rows, t.meta) for t in tables if t is not None)
     if m.substructures is None:
-        out += [Pass("both ends of the step", "nodes", *ends),
-                Pass("elements", "elements", (tables, ends[1], followed, w.r, w.blocks), (w.r, w.blocks, store))]
+        out.append(Pass("elements", "elements", (tables, step_of, followed, w.r, w.blocks), (w.r, w.blocks, store)))
     else:
         subs = stepper.parts.subs  # type: ignore[attr-defined]
         interior = row * int(np.sum((subs.group[:, 1] * (subs.group[:, 2] - 1) - 1) * 8))
         rows = row * (subs.row_start.size - 1)
         lists = (subs.block_start, subs.block_term, subs.row_start, subs.row_term)
-        # what a group of beams needs is formed with it, and read while it is in the cache
-        out += [Pass("elements, condensed", "elements", (tables, ends[0], followed, interior),
-                     (ends[1], subs.store, subs.ends, interior, store)),
+        out += [Pass("elements, condensed", "elements", (tables, step_of, followed, interior),
+                     (subs.store, subs.ends, interior, store)),
                 Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, rows), (w.blocks, rows))]
     if m.held is not None:
         touched = len(m.size) * row * m.held.block.size
         out.append(Pass("supports", "nodes", (m.held, touched), (touched,)))
     out += _solution(stepper)
-    out.append(Pass("solution to rows", "elimination", (w.panel,), (w.x[:8 * m.panel_rows],)))
+    out.append(Pass("solution to rows", "elimination", (w.panel,), (w.line.x[:8 * m.panel_rows],)))
     if inner is not None:
-        out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.x), (row * inner.element.size,)))
-    increments = (m.pattern.row_of, s.q, w.theta, w.dq), (line, w.theta, w.dq)
+        out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.line.x), (row * inner.element.size,)))
+    increments = (m.pattern.row_of, s.q, w.theta, w.dq), (w.line.last, w.theta, w.dq)
     if m.substructures is None:
-        out.append(Pass("increments", "nodes", (*increments[0], w.x), increments[1]))
+        out.append(Pass("increments", "nodes", (*increments[0], w.line.x), increments[1]))
     else:
         out.append(Pass("recover the beams, increments", "elimination", (*increments[0], subs.store, indices),
-                        (*increments[1], w.x)))
+                        (*increments[1], w.line.x)))
     return out
 
 

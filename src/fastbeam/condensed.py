@@ -24,6 +24,8 @@ from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
 Chunk = tuple[int, int]
+# coordinates, increments, velocities, last increment, size of the step and rate of `beam.element_groups`
+Step = tuple[Array, Any, Any, Any, Any, Any]
 # chunks of one kind at most
 MOST_CHUNKS = 64
 # elements from which on one more thread pays
@@ -92,11 +94,11 @@ class _Space:
     predict_sliders, add_sliders, add_bodies = slider.predict_sliders, slider.add_sliders, nodes.add_bodies
 
     @staticmethod
-    def add_elements(tables: ElementTables, inner: Any, work: Work, u: Array | None, rate: float | None, green: int | None,
-                     size: Any) -> None:
+    def add_elements(tables: ElementTables, inner: Any, step: Step, work: Work, green: int | None, size: Any) -> None:
         """Elements that are not in condensed beams."""
-        beam.element_groups(tables, 0, len(tables.meta), inner, work.q_mid, work.q_end, work.line, u, rate, None, green, None,
-                            work.r, work.blocks, work.scratch, size)
+        q, dq, v, line, h, rate = step
+        beam.element_groups(tables, 0, len(tables.meta), inner, q, dq, v, None, line, h, rate, None, green, None, work.r,
+                            work.blocks, work.scratch, size)
 
 
 class _Plane:
@@ -109,11 +111,9 @@ class _Plane:
                                                 planar_nodes.add_planar_bodies)
 
     @staticmethod
-    def add_elements(tables: ElementTables, inner: Any, work: Work, u: Array | None, rate: float | None, green: int | None,
-                     size: Any) -> None:
+    def add_elements(tables: ElementTables, inner: Any, step: Step, work: Work, green: int | None, size: Any) -> None:
         """Elements that are not in condensed beams."""
-        planar_beam.planar_groups(tables, 0, len(tables.meta), inner, work.q_mid, work.q_end, work.line, u, rate, green, work.r,
-                                  work.blocks, work.scratch, size)
+        planar_beam.planar_groups(tables, 0, len(tables.meta), inner, *step, green, work.r, work.blocks, work.scratch, size)
 
 
 class CondensedIteration(Iteration):
@@ -185,7 +185,7 @@ class CondensedIteration(Iteration):
     def start(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
-        start_line(state, work)
+        start_line(work)
         c = extrapolation(work.past, h)
         self.team.each(lambda _, x: self.kernels.predict(state.q, state.v, h, c, work.past, m.spinless, *x, work.theta, work.dq),
                        self._nodes)
@@ -212,27 +212,28 @@ class CondensedIteration(Iteration):
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
-        rate = 2.0 / (h * h)
+        now = (state.q, work.dq, state.v, work.line, h, 2.0 / (h * h))
 
         def add_rest() -> None:
             # what acts on inner nodes stands in the residual before they are eliminated
             if s.contact is not None:
                 self.kernels.add_sliders(m.curves, m.sliders, s.contact, m.ties, m.pattern.row_of, state.q, work.q_mid,
                                          work.q_end, work.theta, state.s, work.s_end, state.force, work.r)
-            self._add_elements(work.u, rate)
+            self._add_elements(now)
             if m.bodies is not None:
-                self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
+                self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, now[-1], work.r, work.blocks)
 
-        self._assemble(add_rest, h, work.u, rate, m.held)
+        self._assemble(add_rest, now, m.held)
 
-    def _add_elements(self, u: Array | None, rate: float | None) -> None:
+    def _add_elements(self, now: Step) -> None:
         for tables, green in self._rest:
-            self.kernels.add_elements(tables, self.owner.inner, self.owner.work, u, rate, green, self.owner.core.size)
+            self.kernels.add_elements(tables, self.owner.inner, now, self.owner.work, green, self.owner.core.size)
 
     def assemble_static(self) -> None:
-        self._assemble(lambda: self._add_elements(None, None), None, None, None, self.owner.core.static_held)
+        now = (self.owner.core_state.q, None, None, self.owner.work.line, None, None)
+        self._assemble(lambda: self._add_elements(now), now, self.owner.core.static_held)
 
-    def _assemble(self, add_rest: Callable[[], None], h: float | None, u: Array | None, rate: float | None, held: Any) -> None:
+    def _assemble(self, add_rest: Callable[[], None], now: Step, held: Any) -> None:
         s, m = self.owner, self.owner.core
         state, work, n = s.core_state, s.work, 8 * len(m.size)
         if s.inner is not None:
@@ -242,13 +243,13 @@ class CondensedIteration(Iteration):
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
             if kind == "others":
-                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, h, work.q_mid, work.q_end, u)
+                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, now[4], work.q_mid, work.q_end, work.u)
             elif kind == "rows":
                 np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
             else:
                 work.blocks[n * a:n * b] = 0.0
 
-        kinds = ("others", self._some), ("rows", self._nodes), ("blocks", self._blocks)
+        kinds = ("others", self._some if work.q_mid.size else []), ("rows", self._nodes), ("blocks", self._blocks)
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
@@ -257,8 +258,7 @@ class CondensedIteration(Iteration):
                 add_rest()
                 return
             tables, green, some = x
-            beams.condense(self.subs, tables, *some, *s.kind[:2], state, work.dq, h, work.q_mid, work.q_end, work.line, u, rate,
-                           green, work.r, self._scratch[thread], m.size)
+            beams.condense(self.subs, tables, *some, *s.kind[:2], *now, green, work.r, self._scratch[thread], m.size)
 
         self.team.each(condense, [None, *self._groups])
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
@@ -289,9 +289,13 @@ class CondensedIteration(Iteration):
         if s.inner is not None:
             step.take_rows(*s.kind[:2], m.simo, m.green, s.inner, m.ties, factor, factor, m.width, s.work, m.size)
             return
-        border.take_solution(s.work.panel, m.width, factor, s.work.x, m.size)
-        if m.ties is not None:
-            self.kernels.push_tied(m.ties, s.work.q_end, s.work.x, 8, 1, 1)
+        border.take_solution(s.work.panel, m.width, factor, s.work.line.x, m.size)
+        self._push_ties()
+
+    def _push_ties(self) -> None:
+        """Rows of increments of tied nodes from those of their targets."""
+        if self.owner.core.ties is not None:
+            self.kernels.push_tied(self.owner.core.ties, self.owner.work.q_end, self.owner.work.line.x, 8, 1, 1)
 
     def _move(self, factor: float) -> float:
         """Recover the interior of the beams and add the increments of all nodes; factor: increment per solution of the equations.
@@ -308,7 +312,7 @@ class CondensedIteration(Iteration):
         # NaN stays the largest
         move, spin = (float(x) for x in np.max(found, axis=0))
         if m.ties is not None:
-            self.kernels.tie_increments(m.ties, work.theta, work.dq, work.line.q_line)
+            self.kernels.tie_increments(m.ties, work.theta, work.dq)
         follow_line(work.line, move / m.length + spin)
         return move / m.length + spin
 
@@ -321,12 +325,11 @@ class CondensedIteration(Iteration):
         else:
             if s.inner is not None:
                 step.complete_panel(*s.kind[:2], s.inner, m.ties, m.width, work, m.size)
-            elif m.ties is not None:
-                self.kernels.push_tied(m.ties, work.q_end, work.panel, len(m.size) * m.width, m.width, m.width)
-            singular = border.solve_border(s.contact, state.force, work.panel, m.width, work.rows, work.schur, work.y, work.x,
-                                           m.size)
+            singular = border.solve_border(s.contact, state.force, work.panel, m.width, work.rows, work.schur, work.y,
+                                           work.line.x, m.size)
             if singular >= 0:
                 return -1.0 - singular
+            self._push_ties()
             found = work.y.reshape(m.n_sliders, m.border)
             state.force[:] += found[:, :m.dim].reshape(-1)
             work.s_end[:] += found[:, m.dim]
@@ -343,7 +346,9 @@ class CondensedIteration(Iteration):
             work.dq[q * x[0]:q * x[1]] = 0.0
 
         def add(_: int, x: Chunk) -> None:
-            state.q[q * x[0]:q * x[1]] += work.dq[q * x[0]:q * x[1]]
+            some = slice(q * x[0], q * x[1])
+            state.q[some] += work.dq[some]
+            np.negative(work.dq[some], out=work.line.last[some])
 
         self.team.each(clear, self._nodes)
         moved = self._move(-0.5)

@@ -239,21 +239,24 @@ class Model:
             return None
         return place_stores(self.substructures, len(self.size))
 
-    def work(self, keep: bool = True) -> Work:
-        """Work arrays of one run; keep: with room for the state before a step."""
+    def work(self, keep: bool = True, rates: bool = False) -> Work:
+        """Work arrays of one run; keep: with room for the state before a step; rates: second rates come from elsewhere (generalised
+        alpha)."""
         n, s, size = self.n_nodes, self.n_sliders, len(self.size)
         kept = int(keep)
         q = self.q0.size
+        # what is not a beam takes the coordinates from these
+        moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None)
         border = self.border * s
-        return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(q), q_end=np.zeros(q), u=np.zeros(q),
-                    s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
+        return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(moved), q_end=np.zeros(moved),
+                    u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
                     schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
                     keep_force=np.zeros(kept * self.dim * s), past=np.zeros(self.past_size),
-                    keep_past=np.zeros(kept * self.past_size), x=np.zeros(8 * (n + 1)),
-                    line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(q)))
+                    keep_past=np.zeros(kept * self.past_size),
+                    line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(8 * (n + 1))))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""

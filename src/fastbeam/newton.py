@@ -26,8 +26,7 @@ AUGMENTATION = 1e7
 # a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
-BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past",
-           "line")
+BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past")
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
@@ -112,7 +111,8 @@ class Stepper:
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         self.weights = np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
-        self.work = core.work(keep=self.weights.size > 1 or core.n_sliders > 0 or method.parameters is not None)
+        rates = method.parameters is not None
+        self.work = core.work(keep=self.weights.size > 1 or core.n_sliders > 0 or rates, rates=rates)
         self.inner = core.inner_work()
         self.contact = core.contact()
         condensed = core.substructures is not None

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -122,7 +121,6 @@ class TablePool:
 
     def __init__(self) -> None:
         self._parts: list[Array] = []
-        self._known: dict[bytes, int] = {}
         self._size = 0
 
     def append(self, rows: Array) -> Array:
@@ -133,7 +131,7 @@ class TablePool:
         return at
 
     def share(self, rows: Array) -> Array:
-        """The same for rows of which many are equal."""
+        """The same for rows of which many are equal; those of one call are compared."""
         words = np.ascontiguousarray(rows).view(np.uint64)
         # a quick hash; what has the same and differs is only not shared
         key = words @ (0x9E3779B97F4A7C15 * np.arange(1, 2 * words.shape[1], 2, dtype=np.uint64))
@@ -142,11 +140,7 @@ class TablePool:
         differs = (words != words[first]).any(axis=1)
         first[differs] = np.flatnonzero(differs)
         own = np.unique(first)
-        digests = [blake2b(words[k].tobytes(), digest_size=16).digest() for k in own.tolist()]
-        fresh = [k for k, digest in zip(own.tolist(), digests) if digest not in self._known]
-        at = dict(zip(fresh, self.append(rows[fresh]).tolist()))
-        found = [self._known.setdefault(digest, at.get(k, 0)) for k, digest in zip(own.tolist(), digests)]
-        return np.array(found, np.int64)[np.searchsorted(own, first)]
+        return self.append(rows[own])[np.searchsorted(own, first)]
 
     def array(self) -> Array:
         """All tables."""

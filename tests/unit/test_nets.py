@@ -230,7 +230,7 @@ def test_statics_of_a_ball_net_holds_the_spin_that_nothing_holds() -> None:
     from fastbeam.kernels import step as kernels
     from fastbeam.kernels.blocks import SIX
     from fastbeam.kernels.space import assemble_rest
-    work = model.work()
+    work = model.work(rates=True)
     kernels.external_forces(model.loads, np.ones(1), work.f_ext)
     work.u[:] = 0.0
     assemble_rest(model.simo, None, None, model.ties, model.held, result.state, work, SIX)

@@ -73,7 +73,7 @@ def test_an_operation_without_a_counter_is_named() -> None:
     model = compiled(8, 1)
     work = model.work()
     with pytest.raises(LookupError, match="'cross2' has no counter"):
-        counting.count(planar_beam.planar_groups, model.simo, 0, 1, None, work.q_mid, work.q_end, work.line, work.u, 1.0, None,
+        counting.count(planar_beam.planar_groups, model.simo, 0, 1, None, model.q0, work.dq, model.v0, work.line, 1.0, 1.0, None,
                        work.r, work.blocks, work.scratch, (0, 0, 0))
 
 
@@ -124,11 +124,10 @@ def test_bytes_of_the_passes_of_a_chain() -> None:
     by_name = {p.name: p for p in traffic.passes(stepper, iterations, mixed)}
     nodes = elements + 1
     q, blocks, rows = 96 * nodes, 384 * (3 * nodes - 2 + 1), 64 * (nodes + 1)
-    ends = by_name["both ends of the step"]
-    assert (ends.read, ends.written) == (3 * q, 3 * q)
     found = by_name["elements"]
     assert found.written == rows + blocks
-    assert found.read == arrays(model.simo) + 5 * q + rows + blocks
+    # coordinates, increments, velocities; for the line the increments before and rows
+    assert found.read == arrays(model.simo) + 4 * q + 2 * rows + blocks
     assert by_name["factors"].written == blocks - 384 + 48 * nodes + 384 * nodes
     assert by_name["back substitution"].written == 384 * nodes
     assert by_name["increments"].read == 8 * nodes + 2 * q + 24 * nodes + rows
@@ -168,7 +167,7 @@ def test_passes_write_what_changes(case: str) -> None:
     assert stepper.advance(0.0, STEP, 1).steps == 1
     changed = {key for key, x in arrays_of_run.items() if not np.array_equal(x, before[key])}
     written = {place(x) for p in traffic.passes(stepper, *rest) for x in every_array(p.writes)}
-    assert changed <= written and len(changed) > 10
+    assert changed <= written and len(changed) > 8
 
 
 def test_bytes_grow_with_the_elements_only() -> None:

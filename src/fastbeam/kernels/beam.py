@@ -18,7 +18,7 @@ from .._jit import kernel, one_variant
 from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatter_rows, vadd3, vadd_matrix, vld, vld3,
                       vldm, vst, vst3, vst_matrix, vstm, vzero, vzero3, vzerom)
 from .inner import eliminate_inner
-from .strains import Q_LANES, interpolate, mean_strains, stresses, unused_strains
+from .strains import Q_LANES, gather_ends, gather_line, interpolate, mean_strains, stresses, unused_strains
 
 B_LANES = 18 * 8     # six rotation rows of a node
 
@@ -338,13 +338,14 @@ def project_node(scratch, q, fo, go, ro, ko):
 
 
 @one_variant
-def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
+def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
                    size):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; without r_out and blocks_out (None) they
     stay in `scratch`: rows from 384 nn on, blocks from 432 nn on.
 
-    q_mid, q_end, u: [12 N]; u is None in statics. line: the last increment (work.Line); where it says so, the tangent takes the
-    stresses to which that led in a straight line, theory.md (4.6), else those of the present shape.
+    q, dq, v: [12 N], coordinates at the start of the step of size h, their increments and velocities; statics has only q. u: None,
+    else second rates of the coordinates instead of those of the conserving step. line: the last increment (work.Line); where it
+    says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6), else those of the present shape.
     rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of d2, d3 by the spins (generalised
     alpha). green: None for strain set (2.2), else (2.1); branches on what is
     None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit
@@ -373,26 +374,19 @@ def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin
         so0 = ko + 288 * nn * nn
         ps = 8 * (6 + 9 + 54 * nn + 78)
         for a in range(nn):
-            gather_lanes(q_mid, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a)
-            gather_lanes(q_end, tables.nodes, no + 8 * a, 12, 12, scratch, Q_LANES * a + 96)
-        for i in range(fo, ko):
-            scratch[i] = 0.0
-        if u is not None:
-            for a in range(nn):
-                gather_lanes(u, tables.nodes, no + 8 * a, 12, 12, scratch, uo + 96 * a)
+            gather_ends(tables, no + 8 * a, 12, q, dq, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a)
+        for i in range(fo, fo + 96 * nn, 8):
+            vst(scratch, i, 0, 0.0)
+        if v is not None or u is not None:
             add_inertia_forces(tab, mo, nn, scratch, uo, fo)
         vo = so0 + nq * ps
         lo = vo + 144 * nn
         go = lo + Q_LANES * nn
         if mixed:
             for a in range(nn):
-                q = lo + Q_LANES * a
-                gather_lanes(line.q_line, tables.nodes, no + 8 * a, 12, 12, scratch, q)
-                gather_lanes(line.q_last, tables.nodes, no + 8 * a, 12, 12, scratch, q + 96)
-                for i in range(q, q + 96, 8):
-                    vst(scratch, i + 96, 0, vld(scratch, i, 0) - vld(scratch, i + 96, 0))
-        for i in range(go, go + 96 * nn):
-            scratch[i] = 0.0
+                gather_line(tables, no + 8 * a, q, line, scratch, lo + Q_LANES * a)
+        for i in range(go, go + 96 * nn, 8):
+            vst(scratch, i, 0, 0.0)
         if spin_rate is not None:
             for a in range(nn):
                 gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, 18, scratch, vo + 144 * a)
@@ -415,7 +409,7 @@ def element_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, spin
                 zs = zm + 552
                 interpolate(tab, to, nn, scratch, lo, zl)
                 interpolate(tab, to, nn, scratch, lo + 96, zs)
-                unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room)
+                unused_strains(scratch, zm, ze, zl, zs, dq, spin_rate, green, middle, eo, room)
                 stresses(tab, co, to, coupled, scratch, eo, room)
                 add_forces(tab, to, nn, scratch, zm, room, green, None, go)
                 for i in range(0, 48, 8):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import add3, add_iso, add_matrix, add_skew, cross, dot, ld3, outer, st3, zero3, zerom
+from .algebra import add3, add_iso, add_matrix, add_skew, cross, dot, ld2, ld3, outer, st2, st3, zero3, zerom
 
 
 class Bodies(NamedTuple):
@@ -83,13 +83,16 @@ def remember(theta, dq, s, s_end, force, h, first, last, past):
     every node, s and force of every slider)."""
     n = dq.shape[0] // 12
     m = (past.shape[0] - 3) // 2
-    for k in range(3 + 6 * first, 3 + 6 * last if last < n else 3 + m):
-        past[k + m] = past[k]
     for i in range(first, last):
-        st3(past, 3 + 6 * i, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
-        st3(past, 6 + 6 * i, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
+        o = 3 + 6 * i
+        st3(past, o + m, 1, ld3(past, o, 1))
+        st3(past, o + m + 3, 1, ld3(past, o + 3, 1))
+        st3(past, o, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
+        st3(past, o + 3, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
     if last < n:
         return
+    for k in range(3 + 6 * n, 3 + m):
+        past[k + m] = past[k]
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
@@ -101,38 +104,37 @@ def remember(theta, dq, s, s_end, force, h, first, last, past):
 
 @kernel
 def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
-    """Mid and end coordinates and u = 2/h^2 (dq - h v), of the coordinates from `first` to before `last`; in statics, where h is
-    None, both are the present ones."""
-    if h is None:
-        for k in range(first, last):
-            q_mid_out[k] = q[k]
-            q_end_out[k] = q[k]
-    else:
-        for k in range(first, last):
-            q_mid_out[k] = q[k] + 0.5 * dq[k]
-            q_end_out[k] = q[k] + dq[k]
-            u_out[k] = (2.0 / (h * h)) * (dq[k] - h * v[k])
+    """Mid and end coordinates and u = 2/h^2 (dq - h v), of the coordinates from `first` to before `last`, where there is room for
+    them; in statics, where h is None, both are the present ones."""
+    for k in range(first, min(last, q_mid_out.shape[0]), 2):
+        x = ld2(q, k, 1)
+        if h is None:
+            st2(q_mid_out, k, 1, x)
+            st2(q_end_out, k, 1, x)
+        else:
+            y = ld2(dq, k, 1)
+            st2(q_mid_out, k, 1, x + 0.5 * y)
+            st2(q_end_out, k, 1, x + y)
+    if h is not None:
+        for k in range(first, min(last, u_out.shape[0]), 2):
+            st2(u_out, k, 1, (2.0 / (h * h)) * (ld2(dq, k, 1) - h * ld2(v, k, 1)))
 
 
 @kernel
-def update_nodes(row_of, x, first, last, q, theta, dq, q_last_out, q_line_out):
-    """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`. Returns the
-    largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
+def update_nodes(row_of, x, first, last, q, theta, dq, last_out):
+    """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`, and keep those
+    before in last_out. Returns the largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
     where it runs away to infinity, towards half a turn."""
     largest = 0.0
     spin = 0.0
     for i in range(first, last):
         o = 8 * row_of[i]
         turn = ld3(x, o + 3, 1)
-        for c in range(12):
-            q_last_out[12 * i + c] = q[12 * i + c] + dq[12 * i + c]
-        st3(q_line_out, 12 * i, 1, ld3(q_last_out, 12 * i, 1) + ld3(x, o, 1))
-        for k in range(12 * i + 3, 12 * i + 12, 3):
-            d = ld3(q_last_out, k, 1)
-            st3(q_line_out, k, 1, d + cross(turn, d))
+        for k in range(12 * i, 12 * i + 12, 3):
+            st3(last_out, k, 1, ld3(dq, k, 1))
+        add3(dq, 12 * i, 1, ld3(x, o, 1))
         for c in range(3):
             z = x[o + c]
-            dq[12 * i + c] += z
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)
         # from spin to Cayley vector: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi

@@ -6,19 +6,30 @@ from .nodes import apply_held, extrapolation, spread
 from .planar_beam import planar_groups
 from .planar_nodes import add_planar_bodies, apply_planar_ties, planar_predict, tie_planar
 from .planar_slider import add_planar_sliders, predict_planar_sliders
-from .work import clear, copy, start_line
+from .work import clear, keep, start_line
 
 
 @written_in
 def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    start_line(state, work)
+    start_line(work)
     c = extrapolation(work.past, h)
     planar_predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
     if ties is not None:
         tie_planar(ties, work.dq)
     if sliders is not None:
         predict_planar_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
+
+
+@written_in
+def add_planar_elements(simo, green, inner, q, dq, v, h, rate, work, size):
+    """Residual and tangent of all beams."""
+    if simo is not None:
+        planar_groups(simo, 0, simo.meta.shape[0], inner, q, dq, v, work.line, h, rate, None, work.r, work.blocks, work.scratch,
+                      size)
+    if green is not None:
+        planar_groups(green, 0, green.meta.shape[0], inner, q, dq, v, work.line, h, rate, 1, work.r, work.blocks, work.scratch,
+                      size)
 
 
 @written_in
@@ -30,12 +41,7 @@ def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, con
     if sliders is not None:
         add_planar_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                            work.s_end, state.force, work.r)
-    if simo is not None:
-        planar_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, None, work.r,
-                      work.blocks, work.scratch, size)
-    if green is not None:
-        planar_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, 1, work.r,
-                      work.blocks, work.scratch, size)
+    add_planar_elements(simo, green, inner, state.q, work.dq, state.v, h, rate, work, size)
     if bodies is not None:
         add_planar_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
     if ties is not None:
@@ -48,15 +54,10 @@ def planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, con
 @kernel
 def planar_static(simo, green, inner, ties, held, state, work, size):
     """Residual f_int - f_ext and half the static tangent at the present configuration: a step of equal ends."""
-    copy(state.q, work.q_mid)
-    copy(state.q, work.q_end)
+    keep(state.q, work.q_mid)
+    keep(state.q, work.q_end)
     clear(inner, work)
-    if simo is not None:
-        planar_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, None, work.r,
-                      work.blocks, work.scratch, size)
-    if green is not None:
-        planar_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, 1, work.r,
-                      work.blocks, work.scratch, size)
+    add_planar_elements(simo, green, inner, state.q, None, None, None, None, work, size)
     if ties is not None:
         apply_planar_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
                           work.scratch)

@@ -14,9 +14,9 @@ rhoA, rhoI; position masses nn*nn; director masses nn*nn. Reference strains, 3 p
 from __future__ import annotations
 
 from .._jit import kernel, one_variant
-from .algebra import (component0, component1, cross2, dot, gather_lanes, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero,
-                      vzero2)
+from .algebra import component0, component1, cross2, dot, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero, vzero2
 from .inner import eliminate_inner
+from .strains import gather_ends, gather_planar_line
 
 
 def planar_point_size(nn: int) -> int:
@@ -35,7 +35,7 @@ def planar_scratch_size(nn: int, nq: int) -> int:
 
 
 @kernel
-def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, u_step, po, green):
+def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, v, po, green):
     """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
     (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4,
     then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns rotation-translation 2
@@ -83,7 +83,7 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, u_step, po, green)
             e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
             c = cross2(fl, kl) - cross2(fs, ks) - cross2(fe, ke)
         share = 1.0
-        if u_step is not None:
+        if v is not None:
             share = 0.5    # the start of the step stays as it is
         m1 = share * (c00 * e + c01 * g + c02 * c)
         m2 = share * (c01 * e + c11 * g + c12 * c)
@@ -196,11 +196,11 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
 
 
 @one_variant
-def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green, r_out, blocks_out, scratch, size):
+def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; or leave them in `scratch`, rows
     from 128 nn on, blocks from 152 nn on.
 
-    q_mid, q_end, u: [4 N], the latter None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
+    q, dq, v: [4 N], the latter two None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
     green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
     say so. r_out [8 rows], blocks_out [24 blocks].
     """
@@ -227,21 +227,14 @@ def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green
         lo = po0 + nq * ps
         if mixed:
             for a in range(nn):
-                q = lo + 80 * a
-                gather_lanes(line.q_line, tables.nodes, no + 8 * a, 4, 4, scratch, q)
-                gather_lanes(line.q_last, tables.nodes, no + 8 * a, 4, 4, scratch, q + 32)
-                for i in range(q, q + 32, 8):
-                    vst(scratch, i + 32, 0, vld(scratch, i, 0) - vld(scratch, i + 32, 0))
+                gather_planar_line(tables, no + 8 * a, q, line, scratch, lo + 80 * a)
         for a in range(nn):
             vst2(scratch, lo + 80 * a + 64, 8, vzero2())
         for a in range(nn):
-            gather_lanes(q_mid, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a)
-            gather_lanes(q_end, tables.nodes, no + 8 * a, 4, 4, scratch, 64 * a + 32)
-        for i in range(fo, ro):
-            scratch[i] = 0.0
-        if u is not None:
-            for a in range(nn):
-                gather_lanes(u, tables.nodes, no + 8 * a, 4, 4, scratch, uo + 32 * a)
+            gather_ends(tables, no + 8 * a, 4, q, dq, v, None, None, h, scratch, 64 * a, uo + 32 * a)
+        for i in range(fo, ro, 8):
+            vst(scratch, i, 0, 0.0)
+        if v is not None:
             rho = vld(tab, mo, 0); j = vld(tab, mo + 8, 0)
             for a in range(nn):
                 p = vzero2(); d = vzero2()
@@ -251,7 +244,7 @@ def planar_groups(tables, first, last, inner, q_mid, q_end, line, u, rate, green
                 vst2(scratch, fo + 32 * a, 8, rho * p)
                 vst2(scratch, fo + 32 * a + 16, 8, j * d)
         for g in range(nq):
-            planar_point(tab, co, to0 + pt * g, eo0 + 24 * g, nn, scratch, fo, lo, mixed, u, po0 + ps * g, green)
+            planar_point(tab, co, to0 + pt * g, eo0 + 24 * g, nn, scratch, fo, lo, mixed, v, po0 + ps * g, green)
         for a in range(nn):
             for b in range(nn):
                 planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
+from .algebra import add2, cross2, dot, ld2, ld3, perp, st2, st3, zero2
 
 
 class PlanarBodies(NamedTuple):
@@ -61,13 +61,15 @@ def planar_remember(theta, dq, s, s_end, force, h, first, last, past):
     """As `nodes.remember`: (position and Cayley number of every node, s and force of every slider), two times."""
     n = dq.shape[0] // 4
     m = (past.shape[0] - 3) // 2
-    for k in range(3 + 3 * first, 3 + 3 * last if last < n else 3 + m):
-        past[k + m] = past[k]
     for i in range(first, last):
-        st2(past, 3 + 3 * i, 1, (1.0 / h) * ld2(dq, 4 * i, 1))
-        past[5 + 3 * i] = (1.0 / h) * theta[i]
+        o = 3 + 3 * i
+        st3(past, o + m, 1, ld3(past, o, 1))
+        st2(past, o, 1, (1.0 / h) * ld2(dq, 4 * i, 1))
+        past[o + 2] = (1.0 / h) * theta[i]
     if last < n:
         return
+    for k in range(3 + 3 * n, 3 + m):
+        past[k + m] = past[k]
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
@@ -78,20 +80,17 @@ def planar_remember(theta, dq, s, s_end, force, h, first, last, past):
 
 
 @kernel
-def planar_update(row_of, x, first, last, q, theta, dq, q_last_out, q_line_out):
+def planar_update(row_of, x, first, last, q, theta, dq, last_out):
     """As `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
     for i in range(first, last):
         o = 8 * row_of[i]
-        for c in range(4):
-            q_last_out[4 * i + c] = q[4 * i + c] + dq[4 * i + c]
-        u = ld2(q_last_out, 4 * i + 2, 1)
-        st2(q_line_out, 4 * i, 1, ld2(q_last_out, 4 * i, 1) + ld2(x, o, 1))
-        st2(q_line_out, 4 * i + 2, 1, u + x[o + 2] * perp(u))
+        st2(last_out, 4 * i, 1, ld2(dq, 4 * i, 1))
+        st2(last_out, 4 * i + 2, 1, ld2(dq, 4 * i + 2, 1))
+        add2(dq, 4 * i, 1, ld2(x, o, 1))
         for c in range(2):
             z = x[o + c]
-            dq[4 * i + c] += z
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
                 largest = abs(z)
         t = 1.0 + 0.25 * theta[i] * theta[i]
@@ -153,10 +152,9 @@ def tie_planar(ties, x_out):
 
 
 @kernel
-def tie_planar_increments(ties, theta, dq, q_line):
+def tie_planar_increments(ties, theta, dq):
     """As `ties.tie_increments`."""
     tie_planar(ties, dq)
-    tie_planar(ties, q_line)
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         for e in range(ties.start[i], ties.start[i + 1]):

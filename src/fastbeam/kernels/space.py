@@ -7,13 +7,13 @@ from .beam import element_groups
 from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
 from .ties import apply_ties, tie_coordinates
-from .work import clear, copy, halve, start_line
+from .work import clear, copy, halve, keep, start_line
 
 
 @kernel
 def space_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    start_line(state, work)
+    start_line(work)
     c = extrapolation(work.past, h)
     predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
     if ties is not None:
@@ -23,14 +23,14 @@ def space_start(ties, curves, sliders, contact, spinless, state, work, h):
 
 
 @kernel
-def add_elements(simo, green, inner, rate, spin_rate, middle, work, size):
+def add_elements(simo, green, inner, q, dq, v, u, h, rate, spin_rate, middle, work, size):
     """Residual and tangent of all beams; what acts on inner nodes has to stand in the residual already."""
     if simo is not None:
-        element_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, None,
-                       middle, work.r, work.blocks, work.scratch, size)
+        element_groups(simo, 0, simo.meta.shape[0], inner, q, dq, v, u, work.line, h, rate, spin_rate, None, middle, work.r,
+                       work.blocks, work.scratch, size)
     if green is not None:
-        element_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, work.u, rate, spin_rate, 1,
-                       middle, work.r, work.blocks, work.scratch, size)
+        element_groups(green, 0, green.meta.shape[0], inner, q, dq, v, u, work.line, h, rate, spin_rate, 1, middle, work.r,
+                       work.blocks, work.scratch, size)
 
 
 @kernel
@@ -45,7 +45,8 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
         if sliders is not None:
             add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
                               0.5, work.r)
-        add_elements(simo, green, inner, 0.5 * alpha.factor[1], alpha.spin_rate, None, work, size)
+        add_elements(simo, green, inner, state.q, work.dq, None, work.u, h, 0.5 * alpha.factor[1], alpha.spin_rate, None, work,
+                     size)
         if bodies is not None:
             add_bodies(bodies, work.q_mid, work.q_end, work.u, None, work.r, work.blocks)
             for k in range(bodies.node.shape[0]):
@@ -60,7 +61,7 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
             else:
                 add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                             work.s_end, state.force, work.r)
-        add_elements(simo, green, inner, rate, None, middle, work, size)
+        add_elements(simo, green, inner, state.q, work.dq, state.v, None, h, rate, None, middle, work, size)
         if bodies is not None:
             add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
     if ties is not None:
@@ -79,9 +80,9 @@ def assemble_rest(simo, green, bodies, ties, held, state, work, size):
     """Residual at the present configuration for the second rates in work.u, without contact forces."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
-    start_line(state, work)
+    start_line(work)
     clear(None, work)
-    add_elements(simo, green, None, 0.0, None, None, work, size)
+    add_elements(simo, green, None, state.q, None, None, work.u, 0.0, 0.0, None, None, work, size)
     if bodies is not None:
         add_bodies(bodies, work.q_mid, work.q_end, work.u, 0.0, work.r, work.blocks)
     if ties is not None:
@@ -94,15 +95,10 @@ def assemble_rest(simo, green, bodies, ties, held, state, work, size):
 @kernel
 def space_static(simo, green, inner, ties, held, state, work, size):
     """Residual f_int - f_ext and half the static tangent at the present configuration (theory.md 8): a step of equal ends."""
-    copy(state.q, work.q_mid)
-    copy(state.q, work.q_end)
+    keep(state.q, work.q_mid)
+    keep(state.q, work.q_end)
     clear(inner, work)
-    if simo is not None:
-        element_groups(simo, 0, simo.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, None, None, None,
-                       work.r, work.blocks, work.scratch, size)
-    if green is not None:
-        element_groups(green, 0, green.meta.shape[0], inner, work.q_mid, work.q_end, work.line, None, None, None, 1, None,
-                       work.r, work.blocks, work.scratch, size)
+    add_elements(simo, green, inner, state.q, None, None, None, None, None, None, None, work, size)
     if ties is not None:
         apply_ties(ties, 0, ties.slave.shape[0], 0, ties.moves.shape[0], work.q_mid, work.q_end, work.r, work.blocks,
                    work.scratch)

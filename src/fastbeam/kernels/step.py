@@ -93,13 +93,13 @@ def complete_panel(space, plane, inner, ties, width, work, size):
 def take_rows(space, plane, simo, green, inner, ties, factor, of_inner, width, work, size):
     """Increments of all rows from the solved column of the panel, in a scene without sliders: `factor` per solution, and so many
     of what was stored of inner nodes."""
-    take_solution(work.panel, width, factor, work.x, size)
+    take_solution(work.panel, width, factor, work.line.x, size)
+    push_ties(space, plane, ties, work.q_end, work.line.x, 8, 1, 1)
     if inner is not None:
-        push_ties(space, plane, ties, work.q_end, work.x, 8, 1, 1)
         if simo is not None:
-            recover_rows(simo, inner, of_inner, work.x, work.scratch, size)
+            recover_rows(simo, inner, of_inner, work.line.x, work.scratch, size)
         if green is not None:
-            recover_rows(green, inner, of_inner, work.x, work.scratch, size)
+            recover_rows(green, inner, of_inner, work.line.x, work.scratch, size)
 
 
 @written_in
@@ -108,15 +108,13 @@ def move_nodes(space, plane, ties, row_of, state, work):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.q_last,
-                                  work.line.q_line)
+        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.last)
         if ties is not None:
-            tie_increments(ties, work.theta, work.dq, work.line.q_line)
+            tie_increments(ties, work.theta, work.dq)
     if plane is not None:
-        move, spin = planar_update(row_of, work.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.q_last,
-                                   work.line.q_line)
+        move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.last)
         if ties is not None:
-            tie_planar_increments(ties, work.theta, work.dq, work.line.q_line)
+            tie_planar_increments(ties, work.theta, work.dq)
     return move, spin
 
 
@@ -127,9 +125,10 @@ def update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, 
     slide = 0.0
     if contact is not None:
         complete_panel(space, plane, inner, ties, width, work, size)
-        singular = solve_border(contact, state.force, work.panel, width, work.rows, work.schur, work.y, work.x, size)
+        singular = solve_border(contact, state.force, work.panel, width, work.rows, work.schur, work.y, work.line.x, size)
         if singular >= 0:
             return -1.0 - singular
+        push_ties(space, plane, ties, work.q_end, work.line.x, 8, 1, 1)
         d = dim_of(len(size))
         border = border_of(len(size))
         for k in range(state.s.shape[0]):
@@ -318,22 +317,27 @@ def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curv
         return [record.types[record.fields.index(name)] for name in names]
 
     integer = n_steps
-    r, blocks, panel, scratch = of(work, "r", "blocks", "panel", "scratch")
+    r, blocks, panel, scratch, line = of(work, "r", "blocks", "panel", "scratch", "line")
+    (x,) = of(line, "x")
     jobs = []
     for tables, green_strain in ((simo, ABSENT), (green, integer)):
         if tables is not ABSENT:
-            common = (tables, integer, integer, inner, *of(work, "q_mid", "q_end", "line", "u"), h)
-            if space is not ABSENT:
-                (spin_rate,) = [ABSENT] if alpha is ABSENT else of(alpha, "spin_rate")
-                jobs.append((element_groups, (*common, spin_rate, green_strain, middle, r, blocks, scratch, size)))
+            common = (tables, integer, integer, inner, *of(state, "q"), *of(work, "dq"))
+            (v,) = of(state, "v")
+            if plane is not ABSENT:
+                jobs.append((planar_groups, (*common, v, line, h, h, green_strain, r, blocks, scratch, size)))
+            elif alpha is ABSENT:
+                jobs.append((element_groups, (*common, v, ABSENT, line, h, h, ABSENT, green_strain, middle, r, blocks, scratch,
+                                              size)))
             else:
-                jobs.append((planar_groups, (*common, green_strain, r, blocks, scratch, size)))
+                jobs.append((element_groups, (*common, ABSENT, *of(work, "u"), line, h, h, *of(alpha, "spin_rate"), green_strain,
+                                              middle, r, blocks, scratch, size)))
     if plan is not ABSENT:
         jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, width, size)))
     if contact is not ABSENT:
-        jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y", "x"), size)))
+        jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y"), x, size)))
     if inner is not ABSENT:
-        jobs += [(recover_rows, (tables, inner, h, *of(work, "x"), scratch, size)) for tables in (simo, green)
+        jobs += [(recover_rows, (tables, inner, h, x, scratch, size)) for tables in (simo, green)
                  if tables is not ABSENT]
     return jobs
 
@@ -361,6 +365,7 @@ def update_static(space, plane, simo, green, inner, ties, row_of, state, work, w
     move, spin = move_nodes(space, plane, ties, row_of, state, work)
     for k in range(work.dq.shape[0]):
         state.q[k] += work.dq[k]
+        work.line.last[k] = -work.dq[k]
     follow_line(work.line, move / length + spin)
     return move / length + spin
 

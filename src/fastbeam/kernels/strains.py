@@ -2,9 +2,75 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .algebra import dot, vld, vld3, vst, vst3, vzero, vzero3
+from .algebra import cross, dot, gather_lanes, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
+
+
+@kernel
+def gather_ends(tables, at, n, q, dq, v, u, spin_rate, h, scratch, qo, uo):
+    """Coordinates of 8 nodes in the middle and at the end of a step, n = 12 or 4 lanes each from qo on, and their second rates at
+    uo: 2/h^2 (dq - h v), or u, or none. Without dq both are q; with spin_rate both are the end."""
+    gather_lanes(q, tables.nodes, at, n, n, scratch, qo)
+    e = qo + 8 * n
+    if dq is None:
+        for i in range(0, 8 * n, 8):
+            vst(scratch, e + i, 0, vld(scratch, qo + i, 0))
+    else:
+        gather_lanes(dq, tables.nodes, at, n, n, scratch, e)
+        if v is not None:
+            gather_lanes(v, tables.nodes, at, n, n, scratch, uo)
+            rate = 2.0 / (h * h)
+        for i in range(0, 8 * n, 8):
+            x = vld(scratch, qo + i, 0)
+            y = vld(scratch, e + i, 0)
+            vst(scratch, e + i, 0, x + y)
+            if spin_rate is not None:
+                vst(scratch, qo + i, 0, x + y)
+            else:
+                vst(scratch, qo + i, 0, x + 0.5 * y)
+            if v is not None:
+                vst(scratch, uo + i, 0, rate * (y - h * vld(scratch, uo + i, 0)))
+    if u is not None:
+        gather_lanes(u, tables.nodes, at, n, n, scratch, uo)
+
+
+@kernel
+def gather_shape_before(tables, at, n, q, line, scratch, lo):
+    """Coordinates of 8 nodes before the last increment, n lanes at lo, and the increment of their rows behind."""
+    gather_lanes(q, tables.nodes, at, n, n, scratch, lo)
+    s = lo + 8 * n
+    gather_lanes(line.last, tables.nodes, at, n, n, scratch, s)
+    for i in range(0, 8 * n, 8):
+        vst(scratch, lo + i, 0, vld(scratch, lo + i, 0) + vld(scratch, s + i, 0))
+
+
+@kernel
+def gather_line(tables, at, q, line, scratch, lo):
+    """Where the last increment leads 8 nodes in a straight line, 12 lanes at lo, and the way there behind."""
+    gather_shape_before(tables, at, 12, q, line, scratch, lo)
+    s = lo + 96
+    gather_lanes(line.x, tables.rows, at, 8, 6, scratch, s)
+    turn = vld3(scratch, s + 24, 8)
+    vst3(scratch, lo, 8, vld3(scratch, lo, 8) + vld3(scratch, s, 8))
+    for i in range(24, 96, 24):
+        d = vld3(scratch, lo + i, 8)
+        way = cross(turn, d)
+        vst3(scratch, s + i, 8, way)
+        vst3(scratch, lo + i, 8, d + way)
+
+
+@kernel
+def gather_planar_line(tables, at, q, line, scratch, lo):
+    """The same in a plane, 4 lanes each."""
+    gather_shape_before(tables, at, 4, q, line, scratch, lo)
+    s = lo + 32
+    gather_lanes(line.x, tables.rows, at, 8, 3, scratch, s)
+    vst2(scratch, lo, 8, vld2(scratch, lo, 8) + vld2(scratch, s, 8))
+    d = vld2(scratch, lo + 16, 8)
+    way = vld(scratch, s + 16, 0) * perp(d)
+    vst2(scratch, s + 16, 8, way)
+    vst2(scratch, lo + 16, 8, d + way)
 
 
 @kernel
@@ -59,7 +125,7 @@ def mean_strains(tab, e0, scratch, zm, ze, green, middle, eo, room):
 
 
 @kernel
-def unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, room):
+def unused_strains(scratch, zm, ze, zl, zs, dq, spin_rate, green, middle, eo, room):
     """What the mean strains, linear in the last increment, lack to those of the present shape: what the tangent must not use,
     theory.md (4.6). zl: the shape to which the last increment leads in a straight line, zs: that increment."""
     if middle is not None:
@@ -71,7 +137,7 @@ def unused_strains(scratch, zm, ze, zl, zs, u, spin_rate, green, middle, eo, roo
     quadratic_strains(scratch, zl, green, room, False)
     # the start of a conserving step stays as it is
     share = 0.5
-    if middle is not None or u is None or spin_rate is not None:
+    if middle is not None or dq is None or spin_rate is not None:
         share = 1.0
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, share * (vld(scratch, room + i, 0) - vld(scratch, eo + i, 0)))

@@ -7,9 +7,8 @@ next node e, with what the elements behind c left (S) and the present element (K
     S_ee = K_ee - K_ec U,   S_eo = - K_ec P,   S_oe = - S_oc U,   S_oo -= S_oc P,   r_e -= K_ec y,   r_o -= S_oc y
 
 and the four blocks and two residuals of the ends are what the solver sees. Recovered in reverse: x_c = y - U x_e - P x_o.
-Threads take groups of beams; each writes what belongs to its beams only (mid and end coordinates of shared ends are the same
-numbers from all), and what ends add to a block or row is summed up in a fixed order. Loops over nodes go along with the groups,
-whose arrays are still in the cache then.
+Threads take groups of beams; each writes what belongs to its beams only, and what ends add to a block or row is summed up in a
+fixed order. Increments are added along with the groups, whose arrays are still in the cache then.
 """
 from __future__ import annotations
 
@@ -128,10 +127,9 @@ def spread_nodes(nodes, first, last, coordinates, state, dq, h, q_mid_out, q_end
 
 
 @kernel
-def condense(subs, tables, first, last, space, plane, state, dq, h, q_mid_out, q_end_out, line, u_out, rate, green, r_out,
-             scratch, size):
-    """Evaluate and condense the groups of beams from `first` to before `last`, their mid and end coordinates first; arguments as
-    in `nodes.spread` and `beam.element_groups`. Loads of interior nodes stand in r_out already."""
+def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, green, r_out, scratch, size):
+    """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`. Loads of
+    interior nodes stand in r_out already."""
     n = len(size)
     column = 8 * n
     block = column * n
@@ -139,9 +137,6 @@ def condense(subs, tables, first, last, space, plane, state, dq, h, q_mid_out, q
     per_beam = 4 * column + 16
     so = scratch.shape[0] - 7 * block - 2 * column
     r = so + 7 * block
-    coordinates = 12
-    if plane is not None:
-        coordinates = 4
     for g in range(first, last):
         nn = subs.group[g, 2]
         inner = short_store(nn, n)
@@ -151,9 +146,6 @@ def condense(subs, tables, first, last, space, plane, state, dq, h, q_mid_out, q
         if plane is not None:
             ro = 128 * nn
             ko = 152 * nn
-        for lane in range(8):
-            a, b = ends_of_beam(subs, tables, g, lane)
-            spread(state.q, state.v, dq, h, coordinates * a, coordinates * (b + 1), q_mid_out, q_end_out, u_out)
         d = subs.group[g, 3] - per_node
         present = 1
         subs.state[g] = 1.0
@@ -161,10 +153,9 @@ def condense(subs, tables, first, last, space, plane, state, dq, h, q_mid_out, q
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
             if space is not None:
-                element_groups(tables, k, k + 1, None, q_mid_out, q_end_out, line, u_out, rate, None, green, None, None, None,
-                               scratch, size)
+                element_groups(tables, k, k + 1, None, q, dq, v, None, line, h, rate, None, green, None, None, None, scratch, size)
             if plane is not None:
-                planar_groups(tables, k, k + 1, None, q_mid_out, q_end_out, line, u_out, rate, green, None, None, scratch, size)
+                planar_groups(tables, k, k + 1, None, q, dq, v, line, h, rate, green, None, None, scratch, size)
             good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, r_out, None, so + 6 * block, size)
             if j == 0:
                 end = ko + block * (nn - 1)
@@ -235,8 +226,8 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
         end = column * nn
         inner = short_store(nn, n)
         # start of the beam, then the nodes of an element
-        gather_lanes(work.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
-        gather_lanes(work.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
+        gather_lanes(work.line.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
+        gather_lanes(work.line.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
         for j in range(count - 1, -1, -1):
             no = tables.meta[k0 + j, 3]
             d = subs.group[g, 3] + j * (per_node + inner) - per_node
@@ -247,8 +238,8 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
                     vst(scratch, column + c, 0, factor * vld(subs.store, d + 2 * block + c, 0))
                 subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
                 subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
-                put_rows(scratch, column, tables.rows, no, 8, 0, work.x, size)
-            recover_group(subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.x, size)
+                put_rows(scratch, column, tables.rows, no, 8, 0, work.line.x, size)
+            recover_group(subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.line.x, size)
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)
@@ -270,9 +261,9 @@ def move_some(space, plane, row_of, first, last, state, work):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.x, first, last, state.q, work.theta, work.dq, work.line.q_last, work.line.q_line)
+        move, spin = update_nodes(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last)
     if plane is not None:
-        move, spin = planar_update(row_of, work.x, first, last, state.q, work.theta, work.dq, work.line.q_last, work.line.q_line)
+        move, spin = planar_update(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last)
     return move, spin
 
 

@@ -56,10 +56,9 @@ def tie_coordinates(ties, x_out):
 
 
 @kernel
-def tie_increments(ties, theta, dq, q_line):
+def tie_increments(ties, theta, dq):
     """Increments of a step, of the tied nodes."""
     tie_coordinates(ties, dq)
-    tie_coordinates(ties, q_line)
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         for e in range(ties.start[i], ties.start[i + 1]):

@@ -14,8 +14,9 @@ class Line(NamedTuple):
 
     use: np.ndarray       # float64 [3]: not 0 where the tangent needs it; increments of which size it can do without, relative
     #                       to the length of the scene; size of the first increment of the step, -1 before
-    q_last: np.ndarray    # float64 [12 N]: shape before the increment, at first that before the step
-    q_line: np.ndarray    # float64 [12 N]: where it led in a straight line
+    last: np.ndarray      # float64 [12 N]: the shape before the increment less that at the start of the step, in statics less the
+    #                       present one
+    x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
 
 
 class Work(NamedTuple):
@@ -23,16 +24,16 @@ class Work(NamedTuple):
 
     dq: np.ndarray        # float64 [12 N]
     theta: np.ndarray     # float64 [3 N]
-    q_mid: np.ndarray     # float64 [12 N]
+    q_mid: np.ndarray     # float64 [12 N]: coordinates in the middle and at the end of the step, for sliders, ties and bodies; empty
+    #                       where there are none
     q_end: np.ndarray     # float64 [12 N]
-    u: np.ndarray         # float64 [12 N]
+    u: np.ndarray         # float64 [12 N]: second rates of the coordinates, for bodies
     s_end: np.ndarray     # float64 [S]
     f_ext: np.ndarray     # float64 [8 (rows + 1)]
     r: np.ndarray         # float64 [8 (rows + 1)]
     blocks: np.ndarray    # float64 [8 n (blocks + 1)] for n unknowns per node
     pivots: np.ndarray    # int64 [n rows]
     panel: np.ndarray     # float64 [rows, n, width] flat: right-hand sides of the rows that the solver sees; with sliders of all
-    x: np.ndarray         # float64 [8 (rows + 1)]: increments of all rows
     rows: np.ndarray      # float64 [7 S + 1, width] flat, 5 in a plane
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
@@ -78,14 +79,16 @@ def halve(x):
 
 
 @kernel
-def start_line(state, work):
+def start_line(work):
     """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step."""
     first = work.past[work.past.shape[0] - 1]
     follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
     work.line.use[2] = -1.0
     if work.line.use[0] != 0.0:
-        copy(state.q, work.line.q_last)
-        copy(state.q, work.line.q_line)
+        for i in range(work.line.last.shape[0]):
+            work.line.last[i] = 0.0
+        for i in range(work.line.x.shape[0]):
+            work.line.x[i] = 0.0
 
 
 @kernel
