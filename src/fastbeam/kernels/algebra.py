@@ -377,6 +377,27 @@ def largest_of_row(tc, array, offset):
     return f8(array, offset), codegen
 
 
+def _shuffle(b, x, y, mask):
+    return b.shuffle_vector(x, y, ir.Constant(ir.VectorType(_I32, len(mask)), list(mask)))
+
+
+def _transpose(b, rows, width):
+    """Rows of `width` numbers, as many in blocks of that width, transposed block by block."""
+    rows = list(rows)
+    n = rows[0].type.count
+    step = width // 2
+    while step:
+        new = [None] * len(rows)
+        for i in range(len(rows)):
+            if not i & step:
+                x, y = rows[i], rows[i + step]
+                new[i] = _shuffle(b, x, y, [j if not j & step else n + j - step for j in range(n)])
+                new[i + step] = _shuffle(b, x, y, [j + step if not j & step else n + j for j in range(n)])
+        rows = new
+        step //= 2
+    return rows
+
+
 def _make_rows(accumulate):
     @intrinsic
     def rows(tc, source, offset, index, index_offset, scale, shift, target, size):
@@ -388,19 +409,7 @@ def _make_rows(accumulate):
             p = _pointer(ctx, b, t_src, src, o, vec)
             rows = [b.load(b.gep(p, [ir.Constant(_I64, c)]), align=8) for c in range(t_size.count)]
             rows += [ir.Constant(_VECTOR, [0.0] * LANES)] * (LANES - t_size.count)
-
-            def mask(m):
-                return ir.Constant(ir.VectorType(_I32, LANES), m)
-
-            for st in (4, 2, 1):
-                new = [None] * 8
-                for i in range(8):
-                    if i & st:
-                        continue
-                    x, y = rows[i], rows[i + st]
-                    new[i] = b.shuffle_vector(x, y, mask([j if not j & st else 8 + j - st for j in range(8)]))
-                    new[i + st] = b.shuffle_vector(x, y, mask([j + st if not j & st else 8 + j for j in range(8)]))
-                rows = new
+            rows = _transpose(b, rows, LANES)
             indices = _data(ctx, b, t_idx, idx)
             for lane in range(8):
                 k = b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))]))
@@ -417,22 +426,65 @@ def _make_rows(accumulate):
 scatter_rows, put_rows = _make_rows(True), _make_rows(False)
 
 
+def _gather(b, pointers, n, combine, target):
+    """Numbers c = 0..n-1 of 8 rows in lanes to target + 8 c, by transpositions in registers: one by one they take three times as
+    long. pointers: of every source 8 rows; combine: one vector from those of the sources."""
+    done = 0
+    while done < n:
+        left = n - done
+        # the first step of a transposition of 8 is free where rows are loaded by halves
+        width = 4 if left >= 4 or n < LANES else 1
+        kind = (ir.VectorType(_DOUBLE, width) if width > 1 else _DOUBLE).as_pointer()
+        rows = [combine(*(b.load(b.bitcast(b.gep(p[lane], [ir.Constant(_I64, done)]), kind), align=8) for p in pointers))
+                for lane in range(LANES)]
+        if width == 1:
+            row = ir.Constant(_VECTOR, ir.Undefined)
+            for lane in range(LANES):
+                row = b.insert_element(row, rows[lane], ir.Constant(_I32, lane))
+            rows = [row]
+        else:
+            if width == 4:
+                rows = [_shuffle(b, rows[k], rows[k + 4], range(8)) for k in range(4)]
+            rows = _transpose(b, rows, width)
+        for row in rows[:left]:
+            b.store(row, b.gep(target, [ir.Constant(_I64, done)]), align=8)
+            done += 1
+
+
+def _rows_of_lanes(ctx, b, array_type, array, index, io, scale):
+    """Where the rows of 8 lanes begin."""
+    data = _data(ctx, b, array_type, array)
+    return [b.gep(data, [b.mul(b.load(b.gep(index, [b.add(io, ir.Constant(_I64, lane))])), scale)]) for lane in range(LANES)]
+
+
 @intrinsic
-def gather_lanes(tc, source, index, index_offset, scale, n, target, offset):
-    """target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for c = 0..n-1 and the lanes l = 0..7."""
+def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
+    """target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for the lanes l = 0..7 and c = 0..n-1, n the length of
+    the tuple `size`; less than 8 (but 4) stand in a row of 8."""
     def codegen(ctx, b, sig, args):
-        src, idx, io, scale_, n_, dst, o = args
-        t_src, t_idx, t_io, t_scale, t_n, t_dst, t_o = sig.args
-        io, scale_, n_, o = (_int(ctx, b, x, t) for x, t in ((io, t_io), (scale_, t_scale), (n_, t_n), (o, t_o)))
-        indices = _data(ctx, b, t_idx, idx)
-        data = _data(ctx, b, t_src, src)
-        base = [b.gep(data, [b.mul(b.load(b.gep(indices, [b.add(io, ir.Constant(_I64, lane))])), scale_)])
-                for lane in range(8)]
-        with cgutils.for_range(b, n_) as loop:
-            v = ir.Constant(_VECTOR, ir.Undefined)
-            for lane in range(8):
-                v = b.insert_element(v, b.load(b.gep(base[lane], [loop.index])), ir.Constant(_I32, lane))
-            q = _pointer(ctx, b, t_dst, dst, b.add(o, b.mul(loop.index, ir.Constant(_I64, 8))), vec)
-            b.store(v, q, align=8)
+        src, idx, io, scale_, dst, o, _ = args
+        t_src, t_idx, t_io, t_scale, t_dst, t_o, t_size = sig.args
+        io, scale_, o = (_int(ctx, b, x, t) for x, t in ((io, t_io), (scale_, t_scale), (o, t_o)))
+        rows = _rows_of_lanes(ctx, b, t_src, src, _data(ctx, b, t_idx, idx), io, scale_)
+        _gather(b, [rows], t_size.count, lambda x: x, _pointer(ctx, b, t_dst, dst, o, vec))
         return ctx.get_dummy_value()
-    return types.void(source, index, index_offset, scale, n, target, offset), codegen
+    return types.void(source, index, index_offset, scale, target, offset, size), codegen
+
+
+@intrinsic
+def gather_sum(tc, x, y, f, s, index, index_offset, target, offset, size):
+    """The same of s (x + f y), two arrays of rows of n numbers."""
+    def codegen(ctx, b, sig, args):
+        io, o = _int(ctx, b, args[5], sig.args[5]), _int(ctx, b, args[7], sig.args[7])
+        f_, s_ = (ctx.cast(b, args[k], sig.args[k], f8) for k in (2, 3))
+        n, indices = size.count, _data(ctx, b, sig.args[4], args[4])
+        rows = [_rows_of_lanes(ctx, b, sig.args[k], args[k], indices, io, ir.Constant(_I64, n)) for k in (0, 1)]
+
+        def combine(p, q):
+            factors = [b.shuffle_vector(*[b.insert_element(ir.Constant(p.type, ir.Undefined), c, ir.Constant(_I32, 0))] * 2,
+                                        ir.Constant(ir.VectorType(_I32, p.type.count), [0] * p.type.count)) for c in (f_, s_)]
+            return _mul(b, factors[1], _add(b, p, _mul(b, factors[0], q)))
+
+        _gather(b, rows, n, combine, _pointer(ctx, b, sig.args[6], args[6], o, vec))
+        return ctx.get_dummy_value()
+    return types.void(x, y, f, s, index, index_offset, target, offset, size), codegen

@@ -18,7 +18,8 @@ from .._jit import kernel, one_variant
 from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatter_rows, vadd3, vadd_matrix, vld, vld3,
                       vldm, vst, vst3, vst_matrix, vstm, vzero, vzero3, vzerom)
 from .inner import eliminate_inner
-from .strains import Q_LANES, gather_ends, gather_line, interpolate, mean_strains, stresses, unused_strains
+from .strains import (EIGHTEEN, Q_LANES, TWELVE, gather_ends, gather_line, interpolate, mean_strains, stresses,
+                      unused_strains)
 
 B_LANES = 18 * 8     # six rotation rows of a node
 
@@ -374,7 +375,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
         so0 = ko + 288 * nn * nn
         ps = 8 * (6 + 9 + 54 * nn + 78)
         for a in range(nn):
-            gather_ends(tables, no + 8 * a, 12, q, dq, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a)
+            gather_ends(tables, no + 8 * a, q, dq, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a, TWELVE)
         for i in range(fo, fo + 96 * nn, 8):
             vst(scratch, i, 0, 0.0)
         if v is not None or u is not None:
@@ -389,7 +390,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
             vst(scratch, i, 0, 0.0)
         if spin_rate is not None:
             for a in range(nn):
-                gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, 18, scratch, vo + 144 * a)
+                gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, scratch, vo + 144 * a, EIGHTEEN)
         for g in range(nq):
             to = to0 + pt * g
             so = so0 + ps * g

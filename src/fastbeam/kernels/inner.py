@@ -72,7 +72,7 @@ def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, rhs_out, 
     block = 8 * n * n
     for i in range(1, nn - 1):
         scatter_rows(scratch, ro + 8 * n * i, tables.rows, no + 8 * i, 8, 0, r_out, size)
-        gather_lanes(r_out, tables.rows, no + 8 * i, 8, n, scratch, ro + 8 * n * i)
+        gather_lanes(r_out, tables.rows, no + 8 * i, 8, scratch, ro + 8 * n * i, size)
     d = io
     for i in range(1, nn - 1):
         diagonal = ko + block * (nn * i + i)
@@ -183,8 +183,8 @@ def recover_rows(tables, inner, factor, x_out, scratch, size):
         if tables.meta[k, 6] >= 0:
             nn = tables.meta[k, 0]
             no = tables.meta[k, 3]
-            gather_lanes(x_out, tables.rows, no, 8, n, scratch, 0)
-            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, n, scratch, 8 * n * (nn - 1))
+            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
+            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
             recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n), nn, tables, no, factor, scratch, 0, x_out, size)
 
 

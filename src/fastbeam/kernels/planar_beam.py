@@ -16,7 +16,7 @@ from __future__ import annotations
 from .._jit import kernel, one_variant
 from .algebra import component0, component1, cross2, dot, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero, vzero2
 from .inner import eliminate_inner
-from .strains import gather_ends, gather_planar_line
+from .strains import FOUR, gather_ends, gather_planar_line
 
 
 def planar_point_size(nn: int) -> int:
@@ -231,7 +231,7 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
         for a in range(nn):
             vst2(scratch, lo + 80 * a + 64, 8, vzero2())
         for a in range(nn):
-            gather_ends(tables, no + 8 * a, 4, q, dq, v, None, None, h, scratch, 64 * a, uo + 32 * a)
+            gather_ends(tables, no + 8 * a, q, dq, v, None, None, h, scratch, 64 * a, uo + 32 * a, FOUR)
         for i in range(fo, ro, 8):
             vst(scratch, i, 0, 0.0)
         if v is not None:

@@ -2,55 +2,39 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .algebra import cross, dot, gather_lanes, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
+from .algebra import cross, dot, gather_lanes, gather_sum, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
+from .blocks import SIX, THREE
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
+# numbers of coordinates of a node in space and in a plane, and of entries of two columns for each of its spins, as `blocks.SIX`
+TWELVE, FOUR, EIGHTEEN = (0,) * 12, (0,) * 4, (0,) * 18
 
 
 @kernel
-def gather_ends(tables, at, n, q, dq, v, u, spin_rate, h, scratch, qo, uo):
-    """Coordinates of 8 nodes in the middle and at the end of a step, n = 12 or 4 lanes each from qo on, and their second rates at
-    uo: 2/h^2 (dq - h v), or u, or none. Without dq both are q; with spin_rate both are the end."""
-    gather_lanes(q, tables.nodes, at, n, n, scratch, qo)
+def gather_ends(tables, at, q, dq, v, u, spin_rate, h, scratch, qo, uo, coordinates):
+    """Coordinates of 8 nodes in the middle and at the end of a step, n lanes each from qo on, n the length of the tuple
+    `coordinates`, and their second rates at uo: 2/h^2 (dq - h v), or u, or none. Without dq both are q; with spin_rate both are
+    the end."""
+    n = len(coordinates)
     e = qo + 8 * n
     if dq is None:
-        for i in range(0, 8 * n, 8):
-            vst(scratch, e + i, 0, vld(scratch, qo + i, 0))
+        gather_lanes(q, tables.nodes, at, n, scratch, qo, coordinates)
+        gather_lanes(q, tables.nodes, at, n, scratch, e, coordinates)
     else:
-        gather_lanes(dq, tables.nodes, at, n, n, scratch, e)
-        if v is not None:
-            gather_lanes(v, tables.nodes, at, n, n, scratch, uo)
-            rate = 2.0 / (h * h)
-        for i in range(0, 8 * n, 8):
-            x = vld(scratch, qo + i, 0)
-            y = vld(scratch, e + i, 0)
-            vst(scratch, e + i, 0, x + y)
-            if spin_rate is not None:
-                vst(scratch, qo + i, 0, x + y)
-            else:
-                vst(scratch, qo + i, 0, x + 0.5 * y)
-            if v is not None:
-                vst(scratch, uo + i, 0, rate * (y - h * vld(scratch, uo + i, 0)))
+        gather_sum(q, dq, 0.5 if spin_rate is None else 1.0, 1.0, tables.nodes, at, scratch, qo, coordinates)
+        gather_sum(q, dq, 1.0, 1.0, tables.nodes, at, scratch, e, coordinates)
+    if v is not None:
+        gather_sum(dq, v, -h, 2.0 / (h * h), tables.nodes, at, scratch, uo, coordinates)
     if u is not None:
-        gather_lanes(u, tables.nodes, at, n, n, scratch, uo)
-
-
-@kernel
-def gather_shape_before(tables, at, n, q, line, scratch, lo):
-    """Coordinates of 8 nodes before the last increment, n lanes at lo, and the increment of their rows behind."""
-    gather_lanes(q, tables.nodes, at, n, n, scratch, lo)
-    s = lo + 8 * n
-    gather_lanes(line.last, tables.nodes, at, n, n, scratch, s)
-    for i in range(0, 8 * n, 8):
-        vst(scratch, lo + i, 0, vld(scratch, lo + i, 0) + vld(scratch, s + i, 0))
+        gather_lanes(u, tables.nodes, at, n, scratch, uo, coordinates)
 
 
 @kernel
 def gather_line(tables, at, q, line, scratch, lo):
     """Where the last increment leads 8 nodes in a straight line, 12 lanes at lo, and the way there behind."""
-    gather_shape_before(tables, at, 12, q, line, scratch, lo)
+    gather_sum(q, line.last, 1.0, 1.0, tables.nodes, at, scratch, lo, TWELVE)
     s = lo + 96
-    gather_lanes(line.x, tables.rows, at, 8, 6, scratch, s)
+    gather_lanes(line.x, tables.rows, at, 8, scratch, s, SIX)
     turn = vld3(scratch, s + 24, 8)
     vst3(scratch, lo, 8, vld3(scratch, lo, 8) + vld3(scratch, s, 8))
     for i in range(24, 96, 24):
@@ -63,9 +47,9 @@ def gather_line(tables, at, q, line, scratch, lo):
 @kernel
 def gather_planar_line(tables, at, q, line, scratch, lo):
     """The same in a plane, 4 lanes each."""
-    gather_shape_before(tables, at, 4, q, line, scratch, lo)
+    gather_sum(q, line.last, 1.0, 1.0, tables.nodes, at, scratch, lo, FOUR)
     s = lo + 32
-    gather_lanes(line.x, tables.rows, at, 8, 3, scratch, s)
+    gather_lanes(line.x, tables.rows, at, 8, scratch, s, THREE)
     vst2(scratch, lo, 8, vld2(scratch, lo, 8) + vld2(scratch, s, 8))
     d = vld2(scratch, lo + 16, 8)
     way = vld(scratch, s + 16, 0) * perp(d)

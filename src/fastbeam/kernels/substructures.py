@@ -169,7 +169,7 @@ def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, g
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
                 scatter_rows(scratch, ro, tables.rows, no, 8, 0, r_out, size)
-                gather_lanes(r_out, tables.rows, no, 8, n, scratch, ro)
+                gather_lanes(r_out, tables.rows, no, 8, scratch, ro, size)
                 good = good and condense_node(scratch, so, present, nn, ro, ko, subs.store, d, size)
                 present = 3 - present
             d += per_node + inner
@@ -226,8 +226,8 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
         end = column * nn
         inner = short_store(nn, n)
         # start of the beam, then the nodes of an element
-        gather_lanes(work.line.x, tables.rows, tables.meta[k0, 3], 8, n, scratch, 0)
-        gather_lanes(work.line.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, n, scratch, end)
+        gather_lanes(work.line.x, tables.rows, tables.meta[k0, 3], 8, scratch, 0, size)
+        gather_lanes(work.line.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, scratch, end, size)
         for j in range(count - 1, -1, -1):
             no = tables.meta[k0 + j, 3]
             d = subs.group[g, 3] + j * (per_node + inner) - per_node
