@@ -126,6 +126,11 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         tally.operations += 2 * u.n - 1
         return tally.number()
 
+    def gather_sum(*arguments: Any) -> None:
+        # s (x + f y): the factor of a node's coordinates counts where it is not one
+        n, (f, s) = len(arguments[-1]), arguments[2:4]
+        tally.operations += n * (1 + (f != 1.0) + (s != 1.0))
+
     def subtract_lanes(*arguments: Any) -> None:
         tally.operations += product(len(arguments[-1])) * len(arguments[-2])
 
@@ -135,7 +140,7 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         "zerom": value(9), "vst": nothing, "vst2": nothing, "vst3": nothing, "vstm": nothing, "vst_matrix": nothing,
         "st2": nothing, "st3": nothing, "vadd3": adds(3), "vadd_matrix": adds(9), "add3": adds(3), "add_matrix": adds(9),
         "dot": dot, "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3), "add_skew": value(9, 6),
-        "gather_lanes": nothing, "put_rows": nothing, "flush_rows": nothing, "scatter_rows": of_size(lambda n: n),
+        "gather_lanes": nothing, "gather_sum": gather_sum, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing, "scatter_rows": of_size(lambda n: n),
         "lu_lanes": of_size(lu, True), "lu_rows": of_size(lu, True), "solve_lanes": of_size(triangular),
         "subtract_lanes": subtract_lanes, "solve_rows": of_size(lambda n: PADDED * triangular(n)),
         "subtract_rows": of_size(lambda n: PADDED * product(n))}

@@ -193,6 +193,17 @@ component0, component1, component2 = (_make_component(i) for i in range(3))
 
 
 @intrinsic
+def put_first(tc, array, offset, x):
+    """A row of 8 with one number and seven zeros."""
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        row = b.insert_element(ir.Constant(_VECTOR, [0.0] * LANES), ctx.cast(b, args[2], sig.args[2], f8), ir.Constant(_I32, 0))
+        b.store(row, _pointer(ctx, b, sig.args[0], args[0], o, vec), align=8)
+        return ctx.get_dummy_value()
+    return types.void(array, offset, x), codegen
+
+
+@intrinsic
 def cross(tc, u, v):
     """u x v"""
     def codegen(ctx, b, sig, args):

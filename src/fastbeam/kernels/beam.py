@@ -20,6 +20,7 @@ from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatte
 from .inner import eliminate_inner
 from .strains import (EIGHTEEN, Q_LANES, TWELVE, gather_ends, gather_line, interpolate, mean_strains, stresses,
                       unused_strains)
+from .work import FROM_START
 
 B_LANES = 18 * 8     # six rotation rows of a node
 
@@ -73,18 +74,19 @@ def rotation_rows(scratch, z, q, n, dn, green, out):
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
-    p2 = dn * d2 - n * k2
-    p3 = dn * d3 - n * k3
-    vst3(scratch, out + 72, 8, 0.5 * (cross(y2, p3) - cross(y3, p2)))
+    half_n = 0.5 * n; half_dn = 0.5 * dn
+    p2 = half_dn * d2 - half_n * k2
+    p3 = half_dn * d3 - half_n * k3
+    vst3(scratch, out + 72, 8, cross(y2, p3) - cross(y3, p2))
     if green is None:
         d1 = vld3(scratch, z + 24, 8); k1 = vld3(scratch, z + 96, 8); y1 = vld3(scratch, q + 24, 8)
-        p1 = dn * d1 - n * k1
+        p1 = half_dn * d1 - half_n * k1
         nf = n * f
         vst3(scratch, out, 8, cross(y1, nf))
         vst3(scratch, out + 24, 8, cross(y2, nf))
         vst3(scratch, out + 48, 8, cross(y3, nf))
-        vst3(scratch, out + 96, 8, 0.5 * (cross(y3, p1) - cross(y1, p3)))
-        vst3(scratch, out + 120, 8, 0.5 * (cross(y1, p2) - cross(y2, p1)))
+        vst3(scratch, out + 96, 8, cross(y3, p1) - cross(y1, p3))
+        vst3(scratch, out + 120, 8, cross(y1, p2) - cross(y2, p1))
     else:
         x2 = cross(y2, f)
         x3 = cross(y3, f)
@@ -356,6 +358,10 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
     meta = tables.meta
     tab = tables.tab
     mixed = line.use[0] != 0.0
+    # before the first increment of a step the line is at its start, which the middle and the end tell
+    gathered = line.use[0] != FROM_START
+    if dq is None or spin_rate is not None:
+        gathered = True
     for k in range(first, last):
         nn = meta[k, 0]
         nq = meta[k, 1]
@@ -383,7 +389,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
         vo = so0 + nq * ps
         lo = vo + 144 * nn
         go = lo + Q_LANES * nn
-        if mixed:
+        if mixed and gathered:
             for a in range(nn):
                 gather_line(tables, no + 8 * a, q, line, scratch, lo + Q_LANES * a)
         for i in range(go, go + 96 * nn, 8):
@@ -408,8 +414,13 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
             if mixed:
                 zl = zm + 384
                 zs = zm + 552
-                interpolate(tab, to, nn, scratch, lo, zl)
-                interpolate(tab, to, nn, scratch, lo + 96, zs)
+                if gathered:
+                    interpolate(tab, to, nn, scratch, lo, zl)
+                    interpolate(tab, to, nn, scratch, lo + 96, zs)
+                else:
+                    for i in range(0, 168, 8):
+                        vst(scratch, zl + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
+                        vst(scratch, zs + i, 0, 0.0)
                 unused_strains(scratch, zm, ze, zl, zs, dq, spin_rate, green, middle, eo, room)
                 stresses(tab, co, to, coupled, scratch, eo, room)
                 add_forces(tab, to, nn, scratch, zm, room, green, None, go)

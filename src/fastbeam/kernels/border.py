@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .algebra import total, vld, vst, vzero
+from .algebra import put_first, total, vld, vst, vzero
 from .slider import border_of, dim_of
 
 # pivots of the scaled border: below is round-off; without the augmented Lagrangian dependent sliders leave more (docs/stress.md)
@@ -15,11 +15,12 @@ def fill_panel(contact, r, width, panel_out, size):
     n = len(size)
     n_rows = panel_out.shape[0] // (n * width)
     border = border_of(n)
-    for i in range(panel_out.shape[0]):
-        panel_out[i] = 0.0
     for i in range(n_rows):
         for c in range(n):
-            panel_out[(n * i + c) * width] = r[8 * i + c]
+            o = (n * i + c) * width
+            put_first(panel_out, o, r[8 * i + c])
+            for j in range(8, width, 8):
+                vst(panel_out, o + j, 0, 0.0)
     if contact is not None:
         for k in range(contact.entries.shape[0]):
             for m in range(contact.entries[k]):

@@ -17,6 +17,7 @@ from .._jit import kernel, one_variant
 from .algebra import component0, component1, cross2, dot, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero, vzero2
 from .inner import eliminate_inner
 from .strains import FOUR, gather_ends, gather_planar_line
+from .work import FROM_START
 
 
 def planar_point_size(nn: int) -> int:
@@ -35,7 +36,7 @@ def planar_scratch_size(nn: int, nq: int) -> int:
 
 
 @kernel
-def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, v, po, green):
+def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, green):
     """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
     (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4,
     then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns rotation-translation 2
@@ -68,13 +69,16 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, v, po, green):
     if mixed:
         # what the mean strains, linear in the last increment, lack to them, theory.md (4.6)
         fl = vzero2(); ul = vzero2(); kl = vzero2(); fs = vzero2(); us = vzero2(); ks = vzero2()
-        for a in range(nn):
-            t = to + 8 + 24 * a
-            q = lo + 80 * a
-            dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
-            x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
-            fl += dp * vld2(scratch, q, 8); ul += n * x; kl += dn * x
-            fs += dp * vld2(scratch, q + 32, 8); us += n * y; ks += dn * y
+        if gathered:
+            for a in range(nn):
+                t = to + 8 + 24 * a
+                q = lo + 80 * a
+                dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+                x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
+                fl += dp * vld2(scratch, q, 8); ul += n * x; kl += dn * x
+                fs += dp * vld2(scratch, q + 32, 8); us += n * y; ks += dn * y
+        else:
+            fl = 2.0 * f - fe; ul = 2.0 * u - ue; kl = 2.0 * k - ke
         g = cross2(ul, fl) - cross2(us, fs) - cross2(ue, fe)
         if green is None:
             e = dot(fl, ul) - dot(fs, us) - dot(fe, ue)
@@ -207,6 +211,9 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
     meta = tables.meta
     tab = tables.tab
     mixed = line.use[0] != 0.0
+    gathered = line.use[0] != FROM_START
+    if dq is None:
+        gathered = True
     for k in range(first, last):
         nn = meta[k, 0]
         nq = meta[k, 1]
@@ -225,7 +232,7 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
         po0 = ko + 72 * nn * nn
         ps = 8 * (7 + 10 * nn)
         lo = po0 + nq * ps
-        if mixed:
+        if mixed and gathered:
             for a in range(nn):
                 gather_planar_line(tables, no + 8 * a, q, line, scratch, lo + 80 * a)
         for a in range(nn):
@@ -244,7 +251,7 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
                 vst2(scratch, fo + 32 * a, 8, rho * p)
                 vst2(scratch, fo + 32 * a + 16, 8, j * d)
         for g in range(nq):
-            planar_point(tab, co, to0 + pt * g, eo0 + 24 * g, nn, scratch, fo, lo, mixed, v, po0 + ps * g, green)
+            planar_point(tab, co, to0 + pt * g, eo0 + 24 * g, nn, scratch, fo, lo, mixed, gathered, v, po0 + ps * g, green)
         for a in range(nn):
             for b in range(nn):
                 planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))

@@ -7,13 +7,15 @@ from .beam import element_groups
 from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
 from .ties import apply_ties, tie_coordinates
-from .work import clear, copy, halve, keep, start_line
+from .work import clear, clear_line, copy, halve, keep, start_line
 
 
 @kernel
-def space_start(ties, curves, sliders, contact, spinless, state, work, h):
+def space_start(ties, curves, sliders, contact, spinless, alpha, state, work, h):
     """First guess of everything."""
     start_line(work)
+    if alpha is not None:
+        clear_line(work.line)
     c = extrapolation(work.past, h)
     predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
     if ties is not None:
@@ -80,7 +82,7 @@ def assemble_rest(simo, green, bodies, ties, held, state, work, size):
     """Residual at the present configuration for the second rates in work.u, without contact forces."""
     copy(state.q, work.q_mid)
     copy(state.q, work.q_end)
-    start_line(work)
+    work.line.use[0] = 0.0
     clear(None, work)
     add_elements(simo, green, None, state.q, None, None, work.u, 0.0, 0.0, None, None, work, size)
     if bodies is not None:

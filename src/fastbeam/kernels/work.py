@@ -9,10 +9,14 @@ from .._jit import kernel
 from .inner import clear_rhs
 
 
+# `Line.use` before the first increment of a step: the line is at its start
+FROM_START = 2.0
+
+
 class Line(NamedTuple):
     """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    use: np.ndarray       # float64 [3]: not 0 where the tangent needs it; increments of which size it can do without, relative
+    use: np.ndarray       # float64 [3]: 0, or 1 where the tangent needs it, or FROM_START; increments of which size it can do without, relative
     #                       to the length of the scene; size of the first increment of the step, -1 before
     last: np.ndarray      # float64 [12 N]: the shape before the increment less that at the start of the step, in statics less the
     #                       present one
@@ -85,10 +89,16 @@ def start_line(work):
     follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
     work.line.use[2] = -1.0
     if work.line.use[0] != 0.0:
-        for i in range(work.line.last.shape[0]):
-            work.line.last[i] = 0.0
-        for i in range(work.line.x.shape[0]):
-            work.line.x[i] = 0.0
+        work.line.use[0] = FROM_START
+
+
+@kernel
+def clear_line(line):
+    """An increment of nothing."""
+    for i in range(line.last.shape[0]):
+        line.last[i] = 0.0
+    for i in range(line.x.shape[0]):
+        line.x[i] = 0.0
 
 
 @kernel
