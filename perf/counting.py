@@ -140,10 +140,13 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         "zerom": value(9), "vst": nothing, "vst2": nothing, "vst3": nothing, "vstm": nothing, "vst_matrix": nothing,
         "st2": nothing, "st3": nothing, "vadd3": adds(3), "vadd_matrix": adds(9), "add3": adds(3), "add_matrix": adds(9),
         "dot": dot, "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3), "add_skew": value(9, 6),
-        "gather_lanes": nothing, "gather_sum": gather_sum, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing, "scatter_rows": of_size(lambda n: n),
-        "lu_lanes": of_size(lu, True), "lu_rows": of_size(lu, True), "solve_lanes": of_size(triangular),
+        "gather_lanes": nothing, "gather_sum": gather_sum, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing, "flush_column": nothing, "scatter_rows": of_size(lambda n: n),
+        "lu_lanes": of_size(lu, True), "lu_rows": of_size(lu, True), "lu_two": of_size(lambda n: 2 * lu(n), True), "solve_lanes": of_size(triangular),
         "subtract_lanes": subtract_lanes, "solve_rows": of_size(lambda n: PADDED * triangular(n)),
-        "subtract_rows": of_size(lambda n: PADDED * product(n))}
+        "subtract_rows": of_size(lambda n: PADDED * product(n)), "solve_column": of_size(triangular),
+        "subtract_column": of_size(product),
+        # the sum that the right-hand side begins with is that of an earlier product
+        "solve_rows_beside": of_size(lambda n: n + PADDED * triangular(n))}
 
 
 def _unknown(name: str) -> Callable[..., Any]:

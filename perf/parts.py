@@ -128,12 +128,12 @@ class ChainParts:
     def factor(self, plan: Any = None) -> None:
         """Factors, and the elimination of the right-hand side."""
         w, m = self.work, self.model
-        if not factor(plan or m.pattern.plan, w.blocks, w.pivots, w.panel, m.width, m.size) > 0.0:
+        if not factor(plan or m.pattern.plan, w.blocks, w.pivots, w.panel, None, m.size) > 0.0:
             raise SystemExit("the matrix is singular: nothing was measured")
 
     def back(self, plan: Any = None) -> None:
         """Back substitution."""
-        back_substitute(plan or self.model.pattern.plan, self.work.blocks, self.work.panel, self.model.width, self.model.size)
+        back_substitute(plan or self.model.pattern.plan, self.work.blocks, self.work.panel, None, self.model.size)
 
     def solution(self) -> Array:
         """Solution of the matrix for `right`."""

@@ -279,7 +279,7 @@ class CondensedIteration(Iteration):
         if not s.linear.is_compiled:
             return super().solve_panel()
         with s.linear.threads():
-            return bool(step.solve_nodes(None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
+            return bool(step.solve_nodes(s.contact, None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
 
     # --- increments ---------------------------------------------------------------------------------------------------
     def _take(self, factor: float) -> None:

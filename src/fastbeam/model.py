@@ -132,8 +132,8 @@ class Model:
 
     @property
     def width(self) -> int:
-        """Columns of the panel of right-hand sides, padded to 8."""
-        return -(-self.columns // 8) * 8
+        """Columns of the panel of right-hand sides: one, or those of sliders padded to 8."""
+        return 1 if self.sliders is None else -(-self.columns // 8) * 8
 
     @property
     def past_size(self) -> int:

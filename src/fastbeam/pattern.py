@@ -78,8 +78,9 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
     if allow_elimination:
         # a chain costs band + band^2 updates a node; beyond three times that the sparse solver is the better one
         limit = 3 * n * (band + band * band) + (200 if n <= LARGE else 20) * n
-        best = _symbolic(n, low, high, limit)
-        order = natural
+        # a chain from both ends to its middle: two nodes at a time that do not wait for each other
+        order = _from_both_ends(n) if low.size and np.all(high == low + 1) else natural
+        best = _symbolic(n, order[low], order[high], limit)
         if n <= LARGE and (best is None or best.cost > n * (band + band * band)):
             rank = _minimum_degree(n, low, high, limit if best is None else best.cost)
             found = None if rank is None else _symbolic(n, rank[low], rank[high], limit if best is None else best.cost)
@@ -90,6 +91,12 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
     row = np.concatenate((low, high, natural))
     column = np.concatenate((high, low, natural))
     return Pattern(natural, np.sort(row * n + column), None, n)
+
+
+def _from_both_ends(n: int) -> Array:
+    """Rank of every node where first and last nodes take turns."""
+    k = np.arange(n)
+    return np.minimum(2 * k, 2 * (n - 1 - k) + 1)
 
 
 def widen(pattern: Pattern, level: Array, row_root: Array) -> Pattern:

@@ -345,21 +345,32 @@ add_matrix = _make_store_matrix(f8, True)
 zero3, zerom = _make_zero(f8, 3), _make_zero(f8, 9)
 
 
-@intrinsic
-def flush_rows(tc, array, offset, stride, size):
-    """Zero for entries below 1e-150 in as many rows of 8 as the tuple `size` has numbers. Columns that decay along a chain would
-    end in denormal numbers, which the processor handles many times slower; NaN stays."""
-    def codegen(ctx, b, sig, args):
-        o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
-        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
-        for _ in range(size.count):
-            p = _pointer(ctx, b, sig.args[0], args[0], o, vec)
-            x = b.load(p, align=8)
-            tiny = b.fcmp_ordered("<", b.call(absolute, [x]), ir.Constant(_VECTOR, [1e-150] * LANES))
-            b.store(b.select(tiny, ir.Constant(_VECTOR, [0.0] * LANES), x), p, align=8)
-            o = b.add(o, step)
-        return ctx.get_dummy_value()
-    return types.void(array, offset, stride, size), codegen
+def _make_flush(columns):
+    kind, name = (_VECTOR, "v8f64") if columns == LANES else (_DOUBLE, "f64")
+
+    def constant(x):
+        return ir.Constant(kind, [x] * LANES if columns == LANES else x)
+
+    @intrinsic
+    def flush(tc, array, offset, stride, size):
+        def codegen(ctx, b, sig, args):
+            o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
+            data = _data(ctx, b, sig.args[0], args[0])
+            absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(kind, [kind]), f"llvm.fabs.{name}")
+            for _ in range(size.count):
+                p = b.bitcast(b.gep(data, [o]), kind.as_pointer())
+                x = b.load(p, align=8)
+                tiny = b.fcmp_ordered("<", b.call(absolute, [x]), constant(1e-150))
+                b.store(b.select(tiny, constant(0.0), x), p, align=8)
+                o = b.add(o, step)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, stride, size), codegen
+    return flush
+
+
+# Zero for entries below 1e-150 in as many rows of 8 numbers, or of one, as the tuple `size` has numbers. Columns that decay along a
+# chain would end in denormal numbers, which the processor handles many times slower; NaN stays.
+flush_rows, flush_column = _make_flush(LANES), _make_flush(1)
 
 
 @intrinsic

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _int, _mul, _pointer, _splat, _sub, f8, vec
+from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _int, _mul, _splat, _sub, f8
 
 SIX = (0, 0, 0, 0, 0, 0)
 THREE = (0, 0, 0)
@@ -150,6 +150,42 @@ def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
 
 
 @intrinsic
+def lu_two(tc, a, first, second, low, high, size):
+    """`lu_rows` of two blocks of one array in one go, which takes no longer than of one: every operation waits for the one before.
+    False, and nothing is changed, where either needs exchanges."""
+    n = size.count
+    two = ir.VectorType(_DOUBLE, 2)
+
+    def codegen(ctx, b, sig, args):
+        sides = [_Memory(ctx, b, sig.args[0], args[0], args[k], sig.args[k]) for k in (1, 2)]
+
+        def pair(*values):
+            out = ir.Constant(two, ir.Undefined)
+            for k, value in enumerate(values):
+                out = b.insert_element(out, value, ir.Constant(_I32, k))
+            return out
+
+        x = [[pair(*(side.number((8 * i + j, 1)) for side in sides)) for j in range(n)] for i in range(n)]
+        before = [x[i][i] for i in range(n)]
+        pivots = _lu(b, x, n, ir.Constant(two, [1.0, 1.0]))
+        least, most = (pair(*[ctx.cast(b, args[k], sig.args[k], f8)] * 2) for k in (3, 4))
+        good = ir.Constant(ir.VectorType(ir.IntType(1), 2), [1, 1])
+        for p, q in zip(pivots, before):
+            size_p, size_q = (_absolute(b, v, two, "v2f64") for v in (p, q))
+            good = b.and_(good, b.fcmp_ordered(">=", size_p, _mul(b, least, size_q)))
+            good = b.and_(good, b.fcmp_ordered("<=", size_p, _mul(b, most, size_q)))
+            good = b.and_(good, b.fcmp_ordered(">", size_p, ir.Constant(two, [0.0, 0.0])))
+        both = b.and_(*(b.extract_element(good, ir.Constant(_I32, k)) for k in range(2)))
+        with b.if_then(both, likely=True):
+            for k, side in enumerate(sides):
+                for i in range(n):
+                    for j in range(n):
+                        side.put_number(b.extract_element(x[i][j], ir.Constant(_I32, k)), (8 * i + j, 1))
+        return both
+    return types.boolean(a, first, second, low, high, size), codegen
+
+
+@intrinsic
 def lu_rows(tc, a, offset, low, high, size):
     """LU in place of one block stored by rows. False, and nothing is changed, where a pivot lies outside [low, high] times its
     diagonal entry, or is NaN: then rows have to be exchanged."""
@@ -175,52 +211,94 @@ def lu_rows(tc, a, offset, low, high, size):
     return types.boolean(a, offset, low, high, size), codegen
 
 
+def _make_solve(columns):
+    """Of n rows of so many columns, 8 or 1."""
+    @intrinsic
+    def solve(tc, lu, offset, row, column, x, x_offset, x_row, size):
+        n = size.count
+
+        def codegen(ctx, b, sig, args):
+            factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+            rows, distance = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
+            panel = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+            step = _int(ctx, b, args[6], sig.args[6])
+            get, put, repeat = _columns(b, panel, columns)
+            w = [get((i, step)) for i in range(n)]
+            _triangular(b, lambda i, j: repeat(factors.number((i, rows), (j, distance))), w, n)
+            for i in range(n):
+                put(w[i], (i, step))
+            return ctx.get_dummy_value()
+        return types.void(lu, offset, row, column, x, x_offset, x_row, size), codegen
+    return solve
+
+
+def _make_subtract(columns):
+    """Of n rows of so many columns, 8 or 1."""
+    @intrinsic
+    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
+        n = size.count
+
+        def codegen(ctx, b, sig, args):
+            matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+            rows, distance = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
+            source = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+            target = _Memory(ctx, b, sig.args[7], args[7], args[8], sig.args[8])
+            x_step, y_step = _int(ctx, b, args[6], sig.args[6]), _int(ctx, b, args[9], sig.args[9])
+            w = [_columns(b, source, columns)[0]((k, x_step)) for k in range(n)]
+            get, put, repeat = _columns(b, target, columns)
+            half = (n + 1) // 2
+            out = []
+            for i in range(n):
+                # two sums of half the length: the latency of a chain of products counts
+                f = [repeat(matrix.number((i, rows), (k, distance))) for k in range(n)]
+                z = get((i, y_step))
+                for k in range(half):
+                    z = _sub(b, z, _mul(b, f[k], w[k]))
+                t = _mul(b, f[half], w[half])
+                for k in range(half + 1, n):
+                    t = _add(b, t, _mul(b, f[k], w[k]))
+                out.append(_sub(b, z, t))
+            for i in range(n):
+                put(out[i], (i, y_step))
+            return ctx.get_dummy_value()
+        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
+    return subtract
+
+
+def _columns(b, memory, columns):
+    """How rows of so many columns are loaded and stored, and how a number becomes a factor of them."""
+    if columns == 1:
+        return memory.number, memory.put_number, lambda x: x
+    return memory.vector, memory.put_vector, lambda x: _splat(b, x)
+
+
 @intrinsic
-def solve_rows(tc, lu, offset, row, column, x, x_offset, x_row, size):
-    """X <- A^-1 X for one factored block and n rows of 8 numbers, x_row doubles apart."""
+def solve_rows_beside(tc, lu, offset, x, x_offset, column, column_offset, size):
+    """`solve_rows` of a block at 8 doubles a row, with one right-hand side more in the first column behind its n: what stands there
+    beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `algebra.flush_rows`."""
     n = size.count
 
     def codegen(ctx, b, sig, args):
         factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
-        rows, columns = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
-        panel = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
-        step = _int(ctx, b, args[6], sig.args[6])
-        w = [panel.vector((i, step)) for i in range(n)]
-        _triangular(b, lambda i, j: _splat(b, factors.number((i, rows), (j, columns))), w, n)
+        panel = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
+        right = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+        w = []
         for i in range(n):
-            panel.put_vector(w[i], (i, step))
+            y = _add(b, right.number((i, 1)), factors.number((8 * i + n, 1)))
+            tiny = b.fcmp_ordered("<", _absolute(b, y, _DOUBLE, "f64"), ir.Constant(_DOUBLE, 1e-150))
+            y = b.select(tiny, ir.Constant(_DOUBLE, 0.0), y)
+            w.append(b.insert_element(panel.vector((8 * i, 1)), y, ir.Constant(_I32, n)))
+        _triangular(b, lambda i, j: _splat(b, factors.number((8 * i + j, 1))), w, n)
+        for i in range(n):
+            panel.put_vector(w[i], (8 * i, 1))
         return ctx.get_dummy_value()
-    return types.void(lu, offset, row, column, x, x_offset, x_row, size), codegen
+    return types.void(lu, offset, x, x_offset, column, column_offset, size), codegen
 
 
-@intrinsic
-def subtract_rows(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
-    """Y -= A X for one block and n rows of 8 numbers of X and Y."""
-    n = size.count
+# X <- A^-1 X for one factored block and n rows of 8 numbers, or of one, x_row doubles apart
+solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
+# Y -= A X for one block and n rows of 8 numbers, or of one, of X and Y
+subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
-    def codegen(ctx, b, sig, args):
-        matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
-        rows, columns = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
-        source = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
-        target = _Memory(ctx, b, sig.args[7], args[7], args[8], sig.args[8])
-        x_step, y_step = _int(ctx, b, args[6], sig.args[6]), _int(ctx, b, args[9], sig.args[9])
-        w = [source.vector((k, x_step)) for k in range(n)]
-        half = (n + 1) // 2
-        out = []
-        for i in range(n):
-            # two sums of half the length: the latency of a chain of products counts
-            f = [_splat(b, matrix.number((i, rows), (k, columns))) for k in range(n)]
-            z = target.vector((i, y_step))
-            for k in range(half):
-                z = _sub(b, z, _mul(b, f[k], w[k]))
-            t = _mul(b, f[half], w[half])
-            for k in range(half + 1, n):
-                t = _add(b, t, _mul(b, f[k], w[k]))
-            out.append(_sub(b, z, t))
-        for i in range(n):
-            target.put_vector(out[i], (i, y_step))
-        return ctx.get_dummy_value()
-    return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
-
-
-__all__ = ["ONE", "SIX", "THREE", "lu_lanes", "lu_rows", "solve_lanes", "solve_rows", "subtract_lanes", "subtract_rows", "vec"]
+__all__ = ["ONE", "SIX", "THREE", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes", "solve_rows",
+           "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]

@@ -11,17 +11,21 @@ LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
 
 @kernel
 def fill_panel(contact, r, width, panel_out, size):
-    """Residual in column 0, the border columns of slider k behind."""
+    """Residual in column 0, the border columns of slider k behind; without sliders nothing but the residual."""
     n = len(size)
     n_rows = panel_out.shape[0] // (n * width)
     border = border_of(n)
-    for i in range(n_rows):
-        for c in range(n):
-            o = (n * i + c) * width
-            put_first(panel_out, o, r[8 * i + c])
-            for j in range(8, width, 8):
-                vst(panel_out, o + j, 0, 0.0)
-    if contact is not None:
+    if contact is None:
+        for i in range(n_rows):
+            for c in range(n):
+                panel_out[n * i + c] = r[8 * i + c]
+    else:
+        for i in range(n_rows):
+            for c in range(n):
+                o = (n * i + c) * width
+                put_first(panel_out, o, r[8 * i + c])
+                for j in range(8, width, 8):
+                    vst(panel_out, o + j, 0, 0.0)
         for k in range(contact.entries.shape[0]):
             for m in range(contact.entries[k]):
                 for c in range(n):

@@ -3,7 +3,8 @@
 Blocks are stored as n rows of 8 doubles, so that a row is one register; block k starts at 8 n k. n = 6 in space, 3 in a plane:
 the length of the tuple `size`. The order and the fill come from the compiler of the scene: for chains and trees of beams there
 is no fill beyond the elements.
-Right-hand sides stand side by side in a panel of `width` doubles a row (a multiple of 8), n rows a node.
+Right-hand sides stand side by side in a panel of `width` doubles a row (a multiple of 8), n rows a node; where `width` is None
+there is one.
 """
 from __future__ import annotations
 
@@ -12,13 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel, one_variant
-from .algebra import flush_rows, largest_of_row, vld, vst
-from .blocks import lu_rows, solve_rows, subtract_rows
+from .algebra import flush_column, flush_rows, largest_of_row, vld, vst
+from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
 
 # row k: 1 in the columns right of k, 0 in the two that pad a row
 RIGHT_OF = (np.triu(np.ones((8, 8)), 1) * (np.arange(8) < 6)).reshape(-1)
 # pivots without exchange are good between these shares of their diagonal entries
 LOW, HIGH = 1e-6, 1e3
+# pivots of a row without exchanges
+NONE = np.array([-1])
 
 
 class Elimination(NamedTuple):
@@ -85,45 +88,110 @@ def exchange_and_factor(blocks, d, pivots, p, size):
 
 
 @kernel
+def exchange_and_solve(blocks, d, pivots, p, panel, row, width, size):
+    """Right-hand sides of a row of the panel <- D^-1 of them, with tiny numbers as zero."""
+    for o in range(len(size) * width * row, len(size) * width * row + width, 8):
+        if pivots[p] >= 0:
+            exchange_rows(pivots, p, panel, o, width, size)
+        solve_rows(blocks, d, 8, 1, panel, o, width, size)
+        flush_rows(panel, o, width, size)
+
+
+@kernel
+def subtract_product(blocks, k, panel, row, target, width, size):
+    """Right-hand sides of row `target` -= block k times those of `row`."""
+    n = len(size)
+    for c in range(0, width, 8):
+        subtract_rows(blocks, 8 * n * k, 8, 1, panel, n * width * row + c, width, panel, n * width * target + c, width, size)
+
+
+@kernel
+def take_beside(blocks, d, panel, o, pivots, p, size):
+    """Add to a single right-hand side what stands beside the diagonal block, and exchange its rows as those of the block."""
+    n = len(size)
+    for c in range(n):
+        panel[o + c] += blocks[d + 8 * c + n]
+        blocks[d + 8 * c + n] = 0.0
+    if pivots[p] >= 0:
+        for k in range(n):
+            m = pivots[p + k]
+            t = panel[o + k]
+            panel[o + k] = panel[o + m]
+            panel[o + m] = t
+
+
+@kernel
 def factor(plan, blocks, pivots, panel, width, size):
     """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A; and eliminate the right-hand sides of `panel` on the way
     (None: there are none). pivots [n rows]: the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio
-    of the blocks with exchanges, at most 1; stops at a singular block, which returns 0."""
+    of the blocks with exchanges, at most 1; stops at a singular block, which returns 0.
+
+    A single right-hand side (width None) goes along in the first column behind the n of the first upper block of every row and of
+    the diagonal blocks, where it costs nothing; `panel` has it where a row has no upper block.
+    """
     n = len(size)
     block = 8 * n
     worst = 1.0
-    for i in range(plan.diagonal.shape[0]):
-        d = block * plan.diagonal[i]
-        exchanged = not lu_rows(blocks, d, LOW, HIGH, size)
-        pivots[n * i] = -1
-        if exchanged:
-            ratio = exchange_and_factor(blocks, d, pivots, n * i, size)
-            if not ratio > 0.0:
-                return 0.0
-            worst = min(worst, ratio)
-        k0 = plan.start[i]
-        k1 = plan.start[i + 1]
-        for k in range(k0, k1):
-            if exchanged:
-                exchange_rows(pivots, n * i, blocks, block * plan.upper[k], 8, size)
-            solve_rows(blocks, d, 8, 1, blocks, block * plan.upper[k], 8, size)
-        if panel is not None:
-            for c in range(0, width, 8):
-                o = n * width * i + c
-                if exchanged:
-                    exchange_rows(pivots, n * i, panel, o, width, size)
-                solve_rows(blocks, d, 8, 1, panel, o, width, size)
-                flush_rows(panel, o, width, size)
-        t = plan.target_start[i]
-        for j in range(k0, k1):
-            low = block * plan.lower[j]
-            for k in range(k0, k1):
-                subtract_rows(blocks, low, 8, 1, blocks, block * plan.upper[k], 8, blocks, block * plan.target[t], 8, size)
-                t += 1
+    rows = plan.diagonal.shape[0]
+    i = 0
+    while i < rows:
+        # two rows at a time where the second does not wait for the first
+        end = i + 2
+        if end > rows or (plan.start[i] < plan.start[i + 1] and plan.column[plan.start[i]] == i + 1):
+            end = i + 1
+        factored = False
+        if end == i + 2:
+            factored = lu_two(blocks, block * plan.diagonal[i], block * plan.diagonal[i + 1], LOW, HIGH, size)
+        for r in range(i, end):
+            d = block * plan.diagonal[r]
+            pivots[n * r] = -1
+            if not factored and not lu_rows(blocks, d, LOW, HIGH, size):
+                if width is None:
+                    if panel is not None:
+                        take_beside(blocks, d, panel, n * r, pivots, n * r, size)
+                ratio = exchange_and_factor(blocks, d, pivots, n * r, size)
+                if not ratio > 0.0:
+                    return 0.0
+                worst = min(worst, ratio)
+                if width is None:
+                    if panel is not None:
+                        take_beside(blocks, d, panel, n * r, pivots, n * r, size)
+        for r in range(i, end):
+            d = block * plan.diagonal[r]
+            first = plan.start[r]
+            for k in range(first, plan.start[r + 1]):
+                if pivots[n * r] >= 0:
+                    exchange_rows(pivots, n * r, blocks, block * plan.upper[k], 8, size)
+                if width is None:
+                    if panel is not None:
+                        if k == first:
+                            solve_rows_beside(blocks, d, blocks, block * plan.upper[k], panel, n * r, size)
+                            continue
+                solve_rows(blocks, d, 8, 1, blocks, block * plan.upper[k], 8, size)
             if panel is not None:
-                for c in range(0, width, 8):
-                    subtract_rows(blocks, low, 8, 1, panel, n * width * i + c, width, panel, n * width * plan.column[j] + c,
-                                  width, size)
+                if width is None:
+                    if first == plan.start[r + 1]:
+                        take_beside(blocks, d, panel, n * r, NONE, 0, size)
+                        solve_column(blocks, d, 8, 1, panel, n * r, 1, size)
+                        flush_column(panel, n * r, 1, size)
+                else:
+                    exchange_and_solve(blocks, d, pivots, n * r, panel, r, width, size)
+        for r in range(i, end):
+            t = plan.target_start[r]
+            first = plan.start[r]
+            for j in range(first, plan.start[r + 1]):
+                low = block * plan.lower[j]
+                for k in range(first, plan.start[r + 1]):
+                    subtract_rows(blocks, low, 8, 1, blocks, block * plan.upper[k], 8, blocks, block * plan.target[t], 8, size)
+                    t += 1
+                if panel is not None:
+                    if width is None:
+                        if j > first:
+                            subtract_column(blocks, low, 8, 1, blocks, block * plan.upper[first] + n, 8, blocks,
+                                            block * plan.diagonal[plan.column[j]] + n, 8, size)
+                    else:
+                        subtract_product(blocks, plan.lower[j], panel, r, plan.column[j], width, size)
+        i = end
     return worst
 
 
@@ -131,13 +199,23 @@ def factor(plan, blocks, pivots, panel, width, size):
 def back_substitute(plan, blocks, panel, width, size):
     """Solve for all right-hand sides of the panel [rows, n, width] that were eliminated."""
     n = len(size)
-    for i in range(plan.diagonal.shape[0] - 2, -1, -1):
-        for c in range(0, width, 8):
-            o = n * width * i + c
-            for k in range(plan.start[i], plan.start[i + 1]):
-                subtract_rows(blocks, 8 * n * plan.upper[k], 8, 1, panel, n * width * plan.column[k] + c, width, panel, o, width,
-                              size)
-            flush_rows(panel, o, width, size)
+    for i in range(plan.diagonal.shape[0] - 1, -1, -1):
+        first = plan.start[i]
+        if first == plan.start[i + 1]:
+            continue
+        if width is None:
+            for c in range(n):
+                panel[n * i + c] = blocks[8 * (n * plan.upper[first] + c) + n]
+        for k in range(first, plan.start[i + 1]):
+            if width is None:
+                subtract_column(blocks, 8 * n * plan.upper[k], 8, 1, panel, n * plan.column[k], 1, panel, n * i, 1, size)
+            else:
+                subtract_product(blocks, plan.upper[k], panel, plan.column[k], i, width, size)
+        if width is None:
+            flush_column(panel, n * i, 1, size)
+        else:
+            for o in range(n * width * i, n * width * i + width, 8):
+                flush_rows(panel, o, width, size)
 
 
 @kernel
@@ -145,15 +223,9 @@ def solve(plan, blocks, pivots, panel, width, size):
     """Solve for all right-hand sides of the panel [rows, n, width] in place, with factors from before."""
     n = len(size)
     for i in range(plan.diagonal.shape[0]):
-        for c in range(0, width, 8):
-            o = n * width * i + c
-            if pivots[n * i] >= 0:
-                exchange_rows(pivots, n * i, panel, o, width, size)
-            solve_rows(blocks, 8 * n * plan.diagonal[i], 8, 1, panel, o, width, size)
-            flush_rows(panel, o, width, size)
-            for k in range(plan.start[i], plan.start[i + 1]):
-                subtract_rows(blocks, 8 * n * plan.lower[k], 8, 1, panel, o, width, panel, n * width * plan.column[k] + c, width,
-                              size)
+        exchange_and_solve(blocks, 8 * n * plan.diagonal[i], pivots, n * i, panel, i, width, size)
+        for k in range(plan.start[i], plan.start[i + 1]):
+            subtract_product(blocks, plan.lower[k], panel, i, plan.column[k], width, size)
     back_substitute(plan, blocks, panel, width, size)
 
 

@@ -160,16 +160,19 @@ def has_converged(size, before, floor):
 
 
 @written_in
-def solve_nodes(inner, plan, pardiso, work, width, size):
+def solve_nodes(contact, inner, plan, pardiso, work, width, size):
     """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
     if inner is not None:
         if inner.state[0] == 0.0:
             return False
     if plan is not None:
+        columns = None
+        if contact is not None:
+            columns = width
         # NaN fails the comparison too
-        if not factor(plan, work.blocks, work.pivots, work.panel, width, size) > 1e-14:
+        if not factor(plan, work.blocks, work.pivots, work.panel, columns, size) > 1e-14:
             return False
-        back_substitute(plan, work.blocks, work.panel, width, size)
+        back_substitute(plan, work.blocks, work.panel, columns, size)
         return True
     if pardiso is not None:
         return solve_sparse(pardiso, work.blocks, work.panel, width, size)
@@ -273,7 +276,7 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha,
                               row_of, state, work, hm)
                 prepare_panel(space, plane, inner, ties, contact, held, width, work, size)
-                if not solve_nodes(inner, plan, pardiso, work, width, size):
+                if not solve_nodes(contact, inner, plan, pardiso, work, width, size):
                     status = SINGULAR
                     break
                 moved = update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, state, work, width, length,
@@ -333,7 +336,7 @@ def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curv
                 jobs.append((element_groups, (*common, ABSENT, *of(work, "u"), line, h, h, *of(alpha, "spin_rate"), green_strain,
                                               middle, r, blocks, scratch, size)))
     if plan is not ABSENT:
-        jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, width, size)))
+        jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, ABSENT if contact is ABSENT else width, size)))
     if contact is not ABSENT:
         jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y"), x, size)))
     if inner is not ABSENT:
@@ -380,7 +383,7 @@ def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, 
     for it in range(max_iterations):
         assemble_static(space, plane, simo, green, inner, ties, held, state, work)
         prepare_panel(space, plane, inner, ties, None, held, width, work, size)
-        if not solve_nodes(inner, plan, pardiso, work, width, size):
+        if not solve_nodes(None, inner, plan, pardiso, work, width, size):
             return SINGULAR, it + 1
         moved = update_static(space, plane, simo, green, inner, ties, row_of, state, work, width, length, size)
         sizes_out[it] = moved
