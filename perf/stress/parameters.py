@@ -188,8 +188,8 @@ def shortest_period(scene: fb.Scene) -> float:
         stepper = Stepper(model, np.ones(1), backend="superlu")
         stepper.state.v[:] = 0.0
         work = stepper.work
-        kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, stepper.contact, model.spinless, stepper.state,
-                           work, h)
+        kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, stepper.contact, model.spinless, None,
+                           stepper.state, work, h)
         kernels.assemble_step(SIX, None, model.simo, model.green, None, model.bodies, model.ties, model.held, model.curves,
                               model.sliders, stepper.contact, None, None, model.pattern.row_of, stepper.state, work, h)
         blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)

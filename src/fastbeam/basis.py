@@ -207,7 +207,10 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
     length, n_elements = float(length), sizes.size
     element = np.arange(n_elements)
     spread: Array | None = None
+    kinds = sizes
     if interpolation == "lagrange":
+        # equal elements share what they have
+        kinds = sizes[:1] if np.ndim(n_elements_or_ends) == 0 else sizes
         directors, stride, n_nodes = "nodes", p, n_elements * p + 1
         xi_nodes = gll_nodes(p)
         node_s = np.append((ends[:-1, None] + 0.5 * (1.0 + xi_nodes[:-1]) * sizes[:, None]).ravel(), length)
@@ -229,17 +232,20 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
         # arc lengths, weights, shape functions of the p + 1 own nodes and their d/ds at Gauss points
         xi, w = legendre.leggauss(n_points)
         if interpolation == "lagrange":
-            values, values_s = lagrange_shapes(p, xi, sizes)
+            values, values_s = lagrange_shapes(p, xi, kinds)
         else:
             values, values_s = bspline_shapes(p, knots, 0.5 * (1.0 + xi))
             values_s /= unit
-        return ends[:-1, None] + 0.5 * (1.0 + xi) * sizes[:, None], 0.5 * sizes[:, None] * w, values, values_s
+        return ends[:-1, None] + 0.5 * (1.0 + xi) * sizes[:, None], *map(every, (0.5 * kinds[:, None] * w, values, values_s))
+
+    def every(table: Array) -> Array:
+        return np.broadcast_to(table, (n_elements, *table.shape[1:]))
 
     point_s, weight, own, own_s = shapes(p)
     mass_point_s, mass_weight, mass_own, _ = shapes(p + 1)  # exact to degree 2 p + 1
     shift = element * stride - first
     phi, phi_s, mass_values = (_widen(table, shift, nn) for table in (own, own_s, mass_own))  # zero for nodes that do not matter
-    mass_phi = _mass(mass_own, mass_weight)
+    mass_phi = every(_mass(mass_own[:kinds.size], mass_weight[:kinds.size]))
     if nn > p + 1:
         mass_phi = _widen(_widen(mass_phi, shift, nn).transpose(0, 2, 1), shift, nn)  # columns, then rows
     dir_, dir_s, mass_dir = phi, phi_s, mass_phi

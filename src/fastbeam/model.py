@@ -240,8 +240,8 @@ class Model:
         return place_stores(self.substructures, len(self.size))
 
     def work(self, keep: bool = True, rates: bool = False) -> Work:
-        """Work arrays of one run; keep: with room for the state before a step; rates: second rates come from elsewhere (generalised
-        alpha)."""
+        """Work arrays of one run; keep: with room for the state before a step; rates: for a method with rates of its own
+        (generalised alpha)."""
         n, s, size = self.n_nodes, self.n_sliders, len(self.size)
         kept = int(keep)
         q = self.q0.size
@@ -249,7 +249,8 @@ class Model:
         moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None)
         border = self.border * s
         return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(moved), q_end=np.zeros(moved),
-                    u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)), r=np.zeros(8 * (n + 1)),
+                    u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
+                    r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
                     schur=np.zeros((border, border)), y=np.zeros(border),

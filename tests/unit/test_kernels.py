@@ -11,6 +11,7 @@ from numpy.polynomial import legendre as np_legendre
 
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import algebra as al
+from fastbeam.kernels import rows
 from fastbeam.kernels.beam import ElementTables, element_groups, group_table_size, scratch_size
 from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.nodes import add_bodies, advance, predict, set_directors, spread, update_nodes
@@ -115,12 +116,17 @@ def test_scalar_formulas_equal_numpy() -> None:
 
 @numba.njit
 def scatter(source, offset, index, first, scale, shift, target):
-    al.scatter_rows(source, offset, index, first, scale, shift, target, SIX)
+    rows.scatter_rows(source, offset, index, first, scale, shift, target, SIX)
 
 
 @numba.njit
-def gather(source, index, first, scale, n, target, offset):
-    al.gather_lanes(source, index, first, scale, n, target, offset)
+def gather(source, index, first, scale, target, offset, size):
+    rows.gather_lanes(source, index, first, scale, target, offset, size)
+
+
+@numba.njit
+def gather_sum(x, y, f, s, index, first, target, offset, size):
+    rows.gather_sum(x, y, f, s, index, first, target, offset, size)
 
 
 def test_scatter_adds_six_numbers_to_the_row_of_every_lane() -> None:
@@ -134,14 +140,26 @@ def test_scatter_adds_six_numbers_to_the_row_of_every_lane() -> None:
     np.testing.assert_allclose(target.reshape(12, 16), expected, rtol=EXACT, atol=EXACT)
 
 
-def test_gather_takes_one_row_per_lane() -> None:
+@pytest.mark.parametrize(("n", "scale"), [(12, 12), (4, 4), (18, 18), (6, 8), (3, 8)])
+def test_gather_takes_one_row_per_lane(n: int, scale: int) -> None:
     rng = np.random.default_rng(3)
-    source = rng.standard_normal((10, 12))
+    source = rng.standard_normal((10, scale))
     index = np.array([99, 99, 4, 0, 9, 4, 2, 3, 1, 8])
-    target = np.full(4 + 96 + 4, np.nan)
-    gather(source.reshape(-1), index, 2, 12, 12, target, 4)
-    assert np.array_equal(target[4:100].reshape(12, 8), source[index[2:]].T)
-    assert np.isnan(target[:4]).all() and np.isnan(target[100:]).all()
+    target = np.full(4 + 8 * n + 4, np.nan)
+    gather(source.reshape(-1), index, 2, scale, target, 4, (0,) * n)
+    assert np.array_equal(target[4:-4].reshape(n, 8), source[index[2:], :n].T)
+    assert np.isnan(target[:4]).all() and np.isnan(target[-4:]).all()
+
+
+@pytest.mark.parametrize("n", [4, 12])
+def test_gather_of_a_sum(n: int) -> None:
+    x, y = np.random.default_rng(4).standard_normal((2, 10, n))
+    index = np.array([99, 4, 0, 9, 4, 2, 3, 1, 8])
+    target = np.full(8 * n + 4, np.nan)
+    gather_sum(x.reshape(-1), y.reshape(-1), -0.3, 2.5, index, 1, target, 2, (0,) * n)
+    expected = (2.5 * (x - 0.3 * y))[index[1:]].T
+    np.testing.assert_allclose(target[2:-2].reshape(n, 8), expected, rtol=1e-15, atol=1e-15)
+    assert np.isnan(target[:2]).all() and np.isnan(target[-2:]).all()
 
 
 # ------------------------------------------------------------------------------------------------------------ node loops

@@ -351,7 +351,8 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     work, m = kernel.work, model
     kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, m.width, work, SIX)
     assert kernels.solve_nodes(kernel.contact, None, m.pattern.plan, None, work, m.width, SIX)
-    assert solve_border(kernel.contact, kernel.state.force, work.panel, m.width, work.rows, work.schur, work.y, work.line.x, SIX) == -1
+    assert solve_border(kernel.contact, kernel.state.force, work.panel, m.width, work.rows, work.schur, work.y, work.line.x,
+                        SIX) == -1
     # the kernel's compliance leaves out the moment of the frame
     np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
     expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), first * trial.force,

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel, one_variant
-from .algebra import (add_iso, add_skew, cross, dot, gather_lanes, outer, scatter_rows, vadd3, vadd_matrix, vld, vld3,
-                      vldm, vst, vst3, vst_matrix, vstm, vzero, vzero3, vzerom)
+from .algebra import (add_iso, add_skew, cross, dot, outer, vadd3, vadd_matrix, vld, vld3, vldm, vst, vst3, vst_matrix, vstm,
+                      vzero, vzero3, vzerom)
 from .inner import eliminate_inner
+from .rows import gather_lanes, scatter_rows
 from .strains import (EIGHTEEN, Q_LANES, TWELVE, gather_ends, gather_line, interpolate, mean_strains, stresses,
                       unused_strains)
 from .work import FROM_START
@@ -346,9 +347,9 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; without r_out and blocks_out (None) they
     stay in `scratch`: rows from 384 nn on, blocks from 432 nn on.
 
-    q, dq, v: [12 N], coordinates at the start of the step of size h, their increments and velocities; statics has only q. u: None,
-    else second rates of the coordinates instead of those of the conserving step. line: the last increment (work.Line); where it
-    says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6), else those of the present shape.
+    q, dq, v: [12 N], coordinates at the start of the step of size h, their increments and velocities; statics has only q.
+    u: None, else second rates of the coordinates instead of those of the conserving step. line: the last increment (work.Line);
+    where it says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6), else the present ones.
     rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of d2, d3 by the spins (generalised
     alpha). green: None for strain set (2.2), else (2.1); branches on what is
     None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit

@@ -151,7 +151,7 @@ def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
 
 @intrinsic
 def lu_two(tc, a, first, second, low, high, size):
-    """`lu_rows` of two blocks of one array in one go, which takes no longer than of one: every operation waits for the one before.
+    """`lu_rows` of two blocks of one array in one go, which takes hardly longer than of one, whose operations wait for each other.
     False, and nothing is changed, where either needs exchanges."""
     n = size.count
     two = ir.VectorType(_DOUBLE, 2)
@@ -274,8 +274,8 @@ def _columns(b, memory, columns):
 
 @intrinsic
 def solve_rows_beside(tc, lu, offset, x, x_offset, column, column_offset, size):
-    """`solve_rows` of a block at 8 doubles a row, with one right-hand side more in the first column behind its n: what stands there
-    beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `algebra.flush_rows`."""
+    """`solve_rows` of a block at 8 doubles a row, with one right-hand side more in the first column behind its n: what stands
+    there beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `rows.flush_rows`."""
     n = size.count
 
     def codegen(ctx, b, sig, args):

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel, one_variant
-from .algebra import flush_column, flush_rows, largest_of_row, vld, vst
+from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
+from .rows import flush_column, flush_rows
 
 # row k: 1 in the columns right of k, 0 in the two that pad a row
 RIGHT_OF = (np.triu(np.ones((8, 8)), 1) * (np.arange(8) < 6)).reshape(-1)

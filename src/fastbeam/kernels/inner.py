@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import gather_lanes, put_rows, scatter_rows, vld, vst
+from .algebra import vld, vst
 from .blocks import ONE, lu_lanes, solve_lanes, solve_rows, subtract_lanes, subtract_rows
+from .rows import gather_lanes, put_rows, scatter_rows
 
 PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 

@@ -123,8 +123,8 @@ def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
 @kernel
 def update_nodes(row_of, x, first, last, q, theta, dq, last_out):
     """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`, and keep those
-    before in last_out. Returns the largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
-    where it runs away to infinity, towards half a turn."""
+    before in last_out. Returns the largest position increment and the largest increment of a Cayley vector next to the vector
+    itself: spins alone also vanish where it runs away to infinity, towards half a turn."""
     largest = 0.0
     spin = 0.0
     for i in range(first, last):

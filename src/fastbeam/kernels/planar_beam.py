@@ -14,8 +14,9 @@ rhoA, rhoI; position masses nn*nn; director masses nn*nn. Reference strains, 3 p
 from __future__ import annotations
 
 from .._jit import kernel, one_variant
-from .algebra import component0, component1, cross2, dot, perp, scatter_rows, vadd2, vld, vld2, vst, vst2, vzero, vzero2
+from .algebra import component0, component1, cross2, dot, perp, vadd2, vld, vld2, vst, vst2, vzero, vzero2
 from .inner import eliminate_inner
+from .rows import scatter_rows
 from .strains import FOUR, gather_ends, gather_planar_line
 from .work import FROM_START
 

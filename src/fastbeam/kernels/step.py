@@ -160,20 +160,25 @@ def has_converged(size, before, floor):
 
 
 @written_in
+def solve_chain(plan, work, width, size):
+    """By block elimination; width: None where there is nothing but the residual."""
+    # NaN fails the comparison too
+    good = factor(plan, work.blocks, work.pivots, work.panel, width, size) > 1e-14
+    if good:
+        back_substitute(plan, work.blocks, work.panel, width, size)
+    return good
+
+
+@written_in
 def solve_nodes(contact, inner, plan, pardiso, work, width, size):
     """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
     if inner is not None:
         if inner.state[0] == 0.0:
             return False
     if plan is not None:
-        columns = None
         if contact is not None:
-            columns = width
-        # NaN fails the comparison too
-        if not factor(plan, work.blocks, work.pivots, work.panel, columns, size) > 1e-14:
-            return False
-        back_substitute(plan, work.blocks, work.panel, columns, size)
-        return True
+            return solve_chain(plan, work, width, size)
+        return solve_chain(plan, work, None, size)
     if pardiso is not None:
         return solve_sparse(pardiso, work.blocks, work.panel, width, size)
     return False

@@ -17,13 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import gather_lanes, put_rows, scatter_rows, vld, vst
+from .algebra import vld, vst
 from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size
 from .nodes import spread, update_nodes
 from .planar_beam import planar_groups
 from .planar_nodes import planar_update
+from .rows import gather_lanes, put_rows, scatter_rows
 
 
 class Substructures(NamedTuple):
@@ -153,7 +154,8 @@ def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, g
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
             if space is not None:
-                element_groups(tables, k, k + 1, None, q, dq, v, None, line, h, rate, None, green, None, None, None, scratch, size)
+                element_groups(tables, k, k + 1, None, q, dq, v, None, line, h, rate, None, green, None, None, None, scratch,
+                               size)
             if plane is not None:
                 planar_groups(tables, k, k + 1, None, q, dq, v, line, h, rate, green, None, None, scratch, size)
             good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, r_out, None, so + 6 * block, size)

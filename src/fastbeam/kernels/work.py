@@ -16,8 +16,8 @@ FROM_START = 2.0
 class Line(NamedTuple):
     """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    use: np.ndarray       # float64 [3]: 0, or 1 where the tangent needs it, or FROM_START; increments of which size it can do without, relative
-    #                       to the length of the scene; size of the first increment of the step, -1 before
+    use: np.ndarray       # float64 [3]: 0, or 1 where the tangent needs it, or FROM_START; increments of which size it can do
+    #                       without, relative to the length of the scene; size of the first increment of the step, -1 before
     last: np.ndarray      # float64 [12 N]: the shape before the increment less that at the start of the step, in statics less the
     #                       present one
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
@@ -28,8 +28,8 @@ class Work(NamedTuple):
 
     dq: np.ndarray        # float64 [12 N]
     theta: np.ndarray     # float64 [3 N]
-    q_mid: np.ndarray     # float64 [12 N]: coordinates in the middle and at the end of the step, for sliders, ties and bodies; empty
-    #                       where there are none
+    q_mid: np.ndarray     # float64 [12 N]: coordinates in the middle and at the end of the step, for sliders, ties and bodies;
+    #                       empty where there are none
     q_end: np.ndarray     # float64 [12 N]
     u: np.ndarray         # float64 [12 N]: second rates of the coordinates, for bodies
     s_end: np.ndarray     # float64 [S]
