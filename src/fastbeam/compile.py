@@ -128,6 +128,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
+    # the same numbers need no second place
+    coordinates = model.q0.reshape(-1, 4, 3)
+    nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     if planar:
         model.plane, model.not_planar = find_plane(model)
     else:
