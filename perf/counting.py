@@ -250,7 +250,7 @@ def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -
 def node_loops(model: Model) -> int:
     """Of a node of a model in space in every iteration: the increments."""
     a, row_of = slice(12), np.zeros(1, np.int64)
-    return count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, a)
+    return count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, a, slice(8))
 
 
 def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:

@@ -1,12 +1,13 @@
 """Block elimination and the borders of sliders against dense linear algebra."""
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 
-from fastbeam.kernels.blocks import SIX, THREE
+from fastbeam.kernels.blocks import SIX, THREE, lu_rows, lu_two
 from fastbeam.kernels.border import clear_held, fill_panel, solve_border, solve_dense
-from fastbeam.kernels.chain import back_substitute, factor, multiply, solve
+from fastbeam.kernels.chain import HIGH, LOW, back_substitute, factor, multiply, solve
 from fastbeam.kernels.nodes import Held
 from fastbeam.kernels.slider import Contact
 from fastbeam.pattern import Pattern, build_pattern
@@ -74,15 +75,18 @@ def dense(pattern: Pattern, blocks: Array) -> Array:
 
 
 @pytest.mark.parametrize("size", [SIX, THREE], ids=["space", "plane"])
-@pytest.mark.parametrize("width", [8, 16])
+@pytest.mark.parametrize("width", [None, 8, 16])
 @pytest.mark.parametrize("pivoting", [False, True], ids=["plain", "pivoting"])
 @pytest.mark.parametrize("name", PATTERNS)
-def test_elimination_solves_the_system(name: str, pivoting: bool, width: int, size: tuple[int, ...]) -> None:
+def test_elimination_solves_the_system(name: str, pivoting: bool, width: int | None, size: tuple[int, ...]) -> None:
     pattern = pattern_of(name)
     k = len(size)
     rng = np.random.default_rng(1)
     blocks = random_blocks(pattern, name, rng, pivoting, k)
-    right = rng.standard_normal((k * pattern.n, width))
+    if width is None:
+        # a single right-hand side takes the first column of the padding
+        blocks[:, :, k] = 0.0
+    right = rng.standard_normal((k * pattern.n, width or 1))
     expected = np.linalg.solve(dense(pattern, blocks), right)
     panel = right.reshape(-1).copy()
     blocks = blocks.reshape(-1)
@@ -90,9 +94,38 @@ def test_elimination_solves_the_system(name: str, pivoting: bool, width: int, si
     worst = factor(pattern.plan, blocks, pivots, panel, width, size)
     back_substitute(pattern.plan, blocks, panel, width, size)
     assert 1e-4 < worst <= 1.0
-    assert np.max(np.abs(panel.reshape(-1, width) - expected)) < ACCURATE * np.max(np.abs(expected))
+    assert np.max(np.abs(panel.reshape(-1, width or 1) - expected)) < ACCURATE * np.max(np.abs(expected))
     # rows change their places where they have to, and only there
     assert np.all((pivots.reshape(-1, k)[:, 0] > 0) == pivoting)
+
+
+@numba.njit
+def two_blocks(blocks: Array, size: tuple[int, ...]) -> bool:
+    return lu_two(blocks, 0, 48, LOW, HIGH, size)
+
+
+@numba.njit
+def one_block(blocks: Array, at: int, size: tuple[int, ...]) -> bool:
+    return lu_rows(blocks, at, LOW, HIGH, size)
+
+
+@pytest.mark.parametrize("zero", [None, 0, 1])
+@pytest.mark.parametrize("size", [SIX, THREE], ids=["space", "plane"])
+def test_two_blocks_are_factored_like_one(size: tuple[int, ...], zero: int | None) -> None:
+    rng = np.random.default_rng(5)
+    blocks = np.zeros((2, 6, 8))
+    blocks[:, :6, :6] = rng.standard_normal((2, 6, 6)) + 10.0 * np.eye(6)
+    if zero is not None:
+        # needs exchanges: neither may change
+        blocks[zero, 1, 1] = 0.0
+        blocks[zero, 0, 1] = 0.0
+    found, expected = blocks.reshape(-1).copy(), blocks.reshape(-1).copy()
+    assert two_blocks(found, size) == (zero is None)
+    if zero is None:
+        assert one_block(expected, 0, size) and one_block(expected, 48, size)
+        np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-16)
+    else:
+        assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize("pivoting", [False, True], ids=["plain", "pivoting"])

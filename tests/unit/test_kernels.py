@@ -162,6 +162,23 @@ def test_gather_of_a_sum(n: int) -> None:
     assert np.isnan(target[:2]).all() and np.isnan(target[-2:]).all()
 
 
+@numba.njit
+def there_and_back(source, first, distance, lanes, target, size):
+    rows.load_rows(source, first, distance, lanes, 8, size)
+    rows.store_rows(lanes, 8, target, first, distance, size)
+
+
+@pytest.mark.parametrize(("n", "distance"), [(12, 12), (4, 12), (3, 3)])
+def test_rows_to_lanes_and_back(n: int, distance: int) -> None:
+    source = np.random.default_rng(6).standard_normal(5 + 8 * distance)
+    lanes, target = np.full(8 + 8 * n, np.nan), np.full_like(source, np.nan)
+    there_and_back(source, 5, distance, lanes, target, (0,) * n)
+    expected = source[5:].reshape(8, distance)[:, :n]
+    assert np.array_equal(lanes[8:].reshape(n, 8), expected.T)
+    assert np.array_equal(target[5:].reshape(8, distance)[:, :n], expected)
+    assert np.isnan(target).sum() == target.size - 8 * n
+
+
 # ------------------------------------------------------------------------------------------------------------ node loops
 def random_triads(n: int, rng: np.random.Generator) -> Array:
     q = rng.standard_normal((n, 4, 3))
@@ -227,7 +244,7 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
     before, last = dq.copy(), np.zeros_like(q)
     move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
-                              last.reshape(-1))
+                              last.reshape(-1), np.zeros(200))
     np.testing.assert_array_equal(last, before)
     assert move == np.max(np.abs(change[:, :3]))
     assert spin == pytest.approx(np.max(np.linalg.norm(new_theta - theta, axis=1) / np.sqrt(1.0 + np.sum(theta**2, axis=1) / 4)))
@@ -238,14 +255,34 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
         np.testing.assert_allclose(new_theta[k] - theta[k], expected - theta[k], rtol=0, atol=20 * eps**2)
 
 
-@pytest.mark.parametrize("node", [0, 1, 2])
+@pytest.mark.parametrize(("first", "last"), [(0, 19), (2, 10), (1, 19), (3, 18)])
+def test_eight_nodes_at_a_time_are_updated_like_one(first: int, last: int) -> None:
+    rng = np.random.default_rng(8)
+    n = 19
+    q, row_of = random_triads(n, rng).reshape(-1), rng.permutation(n)
+    rows = 0.1 * rng.standard_normal((n, 8))
+    theta, dq, before = 0.5 * rng.standard_normal(3 * n), rng.standard_normal(12 * n), rng.standard_normal(12 * n)
+    found, expected = [x.copy() for x in (theta, dq, before)], [x.copy() for x in (theta, dq, before)]
+    sizes = update_nodes(row_of, rows.reshape(-1), first, last, q, *found, np.zeros(200))
+    each = [update_nodes(row_of, rows.reshape(-1), i, i + 1, q, *expected, np.zeros(200)) for i in range(first, last)]
+    for x, y in zip(found, expected):
+        np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(sizes, np.max(each, axis=0), rtol=1e-15)
+    # nodes outside stay as they are
+    assert np.array_equal(found[0][:3 * first], theta[:3 * first]) and np.array_equal(found[1][12 * last:], dq[12 * last:])
+    assert np.array_equal(found[2][12 * last:], before[12 * last:])
+
+
+@pytest.mark.parametrize("node", [0, 1, 2, 9, 17])
 @pytest.mark.parametrize("component", [0, 4])
 def test_update_does_not_lose_nan(node: int, component: int) -> None:
     # NaN is the alarm of the Newton loop: a later finite node must not switch it off
-    rows = np.ones((3, 8))
+    n = 18
+    rows = np.ones((n, 8))
     rows[node, component] = np.nan
-    q = np.tile(np.eye(4, 3, -1), (3, 1, 1))
-    move, spin = update_nodes(np.arange(3), rows.reshape(-1), 0, 3, q.reshape(-1), np.zeros(9), np.zeros(36), np.zeros(36))
+    q = np.tile(np.eye(4, 3, -1), (n, 1, 1))
+    move, spin = update_nodes(np.arange(n), rows.reshape(-1), 0, n, q.reshape(-1), np.zeros(3 * n), np.zeros(12 * n),
+                              np.zeros(12 * n), np.zeros(200))
     assert np.isnan(move + spin)
 
 

@@ -17,13 +17,14 @@ import numpy as np
 from .._jit import kernel, one_variant
 from .algebra import (add_iso, add_skew, cross, dot, outer, vadd3, vadd_matrix, vld, vld3, vldm, vst, vst3, vst_matrix, vstm,
                       vzero, vzero3, vzerom)
+from .blocks import TWELVE
 from .inner import eliminate_inner
 from .rows import gather_lanes, scatter_rows
-from .strains import (EIGHTEEN, Q_LANES, TWELVE, gather_ends, gather_line, interpolate, mean_strains, stresses,
-                      unused_strains)
+from .strains import Q_LANES, gather_ends, gather_line, interpolate, mean_strains, stresses, unused_strains
 from .work import FROM_START
 
 B_LANES = 18 * 8     # six rotation rows of a node
+EIGHTEEN = (0,) * 18   # three columns for each of two directors, as `blocks.SIX`
 
 
 class ElementTables(NamedTuple):

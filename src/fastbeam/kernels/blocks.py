@@ -16,6 +16,8 @@ from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _in
 SIX = (0, 0, 0, 0, 0, 0)
 THREE = (0, 0, 0)
 ONE = (0,)
+# numbers of coordinates of a node in space and in a plane
+TWELVE, FOUR = (0,) * 12, (0,) * 4
 _TRUE = ir.IntType(1)(1)
 
 
@@ -151,7 +153,7 @@ def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
 
 @intrinsic
 def lu_two(tc, a, first, second, low, high, size):
-    """`lu_rows` of two blocks of one array in one go, which takes hardly longer than of one, whose operations wait for each other.
+    """`lu_rows` of two blocks of one array in one go, which takes hardly longer than of one: its operations wait for each other.
     False, and nothing is changed, where either needs exchanges."""
     n = size.count
     two = ir.VectorType(_DOUBLE, 2)
@@ -300,5 +302,5 @@ solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 # Y -= A X for one block and n rows of 8 numbers, or of one, of X and Y
 subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
-__all__ = ["ONE", "SIX", "THREE", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes", "solve_rows",
+__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes", "solve_rows",
            "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]

@@ -11,7 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import add3, add_iso, add_matrix, add_skew, cross, dot, ld2, ld3, outer, st2, st3, zero3, zerom
+from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, ld2, ld3, outer, st2, st3, vld, vld3, vst, vst3, vzero,
+                      zero3, zerom)
+from .blocks import FOUR, SIX, THREE, TWELVE
+from .rows import gather_lanes, largest, load_rows, store_rows
 
 
 class Bodies(NamedTuple):
@@ -35,13 +38,25 @@ class Held(NamedTuple):
 
 
 @kernel
+def director_increment(c, t, d):
+    """cay(t) d - d without cancellation, of one node or of 8 in lanes; c = 1/(1 + t . t/4)."""
+    x = cross(t, d)
+    return c * (x + 0.5 * cross(t, x))
+
+
+@kernel
+def cayley_increment(t, turn):
+    """Change of a Cayley vector by a small spin of the end: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi."""
+    return turn - 0.5 * cross(t, turn) + (0.25 * dot(t, turn)) * t
+
+
+@kernel
 def set_directors(q, theta, dq_out, i):
-    """Increments of the three directors of node i: cay(theta) d - d without cancellation."""
+    """Increments of the three directors of node i."""
     t = ld3(theta, 3 * i, 1)
     c = 1.0 / (1.0 + 0.25 * dot(t, t))
-    for k in range(3, 12, 3):
-        x = cross(t, ld3(q, 12 * i + k, 1))
-        st3(dq_out, 12 * i + k, 1, c * (x + 0.5 * cross(t, x)))
+    for k in range(12 * i + 3, 12 * i + 12, 3):
+        st3(dq_out, k, 1, director_increment(c, t, ld3(q, k, 1)))
 
 
 @kernel
@@ -121,31 +136,63 @@ def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
 
 
 @kernel
-def update_nodes(row_of, x, first, last, q, theta, dq, last_out):
+def update_nodes(row_of, x, first, last, q, theta, dq, last_out, scratch):
     """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`, and keep those
     before in last_out. Returns the largest position increment and the largest increment of a Cayley vector next to the vector
-    itself: spins alone also vanish where it runs away to infinity, towards half a turn."""
-    largest = 0.0
+    itself: spins alone also vanish where it runs away to infinity, towards half a turn. NaN stays: nothing is larger."""
+    move = 0.0
     spin = 0.0
-    for i in range(first, last):
+    i = first
+    if first + 8 <= last:
+        moves = vzero()
+        spins = vzero()
+        while i + 8 <= last:
+            # eight nodes at a time: rows of x, theta, coordinates and their increments in lanes
+            gather_lanes(x, row_of, i, 8, scratch, 0, SIX)
+            load_rows(theta, 3 * i, 3, scratch, 48, THREE)
+            load_rows(q, 12 * i, 12, scratch, 72, TWELVE)
+            load_rows(dq, 12 * i, 12, scratch, 168, FOUR)
+            for k in range(0, 96, 8):
+                vst(last_out, 12 * i + k, 0, vld(dq, 12 * i + k, 0))
+            for c in range(0, 24, 8):
+                moves = largest(vld(scratch, c, 0), moves)
+            t = vld3(scratch, 48, 8)
+            p = cayley_increment(t, vld3(scratch, 24, 8))
+            spins = largest(dot(p, p) / (1.0 + 0.25 * dot(t, t)), spins)
+            t += p
+            vst3(scratch, 48, 8, t)
+            c = 1.0 / (1.0 + 0.25 * dot(t, t))
+            vst3(scratch, 72, 8, vld3(scratch, 168, 8) + vld3(scratch, 0, 8))
+            for k in range(96, 168, 24):
+                vst3(scratch, k, 8, director_increment(c, t, vld3(scratch, k, 8)))
+            store_rows(scratch, 48, theta, 3 * i, 3, THREE)
+            store_rows(scratch, 72, dq, 12 * i, 12, TWELVE)
+            i += 8
+        vst(scratch, 0, 0, moves)
+        vst(scratch, 8, 0, spins)
+        for k in range(8):
+            move = larger(scratch[k], move)
+            spin = larger(scratch[8 + k], spin)
+    while i < last:
         o = 8 * row_of[i]
-        turn = ld3(x, o + 3, 1)
         for k in range(12 * i, 12 * i + 12, 3):
             st3(last_out, k, 1, ld3(dq, k, 1))
         add3(dq, 12 * i, 1, ld3(x, o, 1))
         for c in range(3):
-            z = x[o + c]
-            if abs(z) > largest or z != z:  # NaN stays: nothing is larger
-                largest = abs(z)
-        # from spin to Cayley vector: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi
+            move = larger(abs(x[o + c]), move)
         t = ld3(theta, 3 * i, 1)
-        p = turn - 0.5 * cross(t, turn) + (0.25 * dot(t, turn)) * t
+        p = cayley_increment(t, ld3(x, o + 3, 1))
+        spin = larger(dot(p, p) / (1.0 + 0.25 * dot(t, t)), spin)
         add3(theta, 3 * i, 1, p)
-        n = dot(p, p) / (1.0 + 0.25 * dot(t, t))
-        if n > spin or n != n:
-            spin = n
         set_directors(q, theta, dq, i)
-    return largest, np.sqrt(spin)
+        i += 1
+    return move, np.sqrt(spin)
+
+
+@kernel
+def larger(x, y):
+    """The larger of two numbers; NaN stays."""
+    return x if x > y or x != x else y
 
 
 @kernel

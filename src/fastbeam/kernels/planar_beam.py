@@ -15,9 +15,10 @@ from __future__ import annotations
 
 from .._jit import kernel, one_variant
 from .algebra import component0, component1, cross2, dot, perp, vadd2, vld, vld2, vst, vst2, vzero, vzero2
+from .blocks import FOUR
 from .inner import eliminate_inner
 from .rows import scatter_rows
-from .strains import FOUR, gather_ends, gather_planar_line
+from .strains import gather_ends, gather_planar_line
 from .work import FROM_START
 
 

@@ -150,3 +150,50 @@ def gather_sum(tc, x, y, f, s, index, index_offset, target, offset, size):
         _gather(b, rows, n, combine, _pointer(ctx, b, sig.args[6], args[6], o, vec))
         return ctx.get_dummy_value()
     return types.void(x, y, f, s, index, index_offset, target, offset, size), codegen
+
+
+@intrinsic
+def load_rows(tc, source, first, distance, target, offset, size):
+    """The same of 8 rows that begin at `first`, `distance` doubles apart."""
+    def codegen(ctx, b, sig, args):
+        first_, distance_, o = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 4))
+        begin = b.gep(_data(ctx, b, sig.args[0], args[0]), [first_])
+        rows = [b.gep(begin, [b.mul(distance_, ir.Constant(_I64, lane))]) for lane in range(LANES)]
+        _gather(b, [rows], sig.args[5].count, lambda x: x, _pointer(ctx, b, sig.args[3], args[3], o, vec))
+        return ctx.get_dummy_value()
+    return types.void(source, first, distance, target, offset, size), codegen
+
+
+@intrinsic
+def store_rows(tc, source, offset, target, first, distance, size):
+    """And back: the lanes of n numbers to 8 rows."""
+    def codegen(ctx, b, sig, args):
+        o, first_, distance_ = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 3, 4))
+        p = _pointer(ctx, b, sig.args[0], args[0], o, vec)
+        begin = b.gep(_data(ctx, b, sig.args[2], args[2]), [first_])
+        rows = [b.gep(begin, [b.mul(distance_, ir.Constant(_I64, lane))]) for lane in range(LANES)]
+        n, done = sig.args[5].count, 0
+        while done < n:
+            width = 4 if n - done >= 4 else 1
+            lanes = [b.load(b.gep(p, [ir.Constant(_I64, done + k)]), align=8) for k in range(width)]
+            if width == 4:
+                lanes = _transpose(b, lanes, 4)
+                parts = [_shuffle(b, lanes[k % 4], lanes[k % 4], range(k // 4 * 4, k // 4 * 4 + 4)) for k in range(LANES)]
+            else:
+                parts = [b.extract_element(lanes[0], ir.Constant(_I32, k)) for k in range(LANES)]
+            for row, part in zip(rows, parts):
+                b.store(part, b.bitcast(b.gep(row, [ir.Constant(_I64, done)]), part.type.as_pointer()), align=8)
+            done += width
+        return ctx.get_dummy_value()
+    return types.void(source, offset, target, first, distance, size), codegen
+
+
+@intrinsic
+def largest(tc, x, y):
+    """The larger of two sizes, lane by lane; x where it is NaN, and y where that is."""
+    def codegen(ctx, b, sig, args):
+        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
+        size = b.call(absolute, [args[0]])
+        takes = b.or_(b.fcmp_ordered(">", size, args[1]), b.fcmp_unordered("uno", size, size))
+        return b.select(takes, size, args[1])
+    return vec(x, y), codegen

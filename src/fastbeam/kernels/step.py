@@ -108,7 +108,8 @@ def move_nodes(space, plane, ties, row_of, state, work):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.last)
+        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.last,
+                                  work.scratch)
         if ties is not None:
             tie_increments(ties, work.theta, work.dq)
     if plane is not None:

@@ -3,12 +3,10 @@ from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import cross, dot, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
-from .blocks import SIX, THREE
+from .blocks import FOUR, SIX, THREE, TWELVE
 from .rows import gather_lanes, gather_sum
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
-# numbers of coordinates of a node in space and in a plane, and of entries of two columns for each of its spins, as `blocks.SIX`
-TWELVE, FOUR, EIGHTEEN = (0,) * 12, (0,) * 4, (0,) * 18
 
 
 @kernel

@@ -21,7 +21,7 @@ from .algebra import vld, vst
 from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size
-from .nodes import spread, update_nodes
+from .nodes import larger, spread, update_nodes
 from .planar_beam import planar_groups
 from .planar_nodes import planar_update
 from .rows import gather_lanes, put_rows, scatter_rows
@@ -245,25 +245,19 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)
-            m, s = move_some(space, plane, row_of, a + 1, b, state, work)
+            m, s = move_some(space, plane, row_of, a + 1, b, state, work, scratch)
             move = larger(m, move)
             spin = larger(s, spin)
     return move, spin
 
 
 @kernel
-def larger(x, y):
-    """The larger of two numbers; NaN stays."""
-    return x if x > y or x != x else y
-
-
-@kernel
-def move_some(space, plane, row_of, first, last, state, work):
+def move_some(space, plane, row_of, first, last, state, work, scratch):
     """Add the increments of the nodes from `first` to before `last`."""
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last)
+        move, spin = update_nodes(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last, scratch)
     if plane is not None:
         move, spin = planar_update(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last)
     return move, spin
@@ -275,7 +269,7 @@ def move_nodes(nodes, first, last, space, plane, row_of, state, work):
     move = 0.0
     spin = 0.0
     for k in range(first, last):
-        m, s = move_some(space, plane, row_of, nodes[k], nodes[k] + 1, state, work)
+        m, s = move_some(space, plane, row_of, nodes[k], nodes[k] + 1, state, work, work.scratch)
         move = larger(m, move)
         spin = larger(s, spin)
     return move, spin
