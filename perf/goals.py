@@ -243,6 +243,18 @@ def iteration_against_dgbsv(m: Measurements) -> list[Verdict]:
             for (n, p), (_, lapack, _) in m.solvers.items() if n <= 200]
 
 
+def whole_iteration(m: Measurements) -> list[Verdict]:
+    out = [Verdict(f"whole Newton iteration of a chain, {n} elements, degree 2", bound, 1e6 * m.whole(n, 2), "us",
+                   note="with its share of what begins and ends a step")
+           for n, bound in ((20, 12.0), (200, 105.0)) if n in m.sizes]
+    for (n, p), (_, _, pardiso) in m.solvers.items():
+        if n <= 200:
+            out.append(Verdict(f"PARDISO's factors and solution of all nodes, one thread / whole Newton iteration, {n} elements, "
+                               f"degree {p}", 4.0, None if pardiso is None else pardiso / m.whole(n, p), at_most=False,
+                               note="no MKL" if pardiso is None else ""))
+    return out
+
+
 def kernel_time(m: Measurements) -> list[Verdict]:
     why = "strains (2.2), six of them with three directors, and the stresses of (4.6); the bound was set for (2.1)"
     return [Verdict(f"evaluation and assembly of an element, eight of a chain at a time, degree {p}", bound,
@@ -366,6 +378,29 @@ def memory(m: Measurements) -> list[Verdict]:
         stepper = Stepper(fb.compile_scene(chain_scene(elements, degree), planar=False), np.ones(1))
         out.append(Verdict(f"memory of an element of a chain, matrix and factors, degree {degree}", bound,
                            1e-3 * traffic.kept(stepper)["factors"] / elements, "kB"))
+    elements = 2000 if m.quick else 20_000
+    stepper = Stepper(fb.compile_scene(chain_scene(elements, 2), planar=False), np.ones(1), threads=1)
+    kept = traffic.kept(stepper)
+    sizes = {"matrix, factors and tables of elements": kept["factors"] + traffic.nbytes(stepper.core.simo),
+             "all arrays": sum(kept.values())}
+    out += [Verdict(f"memory of an element of a chain of {elements}, {what}, degree 2", 2.5, 1e-3 * size / elements, "kB")
+            for what, size in sizes.items()]
+    return out
+
+
+def net_on_two_threads(m: Measurements) -> list[Verdict]:
+    out = []
+    sizes = [(6, 20, 1)] if m.quick else [(31, 50, 2), (71, 10, 1)]
+    for cells, per_beam, degree in sizes + ([(71, 100, 1)] if m.large else []):
+        times = []
+        for threads in (1, 2):
+            stepper, spent = m.net(cells, per_beam, degree, threads)
+            times.append(spent)
+            n = number_of_elements(stepper.core)
+            # room for the next
+            del stepper
+        out.append(Verdict(f"a Newton iteration of a net, one thread / two, {n} elements, {per_beam} a beam, degree {degree}",
+                           1.7, times[0] / times[1], at_most=False, note="needs a quiet machine"))
     return out
 
 
@@ -383,10 +418,10 @@ def cold_start(m: Measurements) -> list[Verdict]:
 
 
 GOALS: dict[str, Callable[[Measurements], list[Verdict]]] = {
-    "dgbsv": against_dgbsv, "pardiso": against_pardiso, "iteration": iteration_against_dgbsv, "kernel time": kernel_time,
-    "kernel rate": kernel_rate, "naive kernel": naive, "lanes": lanes, "assembly": assembly, "steps": steps_a_second,
-    "python": python_share, "long chain": long_chain, "nets": nets, "condensed": condensed, "two threads": two_threads,
-    "memory": memory, "start": start_up, "cold": cold_start}
+    "dgbsv": against_dgbsv, "pardiso": against_pardiso, "iteration": iteration_against_dgbsv, "whole": whole_iteration,
+    "kernel time": kernel_time, "kernel rate": kernel_rate, "naive kernel": naive, "lanes": lanes, "assembly": assembly,
+    "steps": steps_a_second, "python": python_share, "long chain": long_chain, "nets": nets, "condensed": condensed,
+    "two threads": two_threads, "net threads": net_on_two_threads, "memory": memory, "start": start_up, "cold": cold_start}
 
 
 def chosen(words: list[str] | None, cold: bool) -> list[str]:
