@@ -67,6 +67,8 @@ class Pardiso:
         Default: as many as MKL likes.
     reproducible : bool
         The same bits for any number of threads.
+    symmetric : bool
+        Take the symmetric part of the matrix: half the operations and memory.
 
     Raises
     ------
@@ -75,20 +77,27 @@ class Pardiso:
     """
 
     def __init__(self, mkl: Any, indptr: Array, indices: Array, columns: int, size: int, threads: int | None = None,
-                 reproducible: bool = False) -> None:
+                 reproducible: bool = False, symmetric: bool = False) -> None:
         n = indptr.size - 1
+        block = mirror = np.arange(indices.size)
+        if symmetric:
+            rows = np.repeat(np.arange(n), np.diff(indptr))
+            block = np.flatnonzero(indices >= rows)
+            mirror = np.searchsorted(rows * n + indices, indices[block] * n + rows[block])
+            indptr, indices = np.searchsorted(rows[block], np.arange(n + 1)), indices[block]
         self._mkl = mkl
         # threads cost more than they bring in small systems
         self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
         iparm = np.zeros(64, np.int32)
+        kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
         # METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of its own, which
         # would take the present matrix and cost two more solutions
         for k, value in {0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
             iparm[k] = value
         self._call = kernels.call_pardiso
         self.tables = PardisoTables(
-            np.zeros(64, np.int64), iparm, np.array([1, 1, 11, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
-            indptr.astype(np.int32), indices.astype(np.int32), np.zeros(size**2 * indices.size),
+            np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
+            indptr.astype(np.int32), indices.astype(np.int32), block, mirror, np.zeros(size**2 * indices.size),
             *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(4, np.int64), np.zeros(1))
         with self.threads():
             code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
@@ -204,7 +213,7 @@ class LinearSystem:
         For patterns without a plan.
     size : int
         Unknowns a node.
-    threads, reproducible
+    threads, reproducible, symmetric
         Of PARDISO.
 
     Raises
@@ -214,7 +223,7 @@ class LinearSystem:
     """
 
     def __init__(self, pattern: Pattern, columns: int, backend: str = "auto", size: int = 6, threads: int | None = None,
-                 reproducible: bool = False) -> None:
+                 reproducible: bool = False, symmetric: bool = False) -> None:
         self.pattern, self.size = pattern, size
         self.fallbacks = 0
         self.pardiso: Pardiso | None = None
@@ -229,7 +238,7 @@ class LinearSystem:
             self._why = "MKL not found"
             return
         indptr = np.searchsorted(pattern.rows, np.arange(pattern.n + 1))
-        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size, threads, reproducible)
+        self.pardiso = Pardiso(mkl, indptr, pattern.columns, columns, size, threads, reproducible, symmetric)
 
     def threads(self) -> AbstractContextManager[None]:
         """Where the compiled loop has to run."""
@@ -265,6 +274,7 @@ class LinearSystem:
             return f"block elimination, {fell}"
         if self.pardiso is not None:
             t = self.pardiso.tables
-            return (f"PARDISO, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
+            kind = " (symmetric)" if t.numbers[2] == kernels.SYMMETRIC else ""
+            return (f"PARDISO{kind}, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
                     f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")

@@ -86,7 +86,7 @@ class Stepper:
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
-                 augmentation: float = AUGMENTATION, threads: int | None = None) -> None:
+                 augmentation: float = AUGMENTATION, threads: int | None = None, symmetric: bool = False) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
@@ -118,7 +118,8 @@ class Stepper:
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
-        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size), threads, reproducible=condensed)
+        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size), threads, reproducible=condensed,
+                                   symmetric=symmetric)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.linsolve import SuperLU, load_mkl
+from fastbeam.kernels.blocks import SIX, THREE
+from fastbeam.kernels.sparse import block_residual, distance, solve_sparse
+from fastbeam.linsolve import Pardiso, SuperLU, load_mkl
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from small_scenes import bead, cantilever, drifts, free_beam, grid  # noqa: E402
+from small_scenes import bead, cantilever, drifts, free_beam, grid, straight  # noqa: E402
 
 SAME = 1e-12  # of coordinates of size 1, after 20 steps that each end at round-off
 ROUND_OFF = 1e-12
@@ -57,6 +59,52 @@ def test_statics_by_the_sparse_solvers_is_the_same() -> None:
     for backend in ("auto", "superlu"):
         sparse = fb.solve_static(fb.compile_scene(cantilever(), solver="sparse"), backend=backend)
         assert np.max(np.abs(sparse.state.q - chain.state.q)) <= SAME
+
+
+@pytest.mark.parametrize(("moment", "planar"), [(False, False), (False, True), (True, False)])
+def test_statics_takes_symmetric_factors_where_no_moments_act(moment: bool, planar: bool) -> None:
+    needs_mkl()
+    beam = straight("beam", (0, 0, 0), (3, 0, 0))
+    load = {"moment": (0, 3.0, 0)} if moment else {"force": (0.5, 0, 20.0)}
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, **load))
+    sparse, chain = (fb.solve_static(fb.compile_scene(scene, solver=name, planar=planar)) for name in ("sparse", "chain"))
+    assert sparse.info["solver"].startswith("PARDISO, " if moment else "PARDISO (symmetric), ")
+    assert np.max(np.abs(sparse.state.q - chain.state.q)) <= SAME
+    # Newton's method squares the increments with either
+    assert sparse.info["iterations"] <= chain.info["iterations"] + 2
+
+
+@pytest.mark.parametrize("size", [3, 6])
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_pardiso_solves_with_the_matrix_or_its_symmetric_part(size: int, symmetric: bool) -> None:
+    needs_mkl()
+    rng = np.random.default_rng(7)
+    n = 7
+    pairs = np.array([(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 6), (6, 0), (1, 4)])
+    rows, columns = np.concatenate((pairs, pairs[:, ::-1], np.stack((np.arange(n),) * 2, axis=1))).T
+    order = np.lexsort((columns, rows))
+    rows, columns = rows[order], columns[order]
+    blocks = np.zeros((rows.size, size, 8))
+    blocks[:, :, :size] = rng.standard_normal((rows.size, size, size))
+    blocks[rows == columns, :, :size] += 12.0 * np.eye(size)
+    dense = np.zeros((n, size, n, size))
+    dense[rows, :, columns] = blocks[:, :, :size]
+    dense = dense.reshape(n * size, n * size)
+    solver = Pardiso(load_mkl(), np.searchsorted(rows, np.arange(n + 1)), columns, 1, size, 1, symmetric=symmetric)
+    right = rng.standard_normal(n * size)
+    panel = right.copy()
+    with solver.threads():
+        assert solve_sparse(solver.tables, blocks.reshape(-1), panel, 1, SIX if size == 6 else THREE)
+    matrix = 0.5 * (dense + dense.T) if symmetric else dense
+    np.testing.assert_allclose(panel, np.linalg.solve(matrix, right), rtol=0.0, atol=1e-12)
+    # residual and its scale with one half of the blocks
+    t = solver.tables
+    t.x[0] = rng.standard_normal(n * size)
+    block_residual(t, t.x, t.b, t.r, SIX if size == 6 else THREE)
+    np.testing.assert_allclose(t.r[0], right - matrix @ t.x[0], rtol=0.0, atol=1e-13)
+    scale = np.linalg.norm(np.abs(right) + np.abs(matrix) @ np.abs(t.x[0]))
+    found = distance(t, t.x, t.b, t.r, t.y, SIX if size == 6 else THREE)
+    assert found == pytest.approx(np.linalg.norm(t.r[0]) / scale, rel=1e-12)
 
 
 def test_pardiso_without_mkl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,8 @@ from .._jit import kernel
 
 _PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
 ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
+# its kinds of matrices: with symmetric structure; symmetric, of which it knows the blocks on and above the diagonal
+UNSYMMETRIC, SYMMETRIC = 11, -2
 # relative residual above which a solution is refined once, and above which it is not accepted
 REFINE_AT, REFUSE_AT = 1e-12, 1e-8
 # on large soft nets K x is a small difference of large forces, and round-off alone may leave this relative residual: a solution
@@ -24,7 +26,8 @@ WORTH, AGAIN_AT = 1e-2, 1e-10
 
 
 class PardisoTables(NamedTuple):
-    """One analysed structure of n x n blocks by rows, 0-based; m right-hand sides at most."""
+    """One analysed structure of n x n blocks by rows, 0-based; m right-hand sides at most. Of a symmetric one the blocks on and
+    above the diagonal."""
 
     handle: np.ndarray    # int64 [64]
     iparm: np.ndarray     # int32 [64]
@@ -32,6 +35,8 @@ class PardisoTables(NamedTuple):
     perm: np.ndarray      # int32 [rows]
     indptr: np.ndarray    # int32 [rows + 1]
     indices: np.ndarray   # int32 [blocks]
+    block: np.ndarray     # int64 [blocks]: number of every block of the structure in the matrix, and of the one on the other side
+    mirror: np.ndarray    # of the diagonal where the mean of both counts, else the same
     data: np.ndarray      # float64 [n n blocks]
     b: np.ndarray         # float64 [m, n rows]
     x: np.ndarray         # float64 [m, n rows]
@@ -54,24 +59,40 @@ def call_pardiso(t, phase, b, x):
 
 
 @kernel
+def add_product(t, m, x, sizes, out, size):
+    """out -= K x for right-hand side m, or, where only `sizes` count, out += |K| |x|."""
+    n = len(size)
+    symmetric = t.numbers[2] == SYMMETRIC
+    for i in range(t.indptr.shape[0] - 1):
+        for c in range(n):
+            s = 0.0
+            for k in range(t.indptr[i], t.indptr[i + 1]):
+                o = n * (n * k + c)
+                j = n * t.indices[k]
+                for d in range(n):
+                    z = t.data[o + d] * x[m, j + d]
+                    s += abs(z) if sizes else -z
+                if symmetric and j != n * i:
+                    # the block on the other side of the diagonal
+                    for d in range(n):
+                        z = t.data[o + d] * x[m, n * i + c]
+                        out[m, j + d] += abs(z) if sizes else -z
+            out[m, n * i + c] += s
+
+
+@kernel
 def block_residual(t, x, b, r_out, size):
     """r = b - K x for all right-hand sides; returns the largest relative norm, infinity where it is not finite."""
-    n = len(size)
     worst = 0.0
     for m in range(b.shape[0]):
         whole = 0.0
         error = 0.0
-        for i in range(t.indptr.shape[0] - 1):
-            for c in range(n):
-                s = b[m, n * i + c]
-                whole += s * s
-                for k in range(t.indptr[i], t.indptr[i + 1]):
-                    o = n * (n * k + c)
-                    j = n * t.indices[k]
-                    for d in range(n):
-                        s -= t.data[o + d] * x[m, j + d]
-                r_out[m, n * i + c] = s
-                error += s * s
+        for i in range(b.shape[1]):
+            r_out[m, i] = b[m, i]
+            whole += b[m, i] * b[m, i]
+        add_product(t, m, x, False, r_out, size)
+        for i in range(b.shape[1]):
+            error += r_out[m, i] * r_out[m, i]
         if not error < np.inf:
             return np.inf
         if whole > 0.0:
@@ -82,23 +103,18 @@ def block_residual(t, x, b, r_out, size):
 
 
 @kernel
-def distance(t, x, b, r, size):
+def distance(t, x, b, r, room, size):
     """Largest norm of the residual r relative to |b| + |K| |x|, by right-hand sides."""
-    n = len(size)
     worst = 0.0
     for m in range(b.shape[0]):
         forces = 0.0
         error = 0.0
-        for i in range(t.indptr.shape[0] - 1):
-            for c in range(n):
-                f = abs(b[m, n * i + c])
-                for k in range(t.indptr[i], t.indptr[i + 1]):
-                    o = n * (n * k + c)
-                    j = n * t.indices[k]
-                    for d in range(n):
-                        f += abs(t.data[o + d] * x[m, j + d])
-                forces += f * f
-                error += r[m, n * i + c] * r[m, n * i + c]
+        for i in range(b.shape[1]):
+            room[m, i] = abs(b[m, i])
+        add_product(t, m, x, True, room, size)
+        for i in range(b.shape[1]):
+            forces += room[m, i] * room[m, i]
+            error += r[m, i] * r[m, i]
         if not forces < np.inf:
             return np.inf
         if error > 0.0:
@@ -150,9 +166,14 @@ def solve_sparse(t, blocks, panel, width, size):
     """Solve K X = panel [n rows, width] in its first m columns, in place. False: no acceptable solution."""
     nu = len(size)
     for k in range(t.indices.shape[0]):
+        a = t.block[k]
+        b = t.mirror[k]
         for i in range(nu):
             for j in range(nu):
-                t.data[nu * (nu * k + i) + j] = blocks[8 * (nu * k + i) + j]
+                x = blocks[8 * (nu * a + i) + j]
+                if a != b or t.numbers[2] == SYMMETRIC:
+                    x = 0.5 * (x + blocks[8 * (nu * b + j) + i])
+                t.data[nu * (nu * k + i) + j] = x
     n = nu * (t.indptr.shape[0] - 1)
     for m in range(t.b.shape[0]):
         for i in range(n):
@@ -174,7 +195,7 @@ def solve_sparse(t, blocks, panel, width, size):
         if not worst <= REFUSE_AT:
             if not worst <= SOFT:
                 return False
-            if not distance(t, t.x, t.b, t.r, size) <= NEAR:
+            if not distance(t, t.x, t.b, t.r, t.y, size) <= NEAR:
                 return False
         t.counts[3] = 1
     t.worst[0] = max(t.worst[0], worst)
