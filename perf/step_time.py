@@ -45,10 +45,10 @@ print(time.perf_counter() - begin)
 """
 
 
-def spinning_beam(degree: int) -> tuple[fb.Beam, fb.Model]:
+def spinning_beam(degree: int, elements: int = ELEMENTS) -> tuple[fb.Beam, fb.Model]:
     """A free beam that bends, twists and turns."""
     section = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=500.0, EI2=500.0, EI3=500.0, rhoA=1.0, rhoI2=10.0, rhoI3=10.0)
-    beam = fb.Beam.straight("beam", (0, 0, 0), (10, 0, 0), section=section, elements=ELEMENTS, degree=degree)
+    beam = fb.Beam.straight("beam", (0, 0, 0), (10, 0, 0), section=section, elements=elements, degree=degree)
     motion = fb.InitialVelocity(beam, velocity=lambda s: np.stack((0 * s, np.sin(0.6 * s), 0.5 * np.cos(0.4 * s)), axis=1),
                                 spin=lambda s: np.stack((0.2 + 0 * s, 0.2 * np.sin(0.4 * s), 0.6 * np.cos(0.6 * s)), axis=1))
     return beam, fb.compile_scene(fb.Scene(beam, motion))
