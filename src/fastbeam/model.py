@@ -13,7 +13,7 @@ from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.blocks import SIX
 from .kernels.inner import Inner
-from .kernels.nodes import Bodies, Held
+from .kernels.nodes import UPDATE_SCRATCH, Bodies, Held
 from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.slider import Contact, Curves, Sliders
@@ -205,10 +205,10 @@ class Model:
 
     @cached_property
     def _scratch(self) -> int:
-        """Doubles that the largest group of elements needs."""
+        """Doubles that the largest group of elements needs, or eight nodes."""
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
         room = scratch_size if self.dim == 3 else planar_scratch_size
-        most = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [64])
+        most = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [UPDATE_SCRATCH])
         return most if self.substructures is None else most + front_size(len(self.size))
 
     @property

@@ -14,7 +14,7 @@ from fastbeam.kernels import algebra as al
 from fastbeam.kernels import rows
 from fastbeam.kernels.beam import ElementTables, element_groups, group_table_size, scratch_size
 from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.nodes import add_bodies, advance, predict, set_directors, spread, update_nodes
+from fastbeam.kernels.nodes import UPDATE_SCRATCH, add_bodies, advance, predict, set_directors, spread, update_nodes
 from fastbeam.kernels.slider import Contact, Curves, contact_basis, find_element, legendre, point_on_curve
 from fastbeam.kernels.ties import tie_arm, tie_coordinates
 from fastbeam.kernels.work import Line
@@ -271,6 +271,15 @@ def test_eight_nodes_at_a_time_are_updated_like_one(first: int, last: int) -> No
     # nodes outside stay as they are
     assert np.array_equal(found[0][:3 * first], theta[:3 * first]) and np.array_equal(found[1][12 * last:], dq[12 * last:])
     assert np.array_equal(found[2][12 * last:], before[12 * last:])
+
+
+def test_a_scene_without_beams_has_room_for_eight_nodes() -> None:
+    bodies = [RigidBody(f"b{k}", mass=1.0, inertia=np.eye(3), position=(k, 0, 0)) for k in range(9)]
+    model = compile_scene(Scene(*bodies))
+    assert model.scratch().size >= UPDATE_SCRATCH
+    room = np.full(UPDATE_SCRATCH + 64, np.nan)
+    update_nodes(np.arange(9), np.zeros(72), 0, 9, np.zeros(108), np.zeros(27), np.zeros(108), np.zeros(108), room)
+    assert not np.isnan(room[:UPDATE_SCRATCH]).any() and np.isnan(room[UPDATE_SCRATCH:]).all()
 
 
 @pytest.mark.parametrize("node", [0, 1, 2, 9, 17])

@@ -135,6 +135,10 @@ def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
             st2(u_out, k, 1, (2.0 / (h * h)) * (ld2(dq, k, 1) - h * ld2(v, k, 1)))
 
 
+# doubles of scratch that `update_nodes` needs
+UPDATE_SCRATCH = 200
+
+
 @kernel
 def update_nodes(row_of, x, first, last, q, theta, dq, last_out, scratch):
     """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`, and keep those

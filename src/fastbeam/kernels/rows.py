@@ -88,14 +88,15 @@ def _make_rows(accumulate):
 scatter_rows, put_rows = _make_rows(True), _make_rows(False)
 
 
-def _gather(b, pointers, n, combine, target):
+def _gather(b, pointers, n, combine, target, padded):
     """Numbers c = 0..n-1 of 8 rows in lanes to target + 8 c, by transpositions in registers: one by one they take three times as
-    long. pointers: of every source 8 rows; combine: one vector from those of the sources."""
+    long. pointers: of every source 8 rows; combine: one vector from those of the sources; padded: whether rows of less than 8
+    numbers are padded to 8, so that more of them may be read."""
     done = 0
     while done < n:
         left = n - done
         # the first step of a transposition of 8 is free where rows are loaded by halves
-        width = 4 if left >= 4 or n < LANES else 1
+        width = 4 if left >= 4 or padded and n < LANES else 1
         kind = (ir.VectorType(_DOUBLE, width) if width > 1 else _DOUBLE).as_pointer()
         rows = [combine(*(b.load(b.bitcast(b.gep(p[lane], [ir.Constant(_I64, done)]), kind), align=8) for p in pointers))
                 for lane in range(LANES)]
@@ -105,9 +106,7 @@ def _gather(b, pointers, n, combine, target):
                 row = b.insert_element(row, rows[lane], ir.Constant(_I32, lane))
             rows = [row]
         else:
-            if width == 4:
-                rows = [_shuffle(b, rows[k], rows[k + 4], range(8)) for k in range(4)]
-            rows = _transpose(b, rows, width)
+            rows = _transpose(b, [_shuffle(b, rows[k], rows[k + 4], range(8)) for k in range(4)], 4)
         for row in rows[:left]:
             b.store(row, b.gep(target, [ir.Constant(_I64, done)]), align=8)
             done += 1
@@ -128,7 +127,7 @@ def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
         t_src, t_idx, t_io, t_scale, t_dst, t_o, t_size = sig.args
         io, scale_, o = (_int(ctx, b, x, t) for x, t in ((io, t_io), (scale_, t_scale), (o, t_o)))
         rows = _rows_of_lanes(ctx, b, t_src, src, _data(ctx, b, t_idx, idx), io, scale_)
-        _gather(b, [rows], t_size.count, lambda x: x, _pointer(ctx, b, t_dst, dst, o, vec))
+        _gather(b, [rows], t_size.count, lambda x: x, _pointer(ctx, b, t_dst, dst, o, vec), True)
         return ctx.get_dummy_value()
     return types.void(source, index, index_offset, scale, target, offset, size), codegen
 
@@ -147,7 +146,7 @@ def gather_sum(tc, x, y, f, s, index, index_offset, target, offset, size):
                                         ir.Constant(ir.VectorType(_I32, p.type.count), [0] * p.type.count)) for c in (f_, s_)]
             return _mul(b, factors[1], _add(b, p, _mul(b, factors[0], q)))
 
-        _gather(b, rows, n, combine, _pointer(ctx, b, sig.args[6], args[6], o, vec))
+        _gather(b, rows, n, combine, _pointer(ctx, b, sig.args[6], args[6], o, vec), False)
         return ctx.get_dummy_value()
     return types.void(x, y, f, s, index, index_offset, target, offset, size), codegen
 
@@ -159,7 +158,7 @@ def load_rows(tc, source, first, distance, target, offset, size):
         first_, distance_, o = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 4))
         begin = b.gep(_data(ctx, b, sig.args[0], args[0]), [first_])
         rows = [b.gep(begin, [b.mul(distance_, ir.Constant(_I64, lane))]) for lane in range(LANES)]
-        _gather(b, [rows], sig.args[5].count, lambda x: x, _pointer(ctx, b, sig.args[3], args[3], o, vec))
+        _gather(b, [rows], sig.args[5].count, lambda x: x, _pointer(ctx, b, sig.args[3], args[3], o, vec), False)
         return ctx.get_dummy_value()
     return types.void(source, first, distance, target, offset, size), codegen
 
