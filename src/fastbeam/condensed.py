@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,6 @@ from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
 Chunk = tuple[int, int]
-# coordinates, increments, velocities, last increment, size of the step and rate of `beam.element_groups`
-Step = tuple[Array, Any, Any, Any, Any, Any]
 # chunks of one kind at most
 MOST_CHUNKS = 64
 # elements from which on one more thread pays
@@ -57,6 +55,17 @@ def chunks(n: int, least: int, first: int = 0) -> list[Chunk]:
     parts = max(1, min(MOST_CHUNKS, n // least)) if n else 0
     edges = [first + n * k // max(parts, 1) for k in range(parts + 1)]
     return list(zip(edges[:-1], edges[1:]))
+
+
+class Step(NamedTuple):
+    """What the element loops take of a step, see `beam.element_groups`; statics has only q and line."""
+
+    q: Array
+    dq: Array | None
+    v: Array | None
+    line: Any
+    h: float | None
+    rate: float | None
 
 
 class Team:
@@ -212,7 +221,7 @@ class CondensedIteration(Iteration):
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
-        now = (state.q, work.dq, state.v, work.line, h, 2.0 / (h * h))
+        now = Step(state.q, work.dq, state.v, work.line, h, 2.0 / (h * h))
 
         def add_rest() -> None:
             # what acts on inner nodes stands in the residual before they are eliminated
@@ -221,7 +230,7 @@ class CondensedIteration(Iteration):
                                          work.q_end, work.theta, state.s, work.s_end, state.force, work.r)
             self._add_elements(now)
             if m.bodies is not None:
-                self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, now[-1], work.r, work.blocks)
+                self.kernels.add_bodies(m.bodies, work.q_mid, work.q_end, work.u, now.rate, work.r, work.blocks)
 
         self._assemble(add_rest, now, m.held)
 
@@ -230,7 +239,7 @@ class CondensedIteration(Iteration):
             self.kernels.add_elements(tables, self.owner.inner, now, self.owner.work, green, self.owner.core.size)
 
     def assemble_static(self) -> None:
-        now = (self.owner.core_state.q, None, None, self.owner.work.line, None, None)
+        now = Step(self.owner.core_state.q, None, None, self.owner.work.line, None, None)
         self._assemble(lambda: self._add_elements(now), now, self.owner.core.static_held)
 
     def _assemble(self, add_rest: Callable[[], None], now: Step, held: Any) -> None:
@@ -243,7 +252,7 @@ class CondensedIteration(Iteration):
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
             if kind == "others":
-                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, now[4], work.q_mid, work.q_end, work.u)
+                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, now.h, work.q_mid, work.q_end, work.u)
             elif kind == "rows":
                 np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
             else:
