@@ -217,8 +217,8 @@ def inner_elimination(model: Model) -> int:
         return 0
     inner = model.inner_work()
     assert inner is not None
-    return count(eliminate_inner, inner.store, 0, nn, tables, 0, work.scratch, 384 * nn, 432 * nn, work.r, inner.rhs, 0,
-                 model.size)
+    return count(eliminate_inner, inner.store, 0, nn, tables, 0, work.scratch, 384 * nn, 432 * nn, work.r, None, inner.rhs, None,
+                 0, model.size)
 
 
 def inner_elimination_formula(nn: int, n: int = 6) -> int:
@@ -250,7 +250,7 @@ def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -
 def node_loops(model: Model) -> int:
     """Of a node of a model in space in every iteration: the increments."""
     a, row_of = slice(12), np.zeros(1, np.int64)
-    return count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, a, slice(8))
+    return count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, slice(8))
 
 
 def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
@@ -267,7 +267,7 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
         plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], model.q0, work.dq, model.v0,
-                             work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.r, work.scratch, model.size)
+                             work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.f_ext, work.scratch, model.size)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
     return out

@@ -76,18 +76,18 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     m, s, w = stepper.core, stepper.core_state, stepper.work
     if m.sliders is not None or m.bodies is not None or m.ties is not None or stepper.alpha is not None:
         raise ValueError("bytes are counted for the conserving step of beams alone, without sliders, bodies or ties")
-    line = (w.line.last, w.line.x)
+    line = (w.theta, w.line.x)
     tables = (m.simo, m.green)
     row = 8 * NUMBER
     step = 1.0 / iterations
-    out = [Pass("first guess", "step", (s.q, w.past, m.spinless), (w.theta, w.dq), step),
-           Pass("keep the rates", "step", (w.theta, w.dq, w.past.nbytes // 2), (w.past,), step),
+    out = [Pass("first guess", "step", (s.q, w.past, w.theta, w.dq), (w.theta, w.dq, w.past), step),
            Pass("accept", "step", (s.q, s.v, w.dq), (s.q, s.v), step)]
     if w.keep_q.size:
-        out.append(Pass("remember the state", "step", (s.q, s.v, w.past), (w.keep_q, w.keep_v, w.keep_past), step))
-    if mixed > 0.0:
-        out.append(Pass("start the line", "step", (), line, step))
-    out.append(Pass("clear", "nodes", (w.f_ext,), (w.r, w.blocks)))
+        out.append(Pass("remember the state", "step", (s.q, s.v, w.dq, w.theta, w.past),
+                        (w.keep_q, w.keep_v, w.keep_dq, w.keep_theta, w.keep_past), step))
+    # the interior of condensed beams has no residual in memory
+    rows = row * (m.panel_rows + 1)
+    out.append(Pass("clear", "nodes", (rows,), (rows, w.blocks)))
     step_of = (s.q, s.v, w.dq)
     followed = mixed * nbytes(line)
     inner = stepper.inner
@@ -98,11 +98,11 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     else:
         subs = stepper.parts.subs  # type: ignore[attr-defined]
         interior = row * int(np.sum((subs.group[:, 1] * (subs.group[:, 2] - 1) - 1) * 8))
-        rows = row * (subs.row_start.size - 1)
+        ends = row * (subs.row_start.size - 1)
         lists = (subs.block_start, subs.block_term, subs.row_start, subs.row_term)
         out += [Pass("elements, condensed", "elements", (tables, step_of, followed, interior),
                      (subs.store, subs.ends, interior, store)),
-                Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, rows), (w.blocks, rows))]
+                Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, ends), (w.blocks, ends))]
     if m.held is not None:
         touched = len(m.size) * row * m.held.block.size
         out.append(Pass("supports", "nodes", (m.held, touched), (touched,)))
@@ -110,7 +110,7 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     out.append(Pass("solution to rows", "elimination", (w.panel,), (w.line.x[:8 * m.panel_rows],)))
     if inner is not None:
         out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.line.x), (row * inner.element.size,)))
-    increments = (m.pattern.row_of, s.q, w.theta, w.dq), (w.line.last, w.theta, w.dq)
+    increments = (m.pattern.row_of, s.q, w.theta, w.dq), (w.theta, w.dq)
     if m.substructures is None:
         out.append(Pass("increments", "nodes", (*increments[0], w.line.x), increments[1]))
     else:
@@ -157,11 +157,12 @@ def pardiso_bytes(stepper: Stepper) -> int:
 
 def kept(stepper: Stepper) -> dict[str, int]:
     """Bytes of all arrays of a run by kind: tables of the model, state, work arrays, matrix and factors (those of PARDISO, too).
-    What the model keeps of arrays that only a run fills is never touched and does not count."""
+    What is never touched takes no memory and does not count: arrays of the model that only a run fills, velocities at rest, loads
+    where there are none, residuals of the interior of condensed beams. What stands in two places counts once."""
     m, w = stepper.core, stepper.work
     inner, subs = m.inner, m.substructures
-    tables = nbytes(m.simo, m.green, m.held, m.spinless, m.loads, m.gravity_weight, m.constant_load, m.pattern.row_of,
-                    m.pattern.keys, m.pattern.plan, m.q0, m.v0, m.spin_root)
+    tables = nbytes(m.simo, m.green, m.held, m.spinless, m.loads, m.gravity_weight, m.pattern.row_of, m.pattern.keys,
+                    m.pattern.plan, m.q0, m.spin_root, *(x for x in (m.constant_load, m.v0) if x.any()))
     if m.static_held is not m.held:
         tables += nbytes(m.static_held)
     if inner is not None:
@@ -169,7 +170,8 @@ def kept(stepper: Stepper) -> dict[str, int]:
     factors = nbytes(w.blocks, w.pivots)
     if stepper.inner is not None:
         factors += nbytes(stepper.inner.store, stepper.inner.rhs, stepper.inner.mark, stepper.inner.found)
-    work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots")))
+    work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots", "line", "r", "f_ext")))
+    work += nbytes(w.line.x, 8 * NUMBER * (m.panel_rows + 1), w.f_ext if w.f_ext.any() and w.f_ext.base is not m.loads else ())
     if subs is not None:
         own = stepper.parts.subs  # type: ignore[attr-defined]
         tables += nbytes(subs.group, subs.beam, subs.block_start, subs.block_term, subs.row_start, subs.row_term)

@@ -97,7 +97,7 @@ class Team:
 class _Space:
     """Kernels of nodes in space."""
 
-    predict, remember = nodes.predict, nodes.remember
+    predict = nodes.predict
     tie, tie_increments, apply_ties, push_tied = (ties.tie_coordinates, ties.tie_increments, ties.apply_ties,
                                                   ties.push_tied_columns)
     predict_sliders, add_sliders, add_bodies = slider.predict_sliders, slider.add_sliders, nodes.add_bodies
@@ -113,7 +113,7 @@ class _Space:
 class _Plane:
     """The same in a plane."""
 
-    predict, remember = planar_nodes.planar_predict, planar_nodes.planar_remember
+    predict = planar_nodes.planar_predict
     tie, tie_increments, apply_ties, push_tied = (planar_nodes.tie_planar, planar_nodes.tie_planar_increments,
                                                   planar_nodes.apply_planar_ties, planar_nodes.planar_push)
     predict_sliders, add_sliders, add_bodies = (planar_slider.predict_planar_sliders, planar_slider.add_planar_sliders,
@@ -163,6 +163,7 @@ class CondensedIteration(Iteration):
         # all nodes but those between the ends of condensed beams
         self._others = np.flatnonzero(np.cumsum(inside)[:-1] == 0)
         self._some = chunks(self._others.size, 1024)
+        self._rows = chunks(int(subs.counts[0]), 1024)
         self._blocks = chunks(model.n_blocks + 1, 512)
         self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
@@ -184,20 +185,20 @@ class CondensedIteration(Iteration):
     def keep(self) -> None:
         state, work = self.owner.core_state, self.owner.work
         self._copy((state.q, work.keep_q), (state.v, work.keep_v), (state.s, work.keep_s), (state.force, work.keep_force),
-                   (work.past, work.keep_past))
+                   (work.dq, work.keep_dq), (work.theta, work.keep_theta), (work.past, work.keep_past))
 
     def restore(self) -> None:
         state, work = self.owner.core_state, self.owner.work
         self._copy((work.keep_q, state.q), (work.keep_v, state.v), (work.keep_s, state.s), (work.keep_force, state.force),
-                   (work.keep_past, work.past))
+                   (work.keep_dq, work.dq), (work.keep_theta, work.theta), (work.keep_past, work.past))
 
     def start(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
-        start_line(work)
         c = extrapolation(work.past, h)
-        self.team.each(lambda _, x: self.kernels.predict(state.q, state.v, h, c, work.past, m.spinless, *x, work.theta, work.dq),
-                       self._nodes)
+        self.team.each(lambda thread, x: self.kernels.predict(state.q, state.v, h, c, work.past, m.spinless, *x, work.theta,
+                                                              work.dq, self._scratch[thread]), self._nodes)
+        start_line(work)
         if m.ties is not None:
             self.kernels.tie(m.ties, work.dq)
         if s.contact is not None:
@@ -208,10 +209,10 @@ class CondensedIteration(Iteration):
     def finish(self, h: float) -> None:
         state, work, q = self.owner.core_state, self.owner.work, self._q
         work.past[-1] = work.line.use[2]
+        nodes.remember(state.s, work.s_end, state.force, h, work.past)
 
         def accept(_: int, x: Chunk) -> None:
             some = slice(q * x[0], q * x[1])
-            self.kernels.remember(work.theta, work.dq, state.s, work.s_end, state.force, h, *x, work.past)
             advance(state.q[some], state.v[some], work.dq[some], h)
 
         self.team.each(accept, self._nodes)
@@ -258,7 +259,7 @@ class CondensedIteration(Iteration):
             else:
                 work.blocks[n * a:n * b] = 0.0
 
-        kinds = ("others", self._some if work.q_mid.size else []), ("rows", self._nodes), ("blocks", self._blocks)
+        kinds = ("others", self._some if work.q_mid.size else []), ("rows", self._rows), ("blocks", self._blocks)
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
@@ -267,7 +268,7 @@ class CondensedIteration(Iteration):
                 add_rest()
                 return
             tables, green, some = x
-            beams.condense(self.subs, tables, *some, *s.kind[:2], *now, green, work.r, self._scratch[thread], m.size)
+            beams.condense(self.subs, tables, *some, *s.kind[:2], *now, green, work.f_ext, self._scratch[thread], m.size)
 
         self.team.each(condense, [None, *self._groups])
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
@@ -357,7 +358,6 @@ class CondensedIteration(Iteration):
         def add(_: int, x: Chunk) -> None:
             some = slice(q * x[0], q * x[1])
             state.q[some] += work.dq[some]
-            np.negative(work.dq[some], out=work.line.last[some])
 
         self.team.each(clear, self._nodes)
         moved = self._move(-0.5)

@@ -50,9 +50,12 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
     q[:, 0], q[:, 1:] = nodes.phi, nodes.directors
+    # zeros that nothing writes to take no memory
     rates = np.zeros((n, 4, 3))
-    rates[:, 0] = v
-    rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
+    if v.any():
+        rates[:, 0] = v
+    if omega.any():
+        rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
     return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(3 * s.size))
 

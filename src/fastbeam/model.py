@@ -137,8 +137,8 @@ class Model:
 
     @property
     def past_size(self) -> int:
-        """Numbers that a run keeps of the last two steps for the first guess of the next."""
-        return 4 + 2 * (len(self.size) * self.n_nodes + (self.dim + 1) * self.n_sliders)
+        """Numbers that a run keeps of the last two steps for the first guess of the next, besides the increments of the last."""
+        return 5 + len(self.size) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
 
     @cached_property
     def softest(self) -> float:
@@ -248,16 +248,18 @@ class Model:
         # what is not a beam takes the coordinates from these
         moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None)
         border = self.border * s
-        return Work(dq=np.zeros(q), theta=np.zeros((size - self.dim) * n), q_mid=np.zeros(moved), q_end=np.zeros(moved),
+        theta = _padded((size - self.dim) * n)
+        return Work(dq=np.zeros(q), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
                     u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
                     r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
                     schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.dim * s), past=np.zeros(self.past_size),
+                    keep_force=np.zeros(kept * self.dim * s), keep_dq=np.zeros(kept * q), keep_theta=np.zeros(kept * theta.size),
+                    past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),
-                    line=Line(np.array([0.0, self.softest, -1.0]), np.zeros(q), np.zeros(8 * (n + 1))))
+                    line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1))))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""
@@ -317,6 +319,11 @@ def _factor(time: Callable[[float], float], t: float) -> float:
         return float(value)
     except (TypeError, ValueError):
         raise SceneError(f"time function of a load or of gravity: must return a number, got {value!r} at t = {t:.6g} s") from None
+
+
+def _padded(n: int) -> Array:
+    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
+    return np.zeros(n + 8)[:n]
 
 
 def _aligned(n: int) -> Array:

@@ -26,7 +26,8 @@ AUGMENTATION = 1e7
 # a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
-BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force", "past", "keep_past")
+BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
+           "keep_dq", "keep_theta", "past", "keep_past")
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
@@ -77,6 +78,8 @@ class Stepper:
         Factor of the augmented Lagrangian of sliders (theory.md 5.5); 0: plain multipliers.
     threads : int, optional
         Of condensed beams (default: see `thread_count`) and of PARDISO.
+    static, symmetric : bool
+        For statics: loads that change, PARDISO's symmetric factorisation.
 
     Raises
     ------
@@ -86,7 +89,7 @@ class Stepper:
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
-                 augmentation: float = AUGMENTATION, threads: int | None = None, symmetric: bool = False) -> None:
+                 augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False, symmetric: bool = False) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)
@@ -103,7 +106,7 @@ class Stepper:
         self.method = method
         # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
         flat = model.plane is not None and not compared
-        from_space = memory is not None and memory.size == model.past_size
+        from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         self.core: Model = model if self.plane is None else self.plane.model
         self.kind = (SIX, None, SIX) if self.plane is None else (None, THREE, THREE)
@@ -127,7 +130,10 @@ class Stepper:
         mass = float(model.gravity_weight.sum())
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
-        if not self._timed and model.loads.shape[0]:
+        if not self._timed and len(core.loads) == 1 and not static:
+            # they stay as they are
+            self.work = self.work._replace(f_ext=core.loads[0])
+        elif not self._timed and model.loads.shape[0]:
             kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
         if self.alpha is not None:
             if self._timed:
@@ -144,27 +150,28 @@ class Stepper:
 
     @property
     def memory(self) -> Array:
-        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, and the state as
-        a planar run keeps it."""
+        """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
+        increments, and the state as a planar run keeps it."""
+        return np.concatenate([x.reshape(-1) for x in self._remembered])
+
+    @property
+    def _remembered(self) -> tuple[Array, ...]:
+        """The parts of `memory`."""
         rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
         own = () if self.plane is None else self.core_state
-        return np.concatenate((rates, self.work.past, *own))
+        positions = self.work.dq.reshape(self.model.n_nodes, -1)[:, :self.core.dim]
+        return rates, self.work.past, positions, self.work.theta, *own
 
     @memory.setter
     def memory(self, memory: Array) -> None:
-        n = 0 if self.alpha is None else 18 * self.model.n_nodes
-        own = () if self.plane is None else self.core_state
-        sizes = [n, self.work.past.size, *(x.size for x in own)]
+        parts = self._remembered
+        sizes = [x.size for x in parts]
         if memory.size != sum(sizes):
             raise SceneError(f"start: the checkpoint carries {memory.size} numbers besides the state, method "
                              f"{self.method.name!r} needs {sum(sizes)}; go on with the method that wrote it, or "
                              "with start=checkpoint.state, t_start=checkpoint.t")
-        parts = np.split(memory, np.cumsum(sizes)[:-1])
-        if self.alpha is not None:
-            self.alpha.rates[:n] = parts[0]
-        self.work.past[:] = parts[1]
-        for mine, other in zip(own, parts[2:]):
-            mine[:] = other
+        for mine, other in zip(parts, np.split(memory, np.cumsum(sizes)[:-1])):
+            mine[:] = other.reshape(mine.shape)
 
     def _rows_at_rest(self, u: Array) -> Array:
         """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
@@ -187,7 +194,8 @@ class Stepper:
             spare = Stepper(self.model.plain(planar=self.plane is not None), self.weights, None, self.max_iterations, "superlu",
                             self.method, memory=self.memory, augmentation=self.augmentation)
             spare.core_state, spare.alpha = self.core_state, self.alpha
-            spare.work = spare.work._replace(**{name: getattr(self.work, name) for name in BY_NODE})
+            spare.work = spare.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
+                                             line=spare.work.line._replace(theta=self.work.theta))
             self._spare = spare
         return self._spare
 
@@ -311,7 +319,8 @@ class Stepper:
         for _ in range(self.max_iterations):
             parts.assemble(h)
             if not parts.solve():
-                return (SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE), np.array(sizes)
+                finite = np.isfinite(self.work.r).all() and np.isfinite(self.work.dq).all()
+                return (SINGULAR if finite else NOT_FINITE), np.array(sizes)
             size = parts.update()
             sizes.append(size)
             if size < 0.0:
@@ -349,9 +358,11 @@ class Stepper:
 
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""
-        r = np.abs(self.work.r[:8 * self.model.n_nodes].reshape(-1, 8)[:, :len(self.core.size)]).max(axis=1)
+        # that of the interior of condensed beams is kept nowhere; steps that failed have been tried without condensation
+        of = self if self.core.substructures is None or self._spare is None else self._spare
+        r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.size)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
-        return int(np.flatnonzero(self.model.pattern.row_of == row)[0]), float(r[row])
+        return int(np.flatnonzero(of.model.pattern.row_of == row)[0]), float(r[row])
 
 
 def _own_state(model: Model, state: State) -> State:

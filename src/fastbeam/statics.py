@@ -138,7 +138,8 @@ class _StaticSolver:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
         moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
-        self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, symmetric=not moments)
+        self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
+                               symmetric=not moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
         self.stepper.core_state.v[:] = 0.0
         self.history: list[int] = []

@@ -209,7 +209,8 @@ def test_prediction_moves_and_spins_on() -> None:
     v = np.concatenate((velocity[:, None], np.cross(omega[:, None], q[:, 1:])), axis=1)
     inert = np.array([0, 0, 1, 0], np.int8)
     theta, dq = np.zeros((4, 3)), np.zeros((4, 4, 3))
-    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(3), inert, 0, len(q), theta.reshape(-1), dq.reshape(-1))
+    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(5 + 6 * len(q)), inert, 0, len(q), theta.reshape(-1), dq.reshape(-1),
+            np.zeros(UPDATE_SCRATCH))
     expected = np.where(inert[:, None], 0.0, h * omega)
     np.testing.assert_allclose(theta, expected, rtol=0.0, atol=EXACT)
     np.testing.assert_allclose(dq, increments(q, h * velocity, expected), rtol=0.0, atol=EXACT)
@@ -242,10 +243,8 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     rows = np.full((n, 8), np.nan)
     rows[row_of, :6] = change
     new_theta, dq = theta.copy(), increments(q, dphi, theta)
-    before, last = dq.copy(), np.zeros_like(q)
     move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, q.reshape(-1), new_theta.reshape(-1), dq.reshape(-1),
-                              last.reshape(-1), np.zeros(200))
-    np.testing.assert_array_equal(last, before)
+                              np.zeros(UPDATE_SCRATCH))
     assert move == np.max(np.abs(change[:, :3]))
     assert spin == pytest.approx(np.max(np.linalg.norm(new_theta - theta, axis=1) / np.sqrt(1.0 + np.sum(theta**2, axis=1) / 4)))
     np.testing.assert_allclose(dq, increments(q, dphi + change[:, :3], new_theta), rtol=0, atol=3e-15)
@@ -261,16 +260,38 @@ def test_eight_nodes_at_a_time_are_updated_like_one(first: int, last: int) -> No
     n = 19
     q, row_of = random_triads(n, rng).reshape(-1), rng.permutation(n)
     rows = 0.1 * rng.standard_normal((n, 8))
-    theta, dq, before = 0.5 * rng.standard_normal(3 * n), rng.standard_normal(12 * n), rng.standard_normal(12 * n)
-    found, expected = [x.copy() for x in (theta, dq, before)], [x.copy() for x in (theta, dq, before)]
-    sizes = update_nodes(row_of, rows.reshape(-1), first, last, q, *found, np.zeros(200))
-    each = [update_nodes(row_of, rows.reshape(-1), i, i + 1, q, *expected, np.zeros(200)) for i in range(first, last)]
+    theta, dq = 0.5 * rng.standard_normal(3 * n), rng.standard_normal(12 * n)
+    found, expected = [x.copy() for x in (theta, dq)], [x.copy() for x in (theta, dq)]
+    sizes = update_nodes(row_of, rows.reshape(-1), first, last, q, *found, np.zeros(UPDATE_SCRATCH))
+    each = [update_nodes(row_of, rows.reshape(-1), i, i + 1, q, *expected, np.zeros(UPDATE_SCRATCH)) for i in range(first, last)]
     for x, y in zip(found, expected):
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(sizes, np.max(each, axis=0), rtol=1e-15)
     # nodes outside stay as they are
     assert np.array_equal(found[0][:3 * first], theta[:3 * first]) and np.array_equal(found[1][12 * last:], dq[12 * last:])
-    assert np.array_equal(found[2][12 * last:], before[12 * last:])
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 19), (2, 10), (1, 19), (3, 18)])
+@pytest.mark.parametrize("size", [0.3, 0.0])
+def test_first_guess_from_the_rates_of_two_steps(first: int, last: int, size: float) -> None:
+    # size: of the step whose increments are the newest rates; with 0 the newest stand where the older do else
+    rng = np.random.default_rng(9)
+    n, h, c = 19, 0.2, 0.7 if size else 0.0
+    q = random_triads(n, rng)
+    theta, dq, rates = 0.5 * rng.standard_normal((n, 3)), rng.standard_normal((n, 4, 3)), rng.standard_normal((n, 2, 3))
+    past = np.concatenate(([2.0, 0.0, 0.0, size], rates.reshape(-1), [np.nan]))
+    new_theta, new_dq = theta.copy(), dq.copy()
+    predict(q.reshape(-1), np.full(12 * n, np.nan), h, c, past, np.zeros(n, np.int8), first, last, new_theta.reshape(-1),
+            new_dq.reshape(-1), np.zeros(UPDATE_SCRATCH))
+    newest = np.stack((dq[:, 0], theta), axis=1) / size if size else rates
+    expected = h * (newest + c * (newest - rates))
+    some = slice(first, last)
+    np.testing.assert_allclose(new_dq[some], increments(q, expected[:, 0], expected[:, 1])[some], rtol=0, atol=3e-14)
+    np.testing.assert_allclose(new_theta[some], expected[some, 1], rtol=0, atol=3e-15)
+    kept = past[4:-1].reshape(n, 2, 3)
+    np.testing.assert_allclose(kept[some], newest[some], rtol=0, atol=3e-15)
+    for x, y in ((new_dq, dq), (new_theta, theta), (kept, rates)):
+        assert np.array_equal(x[:first], y[:first]) and np.array_equal(x[last:], y[last:])
 
 
 def test_a_scene_without_beams_has_room_for_eight_nodes() -> None:
@@ -278,7 +299,7 @@ def test_a_scene_without_beams_has_room_for_eight_nodes() -> None:
     model = compile_scene(Scene(*bodies))
     assert model.scratch().size >= UPDATE_SCRATCH
     room = np.full(UPDATE_SCRATCH + 64, np.nan)
-    update_nodes(np.arange(9), np.zeros(72), 0, 9, np.zeros(108), np.zeros(27), np.zeros(108), np.zeros(108), room)
+    update_nodes(np.arange(9), np.zeros(72), 0, 9, np.zeros(108), np.zeros(27), np.zeros(108), room)
     assert not np.isnan(room[:UPDATE_SCRATCH]).any() and np.isnan(room[UPDATE_SCRATCH:]).all()
 
 
@@ -291,7 +312,7 @@ def test_update_does_not_lose_nan(node: int, component: int) -> None:
     rows[node, component] = np.nan
     q = np.tile(np.eye(4, 3, -1), (n, 1, 1))
     move, spin = update_nodes(np.arange(n), rows.reshape(-1), 0, n, q.reshape(-1), np.zeros(3 * n), np.zeros(12 * n),
-                              np.zeros(12 * n), np.zeros(200))
+                              np.zeros(UPDATE_SCRATCH))
     assert np.isnan(move + spin)
 
 
@@ -457,9 +478,12 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     n = beam.n_nodes
     nodes, reference = beam.basis.element_nodes, elements.model.q0.reshape(n, 4, 3)
     last, mid = reference + 0.3 * rng.standard_normal((2, n, 4, 3))
-    spin, move = 0.2 * rng.standard_normal((2, n, 3))
+    move, spin, before = np.array([0.4, 0.1, 0.1])[:, None, None] * rng.standard_normal((3, n, 3))
     change = np.concatenate((move[:, None], np.cross(spin[:, None], last[:, 1:])), axis=1)
-    end = last + change + 0.05 * rng.standard_normal((n, 4, 3))
+    # a Newton iteration adds this to the Cayley vectors of a step
+    theta = before + spin - 0.5 * np.cross(before, spin) + 0.25 * np.sum(before * spin, axis=1, keepdims=True) * before
+    end = np.array([np.vstack((x[:1], x[1:] @ (cay(b) @ cay(a).T).T)) for x, a, b in zip(last, before, theta)])
+    end[:, 0] += move
     mid = mid if moving else end
 
     def strain_of(q: Array) -> Array:
@@ -486,7 +510,8 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     start, dq = (2.0 * mid - end, 2.0 * (end - mid).reshape(-1)) if moving else (end, None)
     x = np.zeros((n + 1, 8))
     x[row_of, :3], x[row_of, 3:6] = move, spin
-    line = Line(np.array([1.0, 0.0, -1.0]), (last - start).reshape(-1), x.reshape(-1))
+    # rows of three are read as rows of four
+    line = Line(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1))
 
     def dense(line: Line) -> Array:
         u = np.zeros(12 * n) if moving else None
@@ -500,7 +525,7 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
         np.testing.assert_allclose(r[row_of, :6], project(mid, f), rtol=0, atol=1e-12 * np.max(np.abs(f)))
         return found
 
-    mixed, plain = dense(line), dense(Line(np.zeros(3), line.last, line.x))
+    mixed, plain = dense(line), dense(line._replace(use=np.zeros(3)))
     scale = np.max(np.abs(expected))
     np.testing.assert_allclose(mixed, expected, rtol=0, atol=1e-8 * scale)
     assert np.max(np.abs(mixed - plain)) > 1e-2 * scale

@@ -23,7 +23,6 @@ from .rows import gather_lanes, scatter_rows
 from .strains import Q_LANES, gather_ends, gather_line, interpolate, mean_strains, stresses, unused_strains
 from .work import FROM_START
 
-B_LANES = 18 * 8     # six rotation rows of a node
 EIGHTEEN = (0,) * 18   # three columns for each of two directors, as `blocks.SIX`
 
 
@@ -362,7 +361,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
     mixed = line.use[0] != 0.0
     # before the first increment of a step the line is at its start, which the middle and the end tell
     gathered = line.use[0] != FROM_START
-    if dq is None or spin_rate is not None:
+    if spin_rate is not None:
         gathered = True
     for k in range(first, last):
         nn = meta[k, 0]
@@ -393,7 +392,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
         go = lo + Q_LANES * nn
         if mixed and gathered:
             for a in range(nn):
-                gather_line(tables, no + 8 * a, q, line, scratch, lo + Q_LANES * a)
+                gather_line(tables, no + 8 * a, q, spin_rate, line, scratch, Q_LANES * a + 96, lo + Q_LANES * a)
         for i in range(go, go + 96 * nn, 8):
             vst(scratch, i, 0, 0.0)
         if spin_rate is not None:
@@ -444,7 +443,8 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
             every = 1
             if inner is not None:
                 if meta[k, 6] >= 0:
-                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, inner.rhs, 0, size):
+                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None, 0,
+                                           size):
                         inner.state[0] = 0.0
                     every = nn - 1
             for a in range(0, nn, every):

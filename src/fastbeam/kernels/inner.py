@@ -37,17 +37,17 @@ class Inner(NamedTuple):
     state: np.ndarray     # float64 [1]: 0 where a group was singular
 
 
-def store_size(nn: int, columns: bool, n: int = 6) -> int:
-    """Doubles of a group in `store` for n unknowns per node, where columns follow or not."""
-    return sum(8 * n * n * (1 + 2 * (nn - i)) if columns else 8 * n * (n * (nn - i) + 1) for i in range(1, nn - 1))
+def store_size(nn: int, columns: bool, n: int = 6, beside: int = 1) -> int:
+    """Doubles of a group in `store` for n unknowns per node, where columns follow or not; beside: as in `short_store`."""
+    return sum(8 * n * n * (1 + 2 * (nn - i)) if columns else 8 * n * (n * (nn - i) + beside) for i in range(1, nn - 1))
 
 
 @kernel
-def short_store(nn, n):
-    """The same in compiled code, without columns."""
+def short_store(nn, n, beside):
+    """The same without columns; beside: 1 where y_i stand there, 0 where they do not."""
     room = 0
     for i in range(1, nn - 1):
-        room += 8 * n * (n * (nn - i) + 1)
+        room += 8 * n * (n * (nn - i) + beside)
     return room
 
 
@@ -60,20 +60,33 @@ def clear_rhs(rhs):
 
 
 @kernel
-def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, rhs_out, spare, size):
+def subtract_loads(loads, tables, at, scratch, ro, spare, size):
+    """Take the loads of 8 nodes from their rows at ro."""
+    gather_lanes(loads, tables.rows, at, 8, scratch, spare, size)
+    for c in range(0, 8 * len(size), 8):
+        vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) - vld(scratch, spare + c, 0))
+
+
+@kernel
+def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, loads, rhs_out, x_out, spare, size):
     """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Their own residual goes to r_out and comes back with
-    what loads and sliders put there. Returns False, and stops, where a pivot is none.
+    what loads and sliders put there; without r_out (None) nothing but `loads` act on them. Returns False, and stops, where a
+    pivot is none.
 
     store, from io on: of every node its factors, then U_ij, K_ji of every other; y_i go to rhs_out, by rows. Where rhs_out is
-    None no columns follow: only U_ij and y_i are stored, factors take the room of a block at `spare` in scratch.
+    None no columns follow: only U_ij and y_i are stored, factors take the room of a block at `spare` in scratch. With x_out y_i
+    go there, by rows, and not to store.
     LU and triangular solutions: explicit inverses would be faster and are not accurate enough, because on slender beams the soft
     directions of the others' stiffness are small differences.
     """
     n = len(size)
     block = 8 * n * n
     for i in range(1, nn - 1):
-        scatter_rows(scratch, ro + 8 * n * i, tables.rows, no + 8 * i, 8, 0, r_out, size)
-        gather_lanes(r_out, tables.rows, no + 8 * i, 8, scratch, ro + 8 * n * i, size)
+        if r_out is not None:
+            scatter_rows(scratch, ro + 8 * n * i, tables.rows, no + 8 * i, 8, 0, r_out, size)
+            gather_lanes(r_out, tables.rows, no + 8 * i, 8, scratch, ro + 8 * n * i, size)
+        else:
+            subtract_loads(loads, tables, no + 8 * i, scratch, ro + 8 * n * i, spare, size)
     d = io
     for i in range(1, nn - 1):
         diagonal = ko + block * (nn * i + i)
@@ -107,7 +120,9 @@ def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, rhs_out, 
                 for c in range(0, block, 8):
                     vst(store, u0 + step * m + block + c, 0, vld(scratch, low + c, 0))
         d = u0 + step * (nn - i)
-        if rhs_out is None:
+        if x_out is not None:
+            put_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, x_out, size)
+        elif rhs_out is None:
             for c in range(0, 8 * n, 8):
                 vst(store, d + c, 0, vld(scratch, y + c, 0))
             d += 8 * n
@@ -159,17 +174,28 @@ def put_inner_rhs(inner, panel, width, size):
 
 
 @kernel
-def recover_group(store, end, nn, tables, no, factor, scratch, xo, x_out, size):
+def take_scaled(source, offset, factor, target, to, n):
+    """factor times n lanes."""
+    for c in range(0, 8 * n, 8):
+        vst(target, to + c, 0, factor * vld(source, offset + c, 0))
+
+
+@kernel
+def recover_group(store, end, by_rows, nn, tables, no, factor, scratch, xo, x_out, size):
     """Increments of the inner nodes of 8 elements, from those of the end nodes: nn nodes in lanes from xo on. end: where what was
-    stored of them ends; factor: increment per solution."""
+    stored of them ends; by_rows: None where y_i stand there, else in x_out; factor: increment per solution."""
     n = len(size)
     column = 8 * n
     block = column * n
     for i in range(nn - 2, 0, -1):
-        end -= block * (nn - i) + column
         xi = xo + column * i
-        for c in range(0, column, 8):
-            vst(scratch, xi + c, 0, factor * vld(store, end + block * (nn - i) + c, 0))
+        if by_rows is None:
+            end -= column
+            take_scaled(store, end, factor, scratch, xi, n)
+        else:
+            gather_lanes(x_out, tables.rows, no + 8 * i, 8, scratch, xi, size)
+            take_scaled(scratch, xi, factor, scratch, xi, n)
+        end -= block * (nn - i)
         for m in range(nn - i):
             a = i + 1 + m if m < nn - 1 - i else 0
             subtract_lanes(store, end + block * m, scratch, xo + column * a, scratch, xi, ONE, size)
@@ -186,7 +212,7 @@ def recover_rows(tables, inner, factor, x_out, scratch, size):
             no = tables.meta[k, 3]
             gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
             gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
-            recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n), nn, tables, no, factor, scratch, 0, x_out, size)
+            recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n, 1), None, nn, tables, no, factor, scratch, 0, x_out, size)
 
 
 @kernel

@@ -15,6 +15,7 @@ from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, ld2, ld3,
                       zero3, zerom)
 from .blocks import FOUR, SIX, THREE, TWELVE
 from .rows import gather_lanes, largest, load_rows, store_rows
+from .turns import cayley_increment, director_increment
 
 
 class Bodies(NamedTuple):
@@ -37,17 +38,8 @@ class Held(NamedTuple):
     column_mask: np.ndarray  # int64 [P]
 
 
-@kernel
-def director_increment(c, t, d):
-    """cay(t) d - d without cancellation, of one node or of 8 in lanes; c = 1/(1 + t . t/4)."""
-    x = cross(t, d)
-    return c * (x + 0.5 * cross(t, x))
-
-
-@kernel
-def cayley_increment(t, turn):
-    """Change of a Cayley vector by a small spin of the end: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi."""
-    return turn - 0.5 * cross(t, turn) + (0.25 * dot(t, turn)) * t
+# doubles of scratch that `predict` and `update_nodes` need
+UPDATE_SCRATCH = 200
 
 
 @kernel
@@ -60,61 +52,105 @@ def set_directors(q, theta, dq_out, i):
 
 
 @kernel
+def put_increments(scratch, theta_out, dq_out, i):
+    """Increments of eight nodes from i on: positions stand in lanes at 72 of scratch, before the directors of the start of the
+    step, Cayley vectors at 48."""
+    t = vld3(scratch, 48, 8)
+    c = 1.0 / (1.0 + 0.25 * dot(t, t))
+    for k in range(96, 168, 24):
+        vst3(scratch, k, 8, director_increment(c, t, vld3(scratch, k, 8)))
+    store_rows(scratch, 48, theta_out, 3 * i, 3, THREE)
+    store_rows(scratch, 72, dq_out, 12 * i, 12, TWELVE)
+
+
+@kernel
 def extrapolation(past, h):
     """Factor c of w1 + c (w1 - w2), the mean rate of the coming step from those of the last two by the times of their middles; 0
-    where that would reach far or only one is to be used, NaN where there is none."""
+    where that would reach far or only one is to be used or known, NaN where there is none."""
     if past[0] == 0.0:
         return np.nan
-    if past[0] == 1.0:
+    if past[0] == 1.0 or past[3] == 0.0:
         return 0.0
     c = (0.5 * h - past[1]) / (past[1] - past[2])
     return c if abs(c) <= 4.0 else 0.0
 
 
 @kernel
-def predict(q, v, h, c, past, held_theta, first, last, theta_out, dq_out):
-    """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`;
-    where c is NaN positions move on and triads spin on with omega = 1/2 sum d_i x v_i."""
-    m = (past.shape[0] - 3) // 2
-    for i in range(first, last):
-        if c == c:
-            o = 3 + 6 * i
-            st3(dq_out, 12 * i, 1, h * ((1.0 + c) * ld3(past, o, 1) - c * ld3(past, o + m, 1)))
-            st3(theta_out, 3 * i, 1, h * ((1.0 + c) * ld3(past, o + 3, 1) - c * ld3(past, o + m + 3, 1)))
+def predict(q, v, h, c, past, held_theta, first, last, theta, dq, scratch):
+    """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`:
+    the newest are the increments of the last step, where past[3] has its size; they move to `past`, where else they stand.
+    Where c is NaN positions move on and triads spin on with omega = 1/2 sum d_i x v_i."""
+    rates = past.shape[0] - 1 - 2 * theta.shape[0]
+    moved = past[3] != 0.0
+    share = 1.0 / past[3] if moved else 0.0
+    i = first
+    while i + 8 <= last and c == c:
+        # eight nodes at a time: rates, coordinates and their increments in lanes
+        o = rates + 6 * i
+        load_rows(past, o, 6, scratch, 0, SIX)
+        load_rows(q, 12 * i, 12, scratch, 72, TWELVE)
+        if moved:
+            load_rows(dq, 12 * i, 12, scratch, 168, THREE)
+            load_rows(theta, 3 * i, 3, scratch, 48, THREE)
+            x = share * vld3(scratch, 168, 8)
+            t = share * vld3(scratch, 48, 8)
+            y = h * ((1.0 + c) * x - c * vld3(scratch, 0, 8))
+            w = h * ((1.0 + c) * t - c * vld3(scratch, 24, 8))
+            vst3(scratch, 0, 8, x)
+            vst3(scratch, 24, 8, t)
+            store_rows(scratch, 0, past, o, 6, SIX)
+            vst3(scratch, 72, 8, y)
+            vst3(scratch, 48, 8, w)
         else:
-            st3(dq_out, 12 * i, 1, h * ld3(v, 12 * i, 1))
+            vst3(scratch, 72, 8, h * vld3(scratch, 0, 8))
+            vst3(scratch, 48, 8, h * vld3(scratch, 24, 8))
+        put_increments(scratch, theta, dq, i)
+        i += 8
+    while i < last:
+        if c == c:
+            o = rates + 6 * i
+            if moved:
+                x = share * ld3(dq, 12 * i, 1)
+                t = share * ld3(theta, 3 * i, 1)
+                st3(dq, 12 * i, 1, h * ((1.0 + c) * x - c * ld3(past, o, 1)))
+                st3(theta, 3 * i, 1, h * ((1.0 + c) * t - c * ld3(past, o + 3, 1)))
+                st3(past, o, 1, x)
+                st3(past, o + 3, 1, t)
+            else:
+                st3(dq, 12 * i, 1, h * ld3(past, o, 1))
+                st3(theta, 3 * i, 1, h * ld3(past, o + 3, 1))
+        else:
+            st3(dq, 12 * i, 1, h * ld3(v, 12 * i, 1))
             w = zero3()
             for k in range(3, 12, 3):
                 w += cross(ld3(q, 12 * i + k, 1), ld3(v, 12 * i + k, 1))
             free = 0.0 if held_theta[i] else 0.5 * h
-            st3(theta_out, 3 * i, 1, free * w)
-        set_directors(q, theta_out, dq_out, i)
+            st3(theta, 3 * i, 1, free * w)
+        set_directors(q, theta, dq, i)
+        i += 1
 
 
 @kernel
-def remember(theta, dq, s, s_end, force, h, first, last, past):
-    """Keep the mean rates of a converged step as the newest of two, of the nodes from `first` to before `last` and, with the last
-    of all nodes, of the rest. past: how many, times of their middles from now on, then two times (position and Cayley vector of
-    every node, s and force of every slider)."""
-    n = dq.shape[0] // 12
-    m = (past.shape[0] - 3) // 2
-    for i in range(first, last):
-        o = 3 + 6 * i
-        st3(past, o + m, 1, ld3(past, o, 1))
-        st3(past, o + m + 3, 1, ld3(past, o + 3, 1))
-        st3(past, o, 1, (1.0 / h) * ld3(dq, 12 * i, 1))
-        st3(past, o + 3, 1, (1.0 / h) * ld3(theta, 3 * i, 1))
-    if last < n:
-        return
-    for k in range(3 + 6 * n, 3 + m):
-        past[k + m] = past[k]
+def remember(s, s_end, force, h, past):
+    """A step of size h has converged: its increments are the newest rates.
+
+    past: how many rates are known, times of their middles from now on, size of the step whose increments are the newest of the
+    nodes or 0; s and force of every slider, newest and older; of the nodes the older, positions and Cayley vectors; size of the
+    first increment of the last step."""
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
-    o = 3 + 6 * n
-    for k in range(s.shape[0]):
-        past[o + 4 * k] = (s_end[k] - s[k]) / h
-        st3(past, o + 4 * k + 1, 1, ld3(force, 3 * k, 1))
+    past[3] = h
+    if s.shape[0] > 0:
+        d = force.shape[0] // s.shape[0]
+        m = s.shape[0] + force.shape[0]
+        for k in range(4, 4 + m):
+            past[k + m] = past[k]
+        for k in range(s.shape[0]):
+            o = 4 + (d + 1) * k
+            past[o] = (s_end[k] - s[k]) / h
+            for c in range(d):
+                past[o + 1 + c] = force[d * k + c]
 
 
 @kernel
@@ -135,15 +171,11 @@ def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
             st2(u_out, k, 1, (2.0 / (h * h)) * (ld2(dq, k, 1) - h * ld2(v, k, 1)))
 
 
-# doubles of scratch that `update_nodes` needs
-UPDATE_SCRATCH = 200
-
-
 @kernel
-def update_nodes(row_of, x, first, last, q, theta, dq, last_out, scratch):
-    """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`, and keep those
-    before in last_out. Returns the largest position increment and the largest increment of a Cayley vector next to the vector
-    itself: spins alone also vanish where it runs away to infinity, towards half a turn. NaN stays: nothing is larger."""
+def update_nodes(row_of, x, first, last, q, theta, dq, scratch):
+    """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`. Returns the
+    largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
+    where it runs away to infinity, towards half a turn. NaN stays: nothing is larger."""
     move = 0.0
     spin = 0.0
     i = first
@@ -156,21 +188,14 @@ def update_nodes(row_of, x, first, last, q, theta, dq, last_out, scratch):
             load_rows(theta, 3 * i, 3, scratch, 48, THREE)
             load_rows(q, 12 * i, 12, scratch, 72, TWELVE)
             load_rows(dq, 12 * i, 12, scratch, 168, FOUR)
-            for k in range(0, 96, 8):
-                vst(last_out, 12 * i + k, 0, vld(dq, 12 * i + k, 0))
             for c in range(0, 24, 8):
                 moves = largest(vld(scratch, c, 0), moves)
             t = vld3(scratch, 48, 8)
             p = cayley_increment(t, vld3(scratch, 24, 8))
             spins = largest(dot(p, p) / (1.0 + 0.25 * dot(t, t)), spins)
-            t += p
-            vst3(scratch, 48, 8, t)
-            c = 1.0 / (1.0 + 0.25 * dot(t, t))
+            vst3(scratch, 48, 8, t + p)
             vst3(scratch, 72, 8, vld3(scratch, 168, 8) + vld3(scratch, 0, 8))
-            for k in range(96, 168, 24):
-                vst3(scratch, k, 8, director_increment(c, t, vld3(scratch, k, 8)))
-            store_rows(scratch, 48, theta, 3 * i, 3, THREE)
-            store_rows(scratch, 72, dq, 12 * i, 12, TWELVE)
+            put_increments(scratch, theta, dq, i)
             i += 8
         vst(scratch, 0, 0, moves)
         vst(scratch, 8, 0, spins)
@@ -179,8 +204,6 @@ def update_nodes(row_of, x, first, last, q, theta, dq, last_out, scratch):
             spin = larger(scratch[8 + k], spin)
     while i < last:
         o = 8 * row_of[i]
-        for k in range(12 * i, 12 * i + 12, 3):
-            st3(last_out, k, 1, ld3(dq, k, 1))
         add3(dq, 12 * i, 1, ld3(x, o, 1))
         for c in range(3):
             move = larger(abs(x[o + c]), move)

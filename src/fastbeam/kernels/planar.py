@@ -12,9 +12,9 @@ from .work import clear, keep, start_line
 @written_in
 def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
-    start_line(work)
     c = extrapolation(work.past, h)
-    planar_predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
+    planar_predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq, work.scratch)
+    start_line(work)
     if ties is not None:
         tie_planar(ties, work.dq)
     if sliders is not None:

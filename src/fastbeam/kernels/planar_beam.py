@@ -214,8 +214,6 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
     tab = tables.tab
     mixed = line.use[0] != 0.0
     gathered = line.use[0] != FROM_START
-    if dq is None:
-        gathered = True
     for k in range(first, last):
         nn = meta[k, 0]
         nq = meta[k, 1]
@@ -234,13 +232,12 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
         po0 = ko + 72 * nn * nn
         ps = 8 * (7 + 10 * nn)
         lo = po0 + nq * ps
-        if mixed and gathered:
-            for a in range(nn):
-                gather_planar_line(tables, no + 8 * a, q, line, scratch, lo + 80 * a)
-        for a in range(nn):
-            vst2(scratch, lo + 80 * a + 64, 8, vzero2())
         for a in range(nn):
             gather_ends(tables, no + 8 * a, q, dq, v, None, None, h, scratch, 64 * a, uo + 32 * a, FOUR)
+            vst2(scratch, lo + 80 * a + 64, 8, vzero2())
+        if mixed and gathered:
+            for a in range(nn):
+                gather_planar_line(tables, no + 8 * a, line, scratch, 64 * a + 32, lo + 80 * a)
         for i in range(fo, ro, 8):
             vst(scratch, i, 0, 0.0)
         if v is not None:
@@ -268,7 +265,8 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
             every = 1
             if inner is not None:
                 if meta[k, 6] >= 0:
-                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, inner.rhs, 0, size):
+                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None, 0,
+                                           size):
                         inner.state[0] = 0.0
                     every = nn - 1
             for a in range(0, nn, every):

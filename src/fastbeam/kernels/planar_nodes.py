@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import add2, cross2, dot, ld2, ld3, perp, st2, st3, zero2
+from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
 
 
 class PlanarBodies(NamedTuple):
@@ -42,52 +42,36 @@ def set_director(q, theta, dq_out, i):
 
 
 @kernel
-def planar_predict(q, v, h, c, past, held_theta, first, last, theta_out, dq_out):
-    """As `nodes.predict`."""
-    m = (past.shape[0] - 3) // 2
+def planar_predict(q, v, h, c, past, held_theta, first, last, theta, dq, scratch):
+    """As `nodes.predict`; scratch is not used."""
+    rates = past.shape[0] - 1 - 3 * theta.shape[0]
+    moved = past[3] != 0.0
+    share = 1.0 / past[3] if moved else 0.0
     for i in range(first, last):
-        if c == c:
-            o = 3 + 3 * i
-            st2(dq_out, 4 * i, 1, h * ((1.0 + c) * ld2(past, o, 1) - c * ld2(past, o + m, 1)))
-            theta_out[i] = h * ((1.0 + c) * past[o + 2] - c * past[o + 2 + m])
+        o = rates + 3 * i
+        if c == c and moved:
+            x = share * ld2(dq, 4 * i, 1)
+            t = share * theta[i]
+            st2(dq, 4 * i, 1, h * ((1.0 + c) * x - c * ld2(past, o, 1)))
+            theta[i] = h * ((1.0 + c) * t - c * past[o + 2])
+            st2(past, o, 1, x)
+            past[o + 2] = t
+        elif c == c:
+            st2(dq, 4 * i, 1, h * ld2(past, o, 1))
+            theta[i] = h * past[o + 2]
         else:
-            st2(dq_out, 4 * i, 1, h * ld2(v, 4 * i, 1))
-            theta_out[i] = 0.0 if held_theta[i] else h * cross2(ld2(q, 4 * i + 2, 1), ld2(v, 4 * i + 2, 1))
-        set_director(q, theta_out, dq_out, i)
+            st2(dq, 4 * i, 1, h * ld2(v, 4 * i, 1))
+            theta[i] = 0.0 if held_theta[i] else h * cross2(ld2(q, 4 * i + 2, 1), ld2(v, 4 * i + 2, 1))
+        set_director(q, theta, dq, i)
 
 
 @kernel
-def planar_remember(theta, dq, s, s_end, force, h, first, last, past):
-    """As `nodes.remember`: (position and Cayley number of every node, s and force of every slider), two times."""
-    n = dq.shape[0] // 4
-    m = (past.shape[0] - 3) // 2
-    for i in range(first, last):
-        o = 3 + 3 * i
-        st3(past, o + m, 1, ld3(past, o, 1))
-        st2(past, o, 1, (1.0 / h) * ld2(dq, 4 * i, 1))
-        past[o + 2] = (1.0 / h) * theta[i]
-    if last < n:
-        return
-    for k in range(3 + 3 * n, 3 + m):
-        past[k + m] = past[k]
-    past[2] = past[1] - h
-    past[1] = -0.5 * h
-    past[0] = min(past[0] + 1.0, 2.0)
-    o = 3 + 3 * n
-    for k in range(s.shape[0]):
-        past[o + 3 * k] = (s_end[k] - s[k]) / h
-        st2(past, o + 3 * k + 1, 1, ld2(force, 2 * k, 1))
-
-
-@kernel
-def planar_update(row_of, x, first, last, q, theta, dq, last_out):
+def planar_update(row_of, x, first, last, q, theta, dq):
     """As `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
     for i in range(first, last):
         o = 8 * row_of[i]
-        st2(last_out, 4 * i, 1, ld2(dq, 4 * i, 1))
-        st2(last_out, 4 * i + 2, 1, ld2(dq, 4 * i + 2, 1))
         add2(dq, 4 * i, 1, ld2(x, o, 1))
         for c in range(2):
             z = x[o + c]

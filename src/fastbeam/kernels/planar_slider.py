@@ -26,14 +26,13 @@ def planar_point_on_curve(curves, c, s, q, element, contact, derivative):
 @kernel
 def predict_planar_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out):
     """As `slider.predict_sliders`."""
-    m = (past.shape[0] - 3) // 2
-    o = 3 + 3 * (q.shape[0] // 4)
+    m = 3 * s.shape[0]
     for k in range(sliders.curve.shape[0]):
         b = sliders.curve[k]
         e = find_element(curves, b, s[k], contact.element[k])
         contact.element[k] = e
         if c == c:
-            i = o + 3 * k
+            i = 4 + 3 * k
             s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
             st2(force_out, 2 * k, 1, (1.0 + c) * ld2(past, i + 1, 1) - c * ld2(past, i + m + 1, 1))
         else:

@@ -178,14 +178,13 @@ def point_on_curve(curves, c, s, q, element, contact, slot_derivative):
 def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out):
     """First guess of s and force: as `nodes.predict`; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
     (theory.md 5.4) and the force of the last step."""
-    m = (past.shape[0] - 3) // 2
-    o = 3 + q.shape[0] // 2
+    m = 4 * s.shape[0]
     for k in range(sliders.curve.shape[0]):
         b = sliders.curve[k]
         e = find_element(curves, b, s[k], contact.element[k])
         contact.element[k] = e
         if c == c:
-            i = o + 4 * k
+            i = 4 + 4 * k
             s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
             st3(force_out, 3 * k, 1, (1.0 + c) * ld3(past, i + 1, 1) - c * ld3(past, i + m + 1, 1))
         else:

@@ -7,17 +7,15 @@ from .beam import element_groups
 from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
 from .ties import apply_ties, tie_coordinates
-from .work import clear, clear_line, copy, halve, keep, start_line
+from .work import clear, copy, halve, keep, start_line
 
 
 @kernel
 def space_start(ties, curves, sliders, contact, spinless, alpha, state, work, h):
     """First guess of everything."""
-    start_line(work)
-    if alpha is not None:
-        clear_line(work.line)
     c = extrapolation(work.past, h)
-    predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq)
+    predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq, work.scratch)
+    start_line(work)
     if ties is not None:
         tie_coordinates(ties, work.dq)
     if sliders is not None:

@@ -17,7 +17,7 @@ from .inner import eliminate_columns, put_inner_rhs, recover_inner, recover_rows
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_beam import planar_groups
-from .planar_nodes import planar_pull, planar_push, planar_remember, planar_update, tie_planar_increments
+from .planar_nodes import planar_pull, planar_push, planar_update, tie_planar_increments
 from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
 from .sparse import begin_step, solve_sparse
@@ -108,12 +108,11 @@ def move_nodes(space, plane, ties, row_of, state, work):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.last,
-                                  work.scratch)
+        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.scratch)
         if ties is not None:
             tie_increments(ties, work.theta, work.dq)
     if plane is not None:
-        move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.line.last)
+        move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq)
         if ties is not None:
             tie_planar_increments(ties, work.theta, work.dq)
     return move, spin
@@ -193,6 +192,8 @@ def keep_state(alpha, state, work):
     keep(state.v, work.keep_v)
     keep(state.s, work.keep_s)
     keep(state.force, work.keep_force)
+    keep(work.dq, work.keep_dq)
+    keep(work.theta, work.keep_theta)
     keep(work.past, work.keep_past)
 
 
@@ -204,6 +205,8 @@ def restore_state(alpha, state, work):
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
     copy(work.keep_force, state.force)
+    copy(work.keep_dq, work.dq)
+    copy(work.keep_theta, work.theta)
     copy(work.keep_past, work.past)
 
 
@@ -221,10 +224,7 @@ def slider_outside(state, lengths):
 def finish_step(space, plane, ties, alpha, state, work, h):
     """Accept a converged step."""
     work.past[work.past.shape[0] - 1] = work.line.use[2]
-    if space is not None:
-        remember(work.theta, work.dq, state.s, work.s_end, state.force, h, 0, work.dq.shape[0] // 12, work.past)
-    if plane is not None:
-        planar_remember(work.theta, work.dq, state.s, work.s_end, state.force, h, 0, work.dq.shape[0] // 4, work.past)
+    remember(state.s, work.s_end, state.force, h, work.past)
     if alpha is not None:
         spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
         finish_alpha(alpha, state.q, work.dq, state.v)
@@ -374,7 +374,6 @@ def update_static(space, plane, simo, green, inner, ties, row_of, state, work, w
     move, spin = move_nodes(space, plane, ties, row_of, state, work)
     for k in range(work.dq.shape[0]):
         state.q[k] += work.dq[k]
-        work.line.last[k] = -work.dq[k]
     follow_line(work.line, move / length + spin)
     return move / length + spin
 

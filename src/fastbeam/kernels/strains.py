@@ -3,8 +3,10 @@ from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import cross, dot, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
-from .blocks import FOUR, SIX, THREE, TWELVE
+from .blocks import ONE, SIX, THREE, TWELVE
 from .rows import gather_lanes, gather_sum
+from .turns import director_increment, turn_factor
+from .work import FROM_START
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
 
@@ -29,29 +31,43 @@ def gather_ends(tables, at, q, dq, v, u, spin_rate, h, scratch, qo, uo, coordina
 
 
 @kernel
-def gather_line(tables, at, q, line, scratch, lo):
-    """Where the last increment leads 8 nodes in a straight line, 12 lanes at lo, and the way there behind."""
-    gather_sum(q, line.last, 1.0, 1.0, tables.nodes, at, scratch, lo, TWELVE)
+def gather_line(tables, at, q, spin_rate, line, scratch, end, lo):
+    """Where the last increment led 8 nodes in a straight line, 12 lanes at lo, and the way there behind; from their coordinates at
+    `end`. With spin_rate, before the first increment, the start of the step."""
     s = lo + 96
+    if spin_rate is not None:
+        if line.use[0] == FROM_START:
+            gather_lanes(q, tables.nodes, at, 12, scratch, lo, TWELVE)
+            for i in range(s, s + 96, 8):
+                vst(scratch, i, 0, 0.0)
+            return
     gather_lanes(line.x, tables.rows, at, 8, scratch, s, SIX)
-    turn = vld3(scratch, s + 24, 8)
-    vst3(scratch, lo, 8, vld3(scratch, lo, 8) + vld3(scratch, s, 8))
+    gather_lanes(line.theta, tables.nodes, at, 3, scratch, lo, THREE)
+    spin = vld3(scratch, s + 24, 8)
+    back = -1.0 * (turn_factor(dot(spin, spin), dot(vld3(scratch, lo, 8), spin)) * spin)
+    c = 1.0 / (1.0 + 0.25 * dot(back, back))
+    # positions move in a straight line
+    vst3(scratch, lo, 8, vld3(scratch, end, 8))
     for i in range(24, 96, 24):
-        d = vld3(scratch, lo + i, 8)
-        way = cross(turn, d)
+        d = vld3(scratch, end + i, 8)
+        d += director_increment(c, back, d)
+        way = cross(spin, d)
         vst3(scratch, s + i, 8, way)
         vst3(scratch, lo + i, 8, d + way)
 
 
 @kernel
-def gather_planar_line(tables, at, q, line, scratch, lo):
+def gather_planar_line(tables, at, line, scratch, end, lo):
     """The same in a plane, 4 lanes each."""
-    gather_sum(q, line.last, 1.0, 1.0, tables.nodes, at, scratch, lo, FOUR)
     s = lo + 32
     gather_lanes(line.x, tables.rows, at, 8, scratch, s, THREE)
-    vst2(scratch, lo, 8, vld2(scratch, lo, 8) + vld2(scratch, s, 8))
-    d = vld2(scratch, lo + 16, 8)
-    way = vld(scratch, s + 16, 0) * perp(d)
+    gather_lanes(line.theta, tables.nodes, at, 1, scratch, lo, ONE)
+    spin = vld(scratch, s + 16, 0)
+    back = -1.0 * (turn_factor(spin * spin, vld(scratch, lo, 0) * spin) * spin)
+    vst2(scratch, lo, 8, vld2(scratch, end, 8))
+    d = vld2(scratch, end + 16, 8)
+    d += (back / (1.0 + 0.25 * back * back)) * (perp(d) - (0.5 * back) * d)
+    way = spin * perp(d)
     vst2(scratch, s + 16, 8, way)
     vst2(scratch, lo + 16, 8, d + way)
 

@@ -20,11 +20,11 @@ from .._jit import kernel
 from .algebra import vld, vst
 from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
-from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size
+from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
 from .nodes import larger, spread, update_nodes
 from .planar_beam import planar_groups
 from .planar_nodes import planar_update
-from .rows import gather_lanes, put_rows, scatter_rows
+from .rows import gather_lanes, put_rows
 
 
 class Substructures(NamedTuple):
@@ -38,7 +38,7 @@ class Substructures(NamedTuple):
     row_term: np.ndarray    # int64 [2 B]: 2 beam + (0: start, 1: end)
     counts: np.ndarray      # int64 [3]: first row of their interior nodes, which are the last rows; groups with strain set (2.2),
     #                         then with (2.1)
-    store: np.ndarray       # float64: U, P and y of every interior node, lanes last
+    store: np.ndarray       # float64: U and P of every interior node, lanes last
     ends: np.ndarray        # float64 [B, 32 n + 16]: four blocks and two residuals, rows padded to 8
     state: np.ndarray       # float64 [G]: 0 where an elimination failed
 
@@ -46,9 +46,9 @@ class Substructures(NamedTuple):
 def place_stores(subs: Substructures, n: int) -> Substructures:
     """The same beams with n unknowns a node, and room for their elimination."""
     group = subs.group.copy()
-    size = 8 * n * (2 * n + 1) * (group[:, 1] - 1)
+    size = 16 * n * n * (group[:, 1] - 1)
     for nn in np.unique(group[:, 2]).tolist():
-        size += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n), 0)
+        size += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n, 0), 0)
     group[:, 3] = np.cumsum(size) - size
     return subs._replace(group=group, store=np.zeros(size.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
                          state=np.ones(len(group)))
@@ -74,9 +74,9 @@ def clear_block(x, offset, count):
 
 
 @kernel
-def condense_node(scratch, so, present, nn, ro, ko, store, d, size):
+def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out, size):
     """Eliminate the node between the elements behind it, whose condensed blocks stand from so on, and the present one at ro, ko.
-    present: where S_oc and S_co stand, 1 or 3 and 2 or 4. Returns False where a pivot is none."""
+    present: where S_oc and S_co stand, 1 or 3 and 2 or 4; y goes to its row of x_out. Returns False where a pivot is none."""
     n = len(size)
     column = 8 * n
     block = column * n
@@ -91,11 +91,12 @@ def condense_node(scratch, so, present, nn, ro, ko, store, d, size):
         vst(scratch, ko + c, 0, vld(scratch, ko + c, 0) + vld(scratch, so + 5 * block + c, 0))
     if not lu_lanes(scratch, ko, scratch, lu, PIVOT, size):
         return False
-    y = d + 2 * block
+    y = ko    # the block is done with
     for c in range(0, column, 8):
         solve_lanes(scratch, lu, scratch, ko + block * last + c, column, store, d + c, column, size)
         solve_lanes(scratch, lu, scratch, co + c, column, store, d + block + c, column, size)
-    solve_lanes(scratch, lu, scratch, ro, 8, store, y, 8, size)
+    solve_lanes(scratch, lu, scratch, ro, 8, scratch, y, 8, size)
+    put_rows(scratch, y, tables.rows, no, 8, 0, x_out, size)
     ec = ko + block * nn * last
     ee = ec + block * last
     clear_block(scratch, oe, block)
@@ -104,8 +105,8 @@ def condense_node(scratch, so, present, nn, ro, ko, store, d, size):
     subtract_lanes(scratch, ec, store, d + block, scratch, eo, size, size)
     subtract_lanes(scratch, oc, store, d, scratch, oe, size, size)
     subtract_lanes(scratch, oc, store, d + block, scratch, so, size, size)
-    subtract_lanes(scratch, ec, store, y, scratch, ro + column * last, ONE, size)
-    subtract_lanes(scratch, oc, store, y, scratch, r, ONE, size)
+    subtract_lanes(scratch, ec, scratch, y, scratch, ro + column * last, ONE, size)
+    subtract_lanes(scratch, oc, scratch, y, scratch, r, ONE, size)
     copy_lanes(scratch, ee, block, scratch, so + 5 * block)
     copy_lanes(scratch, ro + column * last, column, scratch, r + column)
     return True
@@ -128,19 +129,19 @@ def spread_nodes(nodes, first, last, coordinates, state, dq, h, q_mid_out, q_end
 
 
 @kernel
-def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, green, r_out, scratch, size):
-    """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`. Loads of
-    interior nodes stand in r_out already."""
+def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, green, loads, scratch, size):
+    """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`; loads:
+    float64 [8 (rows + 1)]. Rows of interior nodes in line.x take their y, elements behind do not ask for their increments."""
     n = len(size)
     column = 8 * n
     block = column * n
-    per_node = 2 * block + column
+    per_node = 2 * block
     per_beam = 4 * column + 16
     so = scratch.shape[0] - 7 * block - 2 * column
     r = so + 7 * block
     for g in range(first, last):
         nn = subs.group[g, 2]
-        inner = short_store(nn, n)
+        inner = short_store(nn, n, 0)
         # residual and tangent of a group of elements
         ro = 384 * nn
         ko = 432 * nn
@@ -158,7 +159,8 @@ def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, g
                                size)
             if plane is not None:
                 planar_groups(tables, k, k + 1, None, q, dq, v, line, h, rate, green, None, None, scratch, size)
-            good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, r_out, None, so + 6 * block, size)
+            good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, None, loads, None, line.x,
+                                   so + 6 * block, size)
             if j == 0:
                 end = ko + block * (nn - 1)
                 copy_lanes(scratch, ko, block, scratch, so)
@@ -170,9 +172,8 @@ def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, g
             else:
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
-                scatter_rows(scratch, ro, tables.rows, no, 8, 0, r_out, size)
-                gather_lanes(r_out, tables.rows, no, 8, scratch, ro, size)
-                good = good and condense_node(scratch, so, present, nn, ro, ko, subs.store, d, size)
+                subtract_loads(loads, tables, no, scratch, ro, so + 6 * block, size)
+                good = good and condense_node(scratch, so, present, nn, tables, no, ro, ko, subs.store, d, line.x, size)
                 present = 3 - present
             d += per_node + inner
             if not good:
@@ -218,7 +219,7 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
     n = len(size)
     column = 8 * n
     block = column * n
-    per_node = 2 * block + column
+    per_node = 2 * block
     move = 0.0
     spin = 0.0
     for g in range(first, last):
@@ -226,7 +227,7 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
         count = subs.group[g, 1]
         nn = subs.group[g, 2]
         end = column * nn
-        inner = short_store(nn, n)
+        inner = short_store(nn, n, 0)
         # start of the beam, then the nodes of an element
         gather_lanes(work.line.x, tables.rows, tables.meta[k0, 3], 8, scratch, 0, size)
         gather_lanes(work.line.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, scratch, end, size)
@@ -236,12 +237,12 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
             if j == 0:
                 copy_lanes(scratch, 0, column, scratch, column)
             else:
-                for c in range(0, column, 8):
-                    vst(scratch, column + c, 0, factor * vld(subs.store, d + 2 * block + c, 0))
+                gather_lanes(work.line.x, tables.rows, no, 8, scratch, column, size)
+                take_scaled(scratch, column, factor, scratch, column, n)
                 subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
                 subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
                 put_rows(scratch, column, tables.rows, no, 8, 0, work.line.x, size)
-            recover_group(subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.line.x, size)
+            recover_group(subs.store, d + per_node + inner, 1, nn, tables, no, factor, scratch, column, work.line.x, size)
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)
@@ -257,9 +258,9 @@ def move_some(space, plane, row_of, first, last, state, work, scratch):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last, scratch)
+        move, spin = update_nodes(row_of, work.line.x, first, last, state.q, work.theta, work.dq, scratch)
     if plane is not None:
-        move, spin = planar_update(row_of, work.line.x, first, last, state.q, work.theta, work.dq, work.line.last)
+        move, spin = planar_update(row_of, work.line.x, first, last, state.q, work.theta, work.dq)
     return move, spin
 
 

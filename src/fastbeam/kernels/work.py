@@ -18,8 +18,8 @@ class Line(NamedTuple):
 
     use: np.ndarray       # float64 [3]: 0, or 1 where the tangent needs it, or FROM_START; increments of which size it can do
     #                       without, relative to the length of the scene; size of the first increment of the step, -1 before
-    last: np.ndarray      # float64 [12 N]: the shape before the increment less that at the start of the step, in statics less the
-    #                       present one
+    theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`;
+    #                       something to read has to follow
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
 
 
@@ -46,8 +46,9 @@ class Work(NamedTuple):
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
-    past: np.ndarray      # float64 [3 + 2 (6 N + 4 S) + 1]: mean rates of the last two steps, nodes.remember, and the size of the
-    #                       first increment of the last
+    keep_dq: np.ndarray   # float64 [12 N]
+    keep_theta: np.ndarray  # float64 [3 N]
+    past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of the last two steps, nodes.remember
     keep_past: np.ndarray
     line: Line
 
@@ -84,21 +85,14 @@ def halve(x):
 
 @kernel
 def start_line(work):
-    """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step."""
+    """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step. The
+    first guess is made, so increments are no rates of a step any more."""
+    work.past[3] = 0.0
     first = work.past[work.past.shape[0] - 1]
     follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
     work.line.use[2] = -1.0
     if work.line.use[0] != 0.0:
         work.line.use[0] = FROM_START
-
-
-@kernel
-def clear_line(line):
-    """An increment of nothing."""
-    for i in range(line.last.shape[0]):
-        line.last[i] = 0.0
-    for i in range(line.x.shape[0]):
-        line.x[i] = 0.0
 
 
 @kernel

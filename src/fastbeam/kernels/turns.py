@@ -1,0 +1,32 @@
+"""Finite turns by Cayley vectors, d_n+1 = cay(theta) d_n (theory.md (4.2)), of one node or of 8 in lanes."""
+from __future__ import annotations
+
+from .._jit import kernel
+from .algebra import cross, dot
+
+
+@kernel
+def director_increment(c, t, d):
+    """cay(t) d - d without cancellation; c = 1/(1 + t . t/4)."""
+    x = cross(t, d)
+    return c * (x + 0.5 * cross(t, x))
+
+
+@kernel
+def cayley_increment(t, turn):
+    """Change of a Cayley vector by a small spin of the end: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi."""
+    return turn - 0.5 * cross(t, turn) + (0.25 * dot(t, turn)) * t
+
+
+@kernel
+def turn_factor(own, along):
+    """Factor of a small spin phi, by which the Cayley vector of a step has become theta: times it, phi is the Cayley vector of the
+    turn that it made. own = phi . phi, along = theta . phi.
+
+    With theta before, the turn from one to the other is phi/(1 + a/4), a = theta_before . phi, and along = a + own + a^2/4, which
+    two corrections solve up to a^4/16.
+    """
+    first = along - own
+    a = first - (0.25 * first) * first
+    a = first - (0.25 * a) * a
+    return 1.0 / (1.0 + 0.25 * a)
