@@ -210,14 +210,14 @@ def forged(good: Any, path: Path, body: bytes | None = None, **changes: Any) -> 
 @pytest.mark.parametrize(("changes", "message"), [
     ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "mean_force": 3, "memory": 0}}, "arrays of .* numbers do not fit"),
     ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "mean_force": 3, "memory": 0}}, "do not fit"),
-    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "mean_force": 3, "memory": 108}}, "are no state"),
+    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "mean_force": 3, "memory": 109}}, "are no state"),
     ({"sizes": [1, 2]}, "damaged header .TypeError"), ({"sizes": {}}, "damaged header .KeyError: 'q'"),
     ({"t": "now"}, "damaged header .SceneError: t: must be a finite number"), ({"t": float("nan")}, "t: must be a finite number"),
     ({"step": -1.0}, "a step is not > 0"), ({"next_step": 0.0}, "a step is not > 0"), ({"steps": -3}, "a step is not > 0"),
     ({"steps": None}, "damaged header .TypeError"), ({"steps": 1e400}, "damaged header .OverflowError"),
-    ({"body": np.full(307, np.nan).tobytes()}, "holds values that are not finite"), ({"body": b""}, "do not fit 0 bytes")])
+    ({"body": np.full(308, np.nan).tobytes()}, "holds values that are not finite"), ({"body": b""}, "do not fit 0 bytes")])
 def test_forged_files_are_refused(good: Any, changes: dict[str, Any], message: str, tmp_path: Path) -> None:
-    assert sum(x.size for x in (*good.state, good.mean_force, good.memory)) == 307
+    assert sum(x.size for x in (*good.state, good.mean_force, good.memory)) == 308
     forged(good, tmp_path / "a", **changes)
     with pytest.raises(fb.ResultFileError, match=f"checkpoint '.*a': .*{message}"):
         fb.load_checkpoint(tmp_path / "a")

@@ -85,7 +85,7 @@ def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, loads, rh
         if r_out is not None:
             scatter_rows(scratch, ro + 8 * n * i, tables.rows, no + 8 * i, 8, 0, r_out, size)
             gather_lanes(r_out, tables.rows, no + 8 * i, 8, scratch, ro + 8 * n * i, size)
-        else:
+        if loads is not None:
             subtract_loads(loads, tables, no + 8 * i, scratch, ro + 8 * n * i, spare, size)
     d = io
     for i in range(1, nn - 1):
