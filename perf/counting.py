@@ -126,11 +126,6 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         tally.operations += 2 * u.n - 1
         return tally.number()
 
-    def gather_sum(*arguments: Any) -> None:
-        # s (x + f y): the factor of a node's coordinates counts where it is not one
-        n, (f, s) = len(arguments[-1]), arguments[2:4]
-        tally.operations += n * (1 + (f != 1.0) + (s != 1.0))
-
     def subtract_lanes(*arguments: Any) -> None:
         tally.operations += product(len(arguments[-1])) * len(arguments[-2])
 
@@ -140,7 +135,7 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         "zerom": value(9), "vst": nothing, "vst2": nothing, "vst3": nothing, "vstm": nothing, "vst_matrix": nothing,
         "st2": nothing, "st3": nothing, "vadd3": adds(3), "vadd_matrix": adds(9), "add3": adds(3), "add_matrix": adds(9),
         "dot": dot, "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3), "add_skew": value(9, 6),
-        "gather_lanes": nothing, "gather_sum": gather_sum, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing,
+        "gather_lanes": nothing, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing,
         "flush_column": nothing, "scatter_rows": of_size(lambda n: n), "lu_lanes": of_size(lu, True),
         "lu_rows": of_size(lu, True), "lu_two": of_size(lambda n: 2 * lu(n), True), "solve_lanes": of_size(triangular),
         "subtract_lanes": subtract_lanes, "solve_rows": of_size(lambda n: PADDED * triangular(n)),
@@ -193,7 +188,7 @@ def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     work, tables = model.work(), model.simo
     line = work.line._replace(use=np.array([float(mixed), 0.0, 0.0]))
     end = work.r, work.blocks
-    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, model.q0, work.dq, model.v0, None,
+    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, model.q0, work.dphi, model.v0, None,
                  line, 1.0, 1.0, None, None, None, *(end if assembled else (None, None)), work.scratch, model.size)
 
 
@@ -249,8 +244,7 @@ def elimination(plan: Any, n: int, columns: int | None = None, right: int = 1) -
 
 def node_loops(model: Model) -> int:
     """Of a node of a model in space in every iteration: the increments."""
-    a, row_of = slice(12), np.zeros(1, np.int64)
-    return count(nodes.update_nodes, row_of, slice(8), 0, 1, a, slice(3), a, slice(8))
+    return count(nodes.update_nodes, np.zeros(1, np.int64), slice(8), 0, 1, slice(3), slice(3), slice(8))
 
 
 def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
@@ -266,7 +260,7 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], model.q0, work.dq, model.v0,
+        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], model.q0, work.dphi, model.v0,
                              work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.f_ext, work.scratch, model.size)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))

@@ -98,7 +98,7 @@ class ChainParts:
         end = (w.r, w.blocks) if assembled else (None, None)
         state = self.stepper.core_state
         element_groups(m.simo, 0, self.groups if groups is None else groups, self.stepper.inner if assembled else None, state.q,
-                       w.dq, state.v, None, w.line, self.step, self.rate, None, None, None, *end, w.scratch, m.size)
+                       w.dphi, state.v, None, w.line, self.step, self.rate, None, None, None, *end, w.scratch, m.size)
 
     def fill(self) -> None:
         """Blocks and right-hand sides of the iteration."""

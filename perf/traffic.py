@@ -76,20 +76,19 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     m, s, w = stepper.core, stepper.core_state, stepper.work
     if m.sliders is not None or m.bodies is not None or m.ties is not None or stepper.alpha is not None:
         raise ValueError("bytes are counted for the conserving step of beams alone, without sliders, bodies or ties")
-    line = (w.theta, w.line.x)
     tables = (m.simo, m.green)
     row = 8 * NUMBER
     step = 1.0 / iterations
-    out = [Pass("first guess", "step", (s.q, w.past, w.theta, w.dq), (w.theta, w.dq, w.past), step),
-           Pass("accept", "step", (s.q, s.v, w.dq), (s.q, s.v), step)]
+    out = [Pass("first guess", "step", (w.past, w.theta, w.dphi), (w.theta, w.dphi, w.past), step),
+           Pass("accept", "step", (s.q, s.v, w.dphi, w.theta), (s.q, s.v), step)]
     if w.keep_q.size:
-        out.append(Pass("remember the state", "step", (s.q, s.v, w.dq, w.theta, w.past),
-                        (w.keep_q, w.keep_v, w.keep_dq, w.keep_theta, w.keep_past), step))
+        out.append(Pass("remember the state", "step", (s.q, s.v, w.dphi, w.theta, w.past),
+                        (w.keep_q, w.keep_v, w.keep_dphi, w.keep_theta, w.keep_past), step))
     # the interior of condensed beams has no residual in memory
     rows = row * (m.panel_rows + 1)
     out.append(Pass("clear", "nodes", (rows,), (rows, w.blocks)))
-    step_of = (s.q, s.v, w.dq)
-    followed = mixed * nbytes(line)
+    step_of = (s.q, s.v, w.dphi, w.theta)
+    followed = mixed * nbytes(w.line.x)
     inner = stepper.inner
     store = None if inner is None else inner.store
     indices = tuple((t.rows, t.meta) for t in tables if t is not None)
@@ -110,7 +109,7 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     out.append(Pass("solution to rows", "elimination", (w.panel,), (w.line.x[:8 * m.panel_rows],)))
     if inner is not None:
         out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.line.x), (row * inner.element.size,)))
-    increments = (m.pattern.row_of, s.q, w.theta, w.dq), (w.theta, w.dq)
+    increments = (m.pattern.row_of, w.theta, w.dphi), (w.theta, w.dphi)
     if m.substructures is None:
         out.append(Pass("increments", "nodes", (*increments[0], w.line.x), increments[1]))
     else:

@@ -19,7 +19,7 @@ from .kernels import beam, border, nodes, planar_beam, planar_nodes, planar_slid
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.inner import clear_rhs
-from .kernels.nodes import advance, apply_held, extrapolation
+from .kernels.nodes import apply_held, extrapolation
 from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
@@ -61,7 +61,7 @@ class Step(NamedTuple):
     """What the element loops take of a step, see `beam.element_groups`; statics has only q and line."""
 
     q: Array
-    dq: Array | None
+    dphi: Array | None
     v: Array | None
     line: Any
     h: float | None
@@ -97,25 +97,24 @@ class Team:
 class _Space:
     """Kernels of nodes in space."""
 
-    predict = nodes.predict
-    tie, tie_increments, apply_ties, push_tied = (ties.tie_coordinates, ties.tie_increments, ties.apply_ties,
-                                                  ties.push_tied_columns)
+    predict, advance = nodes.predict, nodes.advance
+    tie_increments, apply_ties, push_tied = ties.tie_increments, ties.apply_ties, ties.push_tied_columns
     predict_sliders, add_sliders, add_bodies = slider.predict_sliders, slider.add_sliders, nodes.add_bodies
 
     @staticmethod
     def add_elements(tables: ElementTables, inner: Any, step: Step, work: Work, green: int | None, size: Any) -> None:
         """Elements that are not in condensed beams."""
-        q, dq, v, line, h, rate = step
-        beam.element_groups(tables, 0, len(tables.meta), inner, q, dq, v, None, line, h, rate, None, green, None, work.r,
+        q, dphi, v, line, h, rate = step
+        beam.element_groups(tables, 0, len(tables.meta), inner, q, dphi, v, None, line, h, rate, None, green, None, work.r,
                             work.blocks, work.scratch, size)
 
 
 class _Plane:
     """The same in a plane."""
 
-    predict = planar_nodes.planar_predict
-    tie, tie_increments, apply_ties, push_tied = (planar_nodes.tie_planar, planar_nodes.tie_planar_increments,
-                                                  planar_nodes.apply_planar_ties, planar_nodes.planar_push)
+    predict, advance = planar_nodes.planar_predict, planar_nodes.planar_advance
+    tie_increments, apply_ties, push_tied = (planar_nodes.tie_planar_increments, planar_nodes.apply_planar_ties,
+                                             planar_nodes.planar_push)
     predict_sliders, add_sliders, add_bodies = (planar_slider.predict_planar_sliders, planar_slider.add_planar_sliders,
                                                 planar_nodes.add_planar_bodies)
 
@@ -173,8 +172,6 @@ class CondensedIteration(Iteration):
             target = model.ties.moves[:, 3]
             edges = [0, *(int(np.searchsorted(target, target[a])) for a, _ in chunks(target.size, 256)[1:]), target.size]
             self._moves = [(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]
-        self._q = model.q0.size // model.n_nodes
-        self._theta = len(model.size) - model.dim
 
     # --- loops over nodes ---------------------------------------------------------------------------------------------
     def _copy(self, *pairs: tuple[Array, Array]) -> None:
@@ -185,44 +182,45 @@ class CondensedIteration(Iteration):
     def keep(self) -> None:
         state, work = self.owner.core_state, self.owner.work
         self._copy((state.q, work.keep_q), (state.v, work.keep_v), (state.s, work.keep_s), (state.force, work.keep_force),
-                   (work.dq, work.keep_dq), (work.theta, work.keep_theta), (work.past, work.keep_past))
+                   (work.dphi, work.keep_dphi), (work.theta, work.keep_theta), (work.past, work.keep_past))
 
     def restore(self) -> None:
         state, work = self.owner.core_state, self.owner.work
         self._copy((work.keep_q, state.q), (work.keep_v, state.v), (work.keep_s, state.s), (work.keep_force, state.force),
-                   (work.keep_dq, work.dq), (work.keep_theta, work.theta), (work.keep_past, work.past))
+                   (work.keep_dphi, work.dphi), (work.keep_theta, work.theta), (work.keep_past, work.past))
 
     def start(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
         c = extrapolation(work.past, h)
-        self.team.each(lambda thread, x: self.kernels.predict(state.q, state.v, h, c, work.past, m.spinless, *x, work.theta,
-                                                              work.dq, self._scratch[thread]), self._nodes)
+        self.team.each(lambda _, x: self.kernels.predict(state.q, state.v, h, c, work.past, m.spinless, *x, work.theta,
+                                                         work.dphi), self._nodes)
         start_line(work)
         if m.ties is not None:
-            self.kernels.tie(m.ties, work.dq)
+            self.kernels.tie_increments(m.ties, state.q, work.theta, work.dphi)
         if s.contact is not None:
             s.contact.augmented[2] = 1.0
             self.kernels.predict_sliders(m.curves, m.sliders, s.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
                                          state.force)
 
     def finish(self, h: float) -> None:
-        state, work, q = self.owner.core_state, self.owner.work, self._q
+        state, work = self.owner.core_state, self.owner.work
         work.past[-1] = work.line.use[2]
         nodes.remember(state.s, work.s_end, state.force, h, work.past)
-
-        def accept(_: int, x: Chunk) -> None:
-            some = slice(q * x[0], q * x[1])
-            advance(state.q[some], state.v[some], work.dq[some], h)
-
-        self.team.each(accept, self._nodes)
+        self._advance(state.v, h)
         state.s[:] = work.s_end
+
+    def _advance(self, v: Array | None, h: float | None) -> None:
+        """Accept the increments; in statics v and h are None."""
+        q, work = self.owner.core_state.q, self.owner.work
+        self.team.each(lambda thread, x: self.kernels.advance(q, v, work.dphi, work.theta, h, *x, self._scratch[thread]),
+                       self._nodes)
 
     # --- the system of equations --------------------------------------------------------------------------------------
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work = s.core_state, s.work
-        now = Step(state.q, work.dq, state.v, work.line, h, 2.0 / (h * h))
+        now = Step(state.q, work.dphi, state.v, work.line, h, 2.0 / (h * h))
 
         def add_rest() -> None:
             # what acts on inner nodes stands in the residual before they are eliminated
@@ -253,7 +251,7 @@ class CondensedIteration(Iteration):
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
             if kind == "others":
-                beams.spread_nodes(self._others, a, b, self._q, state, work.dq, now.h, work.q_mid, work.q_end, work.u)
+                beams.spread_nodes(self._others, a, b, *s.kind[:2], state, work, now.h)
             elif kind == "rows":
                 np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
             else:
@@ -312,7 +310,7 @@ class CondensedIteration(Iteration):
         Returns their size."""
         s, m = self.owner, self.owner.core
         work, row_of = s.work, m.pattern.row_of
-        moved = *s.kind[:2], row_of, s.core_state, work
+        moved = *s.kind[:2], row_of, work
 
         def recover(thread: int, x: tuple[ElementTables, int | None, Chunk]) -> tuple[float, float]:
             return beams.recover(self.subs, x[0], *x[2], factor, *moved, self._scratch[thread], m.size)
@@ -322,7 +320,7 @@ class CondensedIteration(Iteration):
         # NaN stays the largest
         move, spin = (float(x) for x in np.max(found, axis=0))
         if m.ties is not None:
-            self.kernels.tie_increments(m.ties, work.theta, work.dq)
+            self.kernels.tie_increments(m.ties, s.core_state.q, work.theta, work.dphi)
         follow_line(work.line, move / m.length + spin)
         return move / m.length + spin
 
@@ -347,19 +345,10 @@ class CondensedIteration(Iteration):
         return self._move(-1.0) + slide / m.length
 
     def update_static(self) -> float:
-        s, m, q, t = self.owner, self.owner.core, self._q, self._theta
         self._take(-0.5)
-        work, state = s.work, s.core_state
-
-        def clear(_: int, x: Chunk) -> None:
-            work.theta[t * x[0]:t * x[1]] = 0.0
-            work.dq[q * x[0]:q * x[1]] = 0.0
-
-        def add(_: int, x: Chunk) -> None:
-            some = slice(q * x[0], q * x[1])
-            state.q[some] += work.dq[some]
-
-        self.team.each(clear, self._nodes)
+        work = self.owner.work
+        work.theta[:] = 0.0
+        work.dphi[:] = 0.0
         moved = self._move(-0.5)
-        self.team.each(add, self._nodes)
+        self._advance(None, None)
         return moved

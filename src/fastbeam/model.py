@@ -13,7 +13,7 @@ from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.blocks import SIX
 from .kernels.inner import Inner
-from .kernels.nodes import UPDATE_SCRATCH, Bodies, Held
+from .kernels.nodes import NODES_SCRATCH, Bodies, Held
 from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.slider import Contact, Curves, Sliders
@@ -208,7 +208,7 @@ class Model:
         """Doubles that the largest group of elements needs, or eight nodes."""
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
         room = scratch_size if self.dim == 3 else planar_scratch_size
-        most = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [UPDATE_SCRATCH])
+        most = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [NODES_SCRATCH])
         return most if self.substructures is None else most + front_size(len(self.size))
 
     @property
@@ -249,14 +249,14 @@ class Model:
         moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None)
         border = self.border * s
         theta = _padded((size - self.dim) * n)
-        return Work(dq=np.zeros(q), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
+        return Work(dphi=_padded(self.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
                     u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
                     r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
                     panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
                     schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.dim * s), keep_dq=np.zeros(kept * q), keep_theta=np.zeros(kept * theta.size),
+                    keep_force=np.zeros(kept * self.dim * s), keep_dphi=np.zeros(kept * self.dim * n), keep_theta=np.zeros(kept * theta.size),
                     past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),
                     line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1))))

@@ -26,8 +26,8 @@ AUGMENTATION = 1e7
 # a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
-BY_NODE = ("dq", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
-           "keep_dq", "keep_theta", "past", "keep_past")
+BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
+           "keep_dphi", "keep_theta", "past", "keep_past")
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
@@ -152,15 +152,14 @@ class Stepper:
     def memory(self) -> Array:
         """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
         increments, and the state as a planar run keeps it."""
-        return np.concatenate([x.reshape(-1) for x in self._remembered])
+        return np.concatenate(self._remembered)
 
     @property
     def _remembered(self) -> tuple[Array, ...]:
         """The parts of `memory`."""
         rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
         own = () if self.plane is None else self.core_state
-        positions = self.work.dq.reshape(self.model.n_nodes, -1)[:, :self.core.dim]
-        return rates, self.work.past, positions, self.work.theta, *own
+        return rates, self.work.past, self.work.dphi, self.work.theta, *own
 
     @memory.setter
     def memory(self, memory: Array) -> None:
@@ -171,7 +170,7 @@ class Stepper:
                              f"{self.method.name!r} needs {sum(sizes)}; go on with the method that wrote it, or "
                              "with start=checkpoint.state, t_start=checkpoint.t")
         for mine, other in zip(parts, np.split(memory, np.cumsum(sizes)[:-1])):
-            mine[:] = other.reshape(mine.shape)
+            mine[:] = other
 
     def _rows_at_rest(self, u: Array) -> Array:
         """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
@@ -319,7 +318,7 @@ class Stepper:
         for _ in range(self.max_iterations):
             parts.assemble(h)
             if not parts.solve():
-                finite = np.isfinite(self.work.r).all() and np.isfinite(self.work.dq).all()
+                finite = np.isfinite(self.work.r).all() and np.isfinite(self.work.dphi).all()
                 return (SINGULAR if finite else NOT_FINITE), np.array(sizes)
             size = parts.update()
             sizes.append(size)

@@ -106,7 +106,7 @@ def test_condensed_matrix_is_the_schur_complement_and_its_interior_solves_the_wh
     for _ in range(2):
         # the second tangent takes the stresses that the first increment led to; of the same increment, or residuals differ by
         # stiffness times round-off
-        for mine, other in zip((b.work.dq, b.work.theta, *b.work.line[:2]), (a.work.dq, a.work.theta, *a.work.line[:2])):
+        for mine, other in zip((b.work.dphi, b.work.theta, b.work.line.use), (a.work.dphi, a.work.theta, a.work.line.use)):
             mine[:] = other
         b.work.line.x.reshape(-1, 8)[whole.pattern.row_of] = a.work.line.x.reshape(-1, 8)[one.pattern.row_of]
         a.parts.assemble(0.02)

@@ -73,7 +73,7 @@ def test_an_operation_without_a_counter_is_named() -> None:
     model = compiled(8, 1)
     work = model.work()
     with pytest.raises(LookupError, match="'cross2' has no counter"):
-        counting.count(planar_beam.planar_groups, model.simo, 0, 1, None, model.q0, work.dq, model.v0, work.line, 1.0, 1.0, None,
+        counting.count(planar_beam.planar_groups, model.simo, 0, 1, None, model.q0, work.dphi, model.v0, work.line, 1.0, 1.0, None,
                        work.r, work.blocks, work.scratch, (0, 0, 0))
 
 

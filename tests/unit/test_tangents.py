@@ -200,7 +200,7 @@ class Kernels:
             predict_sliders(m.curves, m.sliders, self.contact, state.q, state.v, state.s, trial.h, np.nan, work.past, work.s_end,
                             state.force)
             work.s_end[:] = trial.s_end
-        work.dq[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta)).reshape(-1)
+        work.dphi[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta))[:, 0].reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)
         kernels.assemble_step(SIX, None, *self.tables(), state, work, trial.h)
 
@@ -450,7 +450,7 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     status, _, iterations, _ = counts
     assert status == kernels.OK
     assert iterations < 12
-    found = Step(work.keep_q.reshape(-1, 4, 3), work.keep_v.reshape(-1, 4, 3), work.dq.reshape(-1, 4, 3)[:, 0],
+    found = Step(work.keep_q.reshape(-1, 4, 3), work.keep_v.reshape(-1, 4, 3), work.dphi.reshape(-1, 3),
                  work.theta.reshape(-1, 3), work.keep_s, work.s_end, state.force.reshape(-1, 3), H)
     nodes, sliders = twin.residual(found)
     inertia = 2.0 / H**2 * np.linalg.norm(twin.mass @ (H * found.v_n).reshape(-1, 3))

@@ -369,3 +369,14 @@ def largest_of_row(tc, array, offset):
         largest = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_VECTOR]), "llvm.vector.reduce.fmax.v8f64")
         return b.call(largest, [b.call(absolute, [x])])
     return f8(array, offset), codegen
+
+
+@intrinsic
+def largest(tc, x, y):
+    """The larger of two sizes, lane by lane; x where it is NaN, and y where that is."""
+    def codegen(ctx, b, sig, args):
+        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
+        size = b.call(absolute, [args[0]])
+        takes = b.or_(b.fcmp_ordered(">", size, args[1]), b.fcmp_unordered("uno", size, size))
+        return b.select(takes, size, args[1])
+    return vec(x, y), codegen

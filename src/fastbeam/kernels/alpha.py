@@ -12,7 +12,9 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, st3, zero3
+from .nodes import turn_of
 from .slider import add_basis, find_element, put_translation
+from .turns import director_increment
 
 NOW, END, KEPT = 0, 3, 6     # first of three rows of `rates`: velocity, its rate, the method's acceleration
 
@@ -78,19 +80,22 @@ def end_rate(alpha, o, move, h):
 
 
 @kernel
-def spread_end(alpha, q, dq, theta, h, q_mid_out, q_end_out, u_out):
+def spread_end(alpha, q, dphi, theta, h, q_mid_out, q_end_out, u_out):
     """Coordinates at the end (twice), their second time derivatives u, and the derivatives of those by the spins."""
     am = alpha.parameters[0]
     af = alpha.parameters[1]
     beta = alpha.parameters[2]
     alpha.factor[0] = alpha.parameters[3] / (beta * h)
     alpha.factor[1] = (1.0 - am) / ((1.0 - af) * beta * h * h)
-    for k in range(q.shape[0]):
-        q_end_out[k] = q[k] + dq[k]
-        q_mid_out[k] = q_end_out[k]
     for i in range(q.shape[0] // 12):
-        psi = rotation_vector(ld3(theta, 3 * i, 1))
-        end_rate(alpha, 6 * i, ld3(dq, 12 * i, 1), h)
+        t, c = turn_of(theta, i)
+        for k in range(12 * i, 12 * i + 12, 3):
+            x = ld3(q, k, 1)
+            x += director_increment(c, t, x) if k > 12 * i else ld3(dphi, 3 * i, 1)
+            st3(q_end_out, k, 1, x)
+            st3(q_mid_out, k, 1, x)
+        psi = rotation_vector(t)
+        end_rate(alpha, 6 * i, ld3(dphi, 3 * i, 1), h)
         end_rate(alpha, 6 * i + 3, psi, h)
         for k in range(2):
             d = ld3(q_end_out, 12 * i + 6 + 3 * k, 1)
@@ -144,12 +149,12 @@ def keep_rates(alpha, source, target):
 
 
 @kernel
-def finish_alpha(alpha, q, dq, v_out):
+def finish_alpha(alpha, q_end, q, v_out):
     """Accept a converged step: rows END become rows NOW, velocities of the 12 coordinates from the spins."""
     m = alpha.rates.shape[0] // 9
     keep_rates(alpha, END, NOW)
     for k in range(q.shape[0]):
-        q[k] += dq[k]
+        q[k] = q_end[k]
     for i in range(q.shape[0] // 12):
         st3(v_out, 12 * i, 1, ld3(alpha.rates, NOW * m + 6 * i, 1))
         w = ld3(alpha.rates, NOW * m + 6 * i + 3, 1)

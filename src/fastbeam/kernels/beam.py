@@ -17,7 +17,6 @@ import numpy as np
 from .._jit import kernel, one_variant
 from .algebra import (add_iso, add_skew, cross, dot, outer, vadd3, vadd_matrix, vld, vld3, vldm, vst, vst3, vst_matrix, vstm,
                       vzero, vzero3, vzerom)
-from .blocks import TWELVE
 from .inner import eliminate_inner
 from .rows import gather_lanes, scatter_rows
 from .strains import Q_LANES, gather_ends, gather_line, interpolate, mean_strains, stresses, unused_strains
@@ -342,12 +341,13 @@ def project_node(scratch, q, fo, go, ro, ko):
 
 
 @one_variant
-def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
+def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
                    size):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; without r_out and blocks_out (None) they
     stay in `scratch`: rows from 384 nn on, blocks from 432 nn on.
 
-    q, dq, v: [12 N], coordinates at the start of the step of size h, their increments and velocities; statics has only q.
+    q, dphi, v: [12 N], [3 N], [12 N], coordinates at the start of the step of size h, increments of positions, and velocities;
+    statics has only q.
     u: None, else second rates of the coordinates instead of those of the conserving step. line: the last increment (work.Line);
     where it says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6), else the present ones.
     rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of d2, d3 by the spins (generalised
@@ -382,7 +382,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
         so0 = ko + 288 * nn * nn
         ps = 8 * (6 + 9 + 54 * nn + 78)
         for a in range(nn):
-            gather_ends(tables, no + 8 * a, q, dq, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a, TWELVE)
+            gather_ends(tables, no + 8 * a, q, dphi, line, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a)
         for i in range(fo, fo + 96 * nn, 8):
             vst(scratch, i, 0, 0.0)
         if v is not None or u is not None:
@@ -422,7 +422,7 @@ def element_groups(tables, first, last, inner, q, dq, v, u, line, h, rate, spin_
                     for i in range(0, 168, 8):
                         vst(scratch, zl + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
                         vst(scratch, zs + i, 0, 0.0)
-                unused_strains(scratch, zm, ze, zl, zs, dq, spin_rate, green, middle, eo, room)
+                unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room)
                 stresses(tab, co, to, coupled, scratch, eo, room)
                 add_forces(tab, to, nn, scratch, zm, room, green, None, go)
                 for i in range(0, 48, 8):

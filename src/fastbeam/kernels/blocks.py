@@ -15,6 +15,7 @@ from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _in
 
 SIX = (0, 0, 0, 0, 0, 0)
 THREE = (0, 0, 0)
+TWO = (0, 0)
 ONE = (0,)
 # numbers of coordinates of a node in space and in a plane
 TWELVE, FOUR = (0,) * 12, (0,) * 4
@@ -302,5 +303,5 @@ solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 # Y -= A X for one block and n rows of 8 numbers, or of one, of X and Y
 subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
-__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes", "solve_rows",
+__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes", "solve_rows",
            "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]

@@ -1,8 +1,8 @@
 """Node loops: predictor, update of position and triad, point inertia, ties between nodes, held unknowns.
 
-A step is described by its increments `dq` of the 12 coordinates of every node and the Cayley vectors `theta`
-(d_n+1 = cay(theta) d_n, theory.md (4.2)); velocities and inertia forces are formed from dq, never from differences of large
-coordinates, so round-off stays relative to the motion.
+A step is described by the increments `dphi` of the positions and the Cayley vectors `theta` of the triads, d_n+1 = cay(theta) d_n
+(theory.md (4.2)); increments dq of all 12 coordinates of a node follow from them wherever they are needed. Velocities and inertia
+forces are formed from dq, never from differences of large coordinates, so round-off stays relative to the motion.
 """
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, ld2, ld3, outer, st2, st3, vld, vld3, vst, vst3, vzero,
-                      zero3, zerom)
-from .blocks import FOUR, SIX, THREE, TWELVE
-from .rows import gather_lanes, largest, load_rows, store_rows
+from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero, zero3,
+                      zerom)
+from .blocks import SIX, THREE, TWELVE
+from .rows import gather_lanes, load_rows, store_rows
 from .turns import cayley_increment, director_increment
 
 
@@ -38,29 +38,15 @@ class Held(NamedTuple):
     column_mask: np.ndarray  # int64 [P]
 
 
-# doubles of scratch that `predict` and `update_nodes` need
-UPDATE_SCRATCH = 200
+# doubles of scratch that `update_nodes` and `advance` need
+NODES_SCRATCH = 240
 
 
 @kernel
-def set_directors(q, theta, dq_out, i):
-    """Increments of the three directors of node i."""
+def turn_of(theta, i):
+    """Cayley vector of node i in this step, and the factor of `turns.director_increment`."""
     t = ld3(theta, 3 * i, 1)
-    c = 1.0 / (1.0 + 0.25 * dot(t, t))
-    for k in range(12 * i + 3, 12 * i + 12, 3):
-        st3(dq_out, k, 1, director_increment(c, t, ld3(q, k, 1)))
-
-
-@kernel
-def put_increments(scratch, theta_out, dq_out, i):
-    """Increments of eight nodes from i on: positions stand in lanes at 72 of scratch, before the directors of the start of the
-    step, Cayley vectors at 48."""
-    t = vld3(scratch, 48, 8)
-    c = 1.0 / (1.0 + 0.25 * dot(t, t))
-    for k in range(96, 168, 24):
-        vst3(scratch, k, 8, director_increment(c, t, vld3(scratch, k, 8)))
-    store_rows(scratch, 48, theta_out, 3 * i, 3, THREE)
-    store_rows(scratch, 72, dq_out, 12 * i, 12, TWELVE)
+    return t, 1.0 / (1.0 + 0.25 * dot(t, t))
 
 
 @kernel
@@ -76,58 +62,44 @@ def extrapolation(past, h):
 
 
 @kernel
-def predict(q, v, h, c, past, held_theta, first, last, theta, dq, scratch):
-    """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`:
-    the newest are the increments of the last step, where past[3] has its size; they move to `past`, where else they stand.
-    Where c is NaN positions move on and triads spin on with omega = 1/2 sum d_i x v_i."""
-    rates = past.shape[0] - 1 - 2 * theta.shape[0]
-    moved = past[3] != 0.0
-    share = 1.0 / past[3] if moved else 0.0
-    i = first
-    while i + 8 <= last and c == c:
-        # eight nodes at a time: rates, coordinates and their increments in lanes
-        o = rates + 6 * i
-        load_rows(past, o, 6, scratch, 0, SIX)
-        load_rows(q, 12 * i, 12, scratch, 72, TWELVE)
-        if moved:
-            load_rows(dq, 12 * i, 12, scratch, 168, THREE)
-            load_rows(theta, 3 * i, 3, scratch, 48, THREE)
-            x = share * vld3(scratch, 168, 8)
-            t = share * vld3(scratch, 48, 8)
-            y = h * ((1.0 + c) * x - c * vld3(scratch, 0, 8))
-            w = h * ((1.0 + c) * t - c * vld3(scratch, 24, 8))
-            vst3(scratch, 0, 8, x)
-            vst3(scratch, 24, 8, t)
-            store_rows(scratch, 0, past, o, 6, SIX)
-            vst3(scratch, 72, 8, y)
-            vst3(scratch, 48, 8, w)
-        else:
-            vst3(scratch, 72, 8, h * vld3(scratch, 0, 8))
-            vst3(scratch, 48, 8, h * vld3(scratch, 24, 8))
-        put_increments(scratch, theta, dq, i)
-        i += 8
-    while i < last:
-        if c == c:
-            o = rates + 6 * i
-            if moved:
-                x = share * ld3(dq, 12 * i, 1)
-                t = share * ld3(theta, 3 * i, 1)
-                st3(dq, 12 * i, 1, h * ((1.0 + c) * x - c * ld3(past, o, 1)))
-                st3(theta, 3 * i, 1, h * ((1.0 + c) * t - c * ld3(past, o + 3, 1)))
-                st3(past, o, 1, x)
-                st3(past, o + 3, 1, t)
-            else:
-                st3(dq, 12 * i, 1, h * ld3(past, o, 1))
-                st3(theta, 3 * i, 1, h * ld3(past, o + 3, 1))
-        else:
-            st3(dq, 12 * i, 1, h * ld3(v, 12 * i, 1))
+def predict_from(past, o, share, c, h, first, last, x):
+    """Increments from the mean rates of two steps, for the numbers from `first` to before `last`: the newest are `share` times
+    the increments of the last step and move to `past`; where share is 0 they stand there, and are all that is known."""
+    k = first
+    if share != 0.0:
+        while k + 8 <= last:
+            w = share * vld(x, k, 0)
+            vst(x, k, 0, h * ((1.0 + c) * w - c * vld(past, o + k, 0)))
+            vst(past, o + k, 0, w)
+            k += 8
+        while k < last:
+            w = share * x[k]
+            x[k] = h * ((1.0 + c) * w - c * past[o + k])
+            past[o + k] = w
+            k += 1
+    else:
+        for k in range(first, last):
+            x[k] = h * past[o + k]
+
+
+@kernel
+def predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
+    """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`;
+    past[3]: size of the step whose increments stand in dphi and theta, 0 where those are no rates. Where c is NaN positions move
+    on and triads spin on with omega = 1/2 sum d_i x v_i."""
+    if c == c:
+        share = 1.0 / past[3] if past[3] != 0.0 else 0.0
+        turns = past.shape[0] - 1 - theta.shape[0]
+        predict_from(past, turns - dphi.shape[0], share, c, h, 3 * first, 3 * last, dphi)
+        predict_from(past, turns, share, c, h, 3 * first, 3 * last, theta)
+    else:
+        for i in range(first, last):
+            st3(dphi, 3 * i, 1, h * ld3(v, 12 * i, 1))
             w = zero3()
             for k in range(3, 12, 3):
                 w += cross(ld3(q, 12 * i + k, 1), ld3(v, 12 * i + k, 1))
             free = 0.0 if held_theta[i] else 0.5 * h
             st3(theta, 3 * i, 1, free * w)
-        set_directors(q, theta, dq, i)
-        i += 1
 
 
 @kernel
@@ -135,8 +107,8 @@ def remember(s, s_end, force, h, past):
     """A step of size h has converged: its increments are the newest rates.
 
     past: how many rates are known, times of their middles from now on, size of the step whose increments are the newest of the
-    nodes or 0; s and force of every slider, newest and older; of the nodes the older, positions and Cayley vectors; size of the
-    first increment of the last step."""
+    nodes or 0; s and force of every slider, newest and older; of the nodes the older, those of positions, then Cayley vectors;
+    size of the first increment of the last step."""
     past[2] = past[1] - h
     past[1] = -0.5 * h
     past[0] = min(past[0] + 1.0, 2.0)
@@ -154,25 +126,28 @@ def remember(s, s_end, force, h, past):
 
 
 @kernel
-def spread(q, v, dq, h, first, last, q_mid_out, q_end_out, u_out):
-    """Mid and end coordinates and u = 2/h^2 (dq - h v), of the coordinates from `first` to before `last`, where there is room for
-    them; in statics, where h is None, both are the present ones."""
-    for k in range(first, min(last, q_mid_out.shape[0]), 2):
-        x = ld2(q, k, 1)
-        if h is None:
-            st2(q_mid_out, k, 1, x)
-            st2(q_end_out, k, 1, x)
-        else:
-            y = ld2(dq, k, 1)
-            st2(q_mid_out, k, 1, x + 0.5 * y)
-            st2(q_end_out, k, 1, x + y)
-    if h is not None:
-        for k in range(first, min(last, u_out.shape[0]), 2):
-            st2(u_out, k, 1, (2.0 / (h * h)) * (ld2(dq, k, 1) - h * ld2(v, k, 1)))
+def spread_vector(q, v, move, h, k, q_mid_out, q_end_out, u_out):
+    """Mid, end and second rate 2/h^2 (dq - h v) of one vector of a node from its increment."""
+    x = ld3(q, k, 1)
+    st3(q_mid_out, k, 1, x + 0.5 * move)
+    st3(q_end_out, k, 1, x + move)
+    if k < u_out.shape[0]:
+        st3(u_out, k, 1, (2.0 / (h * h)) * (move - h * ld3(v, k, 1)))
 
 
 @kernel
-def update_nodes(row_of, x, first, last, q, theta, dq, scratch):
+def spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
+    """Mid and end coordinates and second rates of the nodes from `first` to before `last`, where there is room for them."""
+    if q_mid_out.shape[0] > 0:
+        for i in range(first, last):
+            t, c = turn_of(theta, i)
+            spread_vector(q, v, ld3(dphi, 3 * i, 1), h, 12 * i, q_mid_out, q_end_out, u_out)
+            for k in range(12 * i + 3, 12 * i + 12, 3):
+                spread_vector(q, v, director_increment(c, t, ld3(q, k, 1)), h, k, q_mid_out, q_end_out, u_out)
+
+
+@kernel
+def update_nodes(row_of, x, first, last, theta, dphi, scratch):
     """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`. Returns the
     largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
     where it runs away to infinity, towards half a turn. NaN stays: nothing is larger."""
@@ -183,19 +158,19 @@ def update_nodes(row_of, x, first, last, q, theta, dq, scratch):
         moves = vzero()
         spins = vzero()
         while i + 8 <= last:
-            # eight nodes at a time: rows of x, theta, coordinates and their increments in lanes
+            # eight nodes at a time: rows of x and increments in lanes
             gather_lanes(x, row_of, i, 8, scratch, 0, SIX)
             load_rows(theta, 3 * i, 3, scratch, 48, THREE)
-            load_rows(q, 12 * i, 12, scratch, 72, TWELVE)
-            load_rows(dq, 12 * i, 12, scratch, 168, FOUR)
+            load_rows(dphi, 3 * i, 3, scratch, 72, THREE)
             for c in range(0, 24, 8):
                 moves = largest(vld(scratch, c, 0), moves)
             t = vld3(scratch, 48, 8)
             p = cayley_increment(t, vld3(scratch, 24, 8))
             spins = largest(dot(p, p) / (1.0 + 0.25 * dot(t, t)), spins)
             vst3(scratch, 48, 8, t + p)
-            vst3(scratch, 72, 8, vld3(scratch, 168, 8) + vld3(scratch, 0, 8))
-            put_increments(scratch, theta, dq, i)
+            vst3(scratch, 72, 8, vld3(scratch, 72, 8) + vld3(scratch, 0, 8))
+            store_rows(scratch, 48, theta, 3 * i, 3, THREE)
+            store_rows(scratch, 72, dphi, 3 * i, 3, THREE)
             i += 8
         vst(scratch, 0, 0, moves)
         vst(scratch, 8, 0, spins)
@@ -204,14 +179,13 @@ def update_nodes(row_of, x, first, last, q, theta, dq, scratch):
             spin = larger(scratch[8 + k], spin)
     while i < last:
         o = 8 * row_of[i]
-        add3(dq, 12 * i, 1, ld3(x, o, 1))
+        add3(dphi, 3 * i, 1, ld3(x, o, 1))
         for c in range(3):
             move = larger(abs(x[o + c]), move)
         t = ld3(theta, 3 * i, 1)
         p = cayley_increment(t, ld3(x, o + 3, 1))
         spin = larger(dot(p, p) / (1.0 + 0.25 * dot(t, t)), spin)
         add3(theta, 3 * i, 1, p)
-        set_directors(q, theta, dq, i)
         i += 1
     return move, np.sqrt(spin)
 
@@ -285,8 +259,46 @@ def apply_held(held, r, blocks, size):
 
 
 @kernel
-def advance(q, v, dq, h):
-    """Accept a step: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2)."""
-    for k in range(q.shape[0]):
-        q[k] += dq[k]
-        v[k] += (2.0 / h) * (dq[k] - h * v[k])
+def advance(q, v, dphi, theta, h, first, last, scratch):
+    """Accept the increments of the nodes from `first` to before `last`: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2); in
+    statics, where v is None, only the first."""
+    i = first
+    while i + 8 <= last:
+        load_rows(q, 12 * i, 12, scratch, 0, TWELVE)
+        load_rows(dphi, 3 * i, 3, scratch, 192, THREE)
+        load_rows(theta, 3 * i, 3, scratch, 216, THREE)
+        if v is not None:
+            load_rows(v, 12 * i, 12, scratch, 96, TWELVE)
+        t = vld3(scratch, 216, 8)
+        c = 1.0 / (1.0 + 0.25 * dot(t, t))
+        accept(scratch, 0, v, vld3(scratch, 192, 8), h)
+        for k in range(24, 96, 24):
+            accept(scratch, k, v, director_increment(c, t, vld3(scratch, k, 8)), h)
+        store_rows(scratch, 0, q, 12 * i, 12, TWELVE)
+        if v is not None:
+            store_rows(scratch, 96, v, 12 * i, 12, TWELVE)
+        i += 8
+    while i < last:
+        t, c = turn_of(theta, i)
+        accept_one(q, v, 12 * i, ld3(dphi, 3 * i, 1), h)
+        for k in range(12 * i + 3, 12 * i + 12, 3):
+            accept_one(q, v, k, director_increment(c, t, ld3(q, k, 1)), h)
+        i += 1
+
+
+@kernel
+def accept(scratch, k, v, move, h):
+    """`advance` for a vector in lanes at k, its rate 96 behind."""
+    vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
+    if v is not None:
+        rate = vld3(scratch, k + 96, 8)
+        vst3(scratch, k + 96, 8, rate + (2.0 / h) * (move - h * rate))
+
+
+@kernel
+def accept_one(q, v, k, move, h):
+    """The same for one vector of a node."""
+    st3(q, k, 1, ld3(q, k, 1) + move)
+    if v is not None:
+        rate = ld3(v, k, 1)
+        st3(v, k, 1, rate + (2.0 / h) * (move - h * rate))

@@ -15,10 +15,9 @@ from __future__ import annotations
 
 from .._jit import kernel, one_variant
 from .algebra import component0, component1, cross2, dot, perp, vadd2, vld, vld2, vst, vst2, vzero, vzero2
-from .blocks import FOUR
 from .inner import eliminate_inner
 from .rows import scatter_rows
-from .strains import gather_ends, gather_planar_line
+from .strains import gather_planar_ends, gather_planar_line
 from .work import FROM_START
 
 
@@ -202,11 +201,11 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
 
 
 @one_variant
-def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_out, blocks_out, scratch, size):
+def planar_groups(tables, first, last, inner, q, dphi, v, line, h, rate, green, r_out, blocks_out, scratch, size):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; or leave them in `scratch`, rows
     from 128 nn on, blocks from 152 nn on.
 
-    q, dq, v: [4 N], the latter two None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
+    q, dphi, v: [4 N], [2 N], [4 N], the latter two None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
     green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
     say so. r_out [8 rows], blocks_out [24 blocks].
     """
@@ -233,7 +232,7 @@ def planar_groups(tables, first, last, inner, q, dq, v, line, h, rate, green, r_
         ps = 8 * (7 + 10 * nn)
         lo = po0 + nq * ps
         for a in range(nn):
-            gather_ends(tables, no + 8 * a, q, dq, v, None, None, h, scratch, 64 * a, uo + 32 * a, FOUR)
+            gather_planar_ends(tables, no + 8 * a, q, dphi, line, v, h, scratch, 64 * a, uo + 32 * a)
             vst2(scratch, lo + 80 * a + 64, 8, vzero2())
         if mixed and gathered:
             for a in range(nn):

@@ -7,6 +7,8 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
+from .nodes import predict_from
+from .turns import planar_turn
 
 
 class PlanarBodies(NamedTuple):
@@ -34,45 +36,40 @@ class PlanarTies(NamedTuple):
 
 
 @kernel
-def set_director(q, theta, dq_out, i):
-    """Increment of the director of node i: cay(theta) u - u without cancellation."""
-    t = theta[i]
-    u = ld2(q, 4 * i + 2, 1)
-    st2(dq_out, 4 * i + 2, 1, (t / (1.0 + 0.25 * t * t)) * (perp(u) - (0.5 * t) * u))
-
-
-@kernel
-def planar_predict(q, v, h, c, past, held_theta, first, last, theta, dq, scratch):
-    """As `nodes.predict`; scratch is not used."""
-    rates = past.shape[0] - 1 - 3 * theta.shape[0]
-    moved = past[3] != 0.0
-    share = 1.0 / past[3] if moved else 0.0
-    for i in range(first, last):
-        o = rates + 3 * i
-        if c == c and moved:
-            x = share * ld2(dq, 4 * i, 1)
-            t = share * theta[i]
-            st2(dq, 4 * i, 1, h * ((1.0 + c) * x - c * ld2(past, o, 1)))
-            theta[i] = h * ((1.0 + c) * t - c * past[o + 2])
-            st2(past, o, 1, x)
-            past[o + 2] = t
-        elif c == c:
-            st2(dq, 4 * i, 1, h * ld2(past, o, 1))
-            theta[i] = h * past[o + 2]
-        else:
-            st2(dq, 4 * i, 1, h * ld2(v, 4 * i, 1))
+def planar_predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
+    """As `nodes.predict`."""
+    if c == c:
+        share = 1.0 / past[3] if past[3] != 0.0 else 0.0
+        turns = past.shape[0] - 1 - theta.shape[0]
+        predict_from(past, turns - dphi.shape[0], share, c, h, 2 * first, 2 * last, dphi)
+        predict_from(past, turns, share, c, h, first, last, theta)
+    else:
+        for i in range(first, last):
+            st2(dphi, 2 * i, 1, h * ld2(v, 4 * i, 1))
             theta[i] = 0.0 if held_theta[i] else h * cross2(ld2(q, 4 * i + 2, 1), ld2(v, 4 * i + 2, 1))
-        set_director(q, theta, dq, i)
 
 
 @kernel
-def planar_update(row_of, x, first, last, q, theta, dq):
+def planar_spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
+    """As `nodes.spread`."""
+    for i in range(first, min(last, q_mid_out.shape[0] // 4)):
+        for k in range(4 * i, 4 * i + 4, 2):
+            x = ld2(q, k, 1)
+            move = planar_turn(theta[i], x) if k > 4 * i else ld2(dphi, 2 * i, 1)
+            st2(q_mid_out, k, 1, x + 0.5 * move)
+            st2(q_end_out, k, 1, x + move)
+            if k < u_out.shape[0]:
+                st2(u_out, k, 1, (2.0 / (h * h)) * (move - h * ld2(v, k, 1)))
+
+
+@kernel
+def planar_update(row_of, x, first, last, theta, dphi):
     """As `nodes.update_nodes`."""
     largest = 0.0
     spin = 0.0
     for i in range(first, last):
         o = 8 * row_of[i]
-        add2(dq, 4 * i, 1, ld2(x, o, 1))
+        add2(dphi, 2 * i, 1, ld2(x, o, 1))
         for c in range(2):
             z = x[o + c]
             if abs(z) > largest or z != z:  # NaN stays: nothing is larger
@@ -83,8 +80,20 @@ def planar_update(row_of, x, first, last, q, theta, dq):
         z = abs(p) / np.sqrt(t)
         if z > spin or z != z:
             spin = z
-        set_director(q, theta, dq, i)
     return largest, spin
+
+
+@kernel
+def planar_advance(q, v, dphi, theta, h, first, last, scratch):
+    """As `nodes.advance`; scratch is not used."""
+    for i in range(first, last):
+        for k in range(4 * i, 4 * i + 4, 2):
+            x = ld2(q, k, 1)
+            move = planar_turn(theta[i], x) if k > 4 * i else ld2(dphi, 2 * i, 1)
+            st2(q, k, 1, x + move)
+            if v is not None:
+                rate = ld2(v, k, 1)
+                st2(v, k, 1, rate + (2.0 / h) * (move - h * rate))
 
 
 @kernel
@@ -120,7 +129,7 @@ def planar_arm(ties, e, q):
 
 @kernel
 def tie_planar(ties, x_out):
-    """Coordinates (or their increments or rates) of the tied nodes from those of their targets."""
+    """Coordinates, or their rates, of the tied nodes from those of their targets."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         x = zero2()
@@ -136,14 +145,20 @@ def tie_planar(ties, x_out):
 
 
 @kernel
-def tie_planar_increments(ties, theta, dq):
+def tie_planar_increments(ties, q, theta, dphi):
     """As `ties.tie_increments`."""
-    tie_planar(ties, dq)
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
+        x = zero2()
         for e in range(ties.start[i], ties.start[i + 1]):
+            t = ties.target[e]
             if ties.kind[e] == 2:
-                theta[i] = theta[ties.target[e]]
+                theta[i] = theta[t]
+            elif ties.kind[e] == 0:
+                x += ld2(dphi, 2 * t, 1)
+            else:
+                x += turned(ties, e, planar_turn(theta[t], ld2(q, 4 * t + 2, 1)))
+        st2(dphi, 2 * i, 1, x)
 
 
 @kernel

@@ -88,18 +88,16 @@ def _make_rows(accumulate):
 scatter_rows, put_rows = _make_rows(True), _make_rows(False)
 
 
-def _gather(b, pointers, n, combine, target, padded):
-    """Numbers c = 0..n-1 of 8 rows in lanes to target + 8 c, by transpositions in registers: one by one they take three times as
-    long. pointers: of every source 8 rows; combine: one vector from those of the sources; padded: whether rows of less than 8
-    numbers are padded to 8, so that more of them may be read."""
+def _gather(b, pointers, n, target, padded):
+    """Numbers c = 0..n-1 of 8 rows, whose addresses are given, in lanes to target + 8 c, by transpositions in registers: one by
+    one they take three times as long. padded: whether behind a row of less than 8 numbers others may be read, up to 8."""
     done = 0
     while done < n:
         left = n - done
         # the first step of a transposition of 8 is free where rows are loaded by halves
         width = 4 if left >= 4 or padded and n < LANES else 1
         kind = (ir.VectorType(_DOUBLE, width) if width > 1 else _DOUBLE).as_pointer()
-        rows = [combine(*(b.load(b.bitcast(b.gep(p[lane], [ir.Constant(_I64, done)]), kind), align=8) for p in pointers))
-                for lane in range(LANES)]
+        rows = [b.load(b.bitcast(b.gep(p, [ir.Constant(_I64, done)]), kind), align=8) for p in pointers]
         if width == 1:
             row = ir.Constant(_VECTOR, ir.Undefined)
             for lane in range(LANES):
@@ -127,28 +125,9 @@ def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
         t_src, t_idx, t_io, t_scale, t_dst, t_o, t_size = sig.args
         io, scale_, o = (_int(ctx, b, x, t) for x, t in ((io, t_io), (scale_, t_scale), (o, t_o)))
         rows = _rows_of_lanes(ctx, b, t_src, src, _data(ctx, b, t_idx, idx), io, scale_)
-        _gather(b, [rows], t_size.count, lambda x: x, _pointer(ctx, b, t_dst, dst, o, vec), True)
+        _gather(b, rows, t_size.count, _pointer(ctx, b, t_dst, dst, o, vec), True)
         return ctx.get_dummy_value()
     return types.void(source, index, index_offset, scale, target, offset, size), codegen
-
-
-@intrinsic
-def gather_sum(tc, x, y, f, s, index, index_offset, target, offset, size):
-    """The same of s (x + f y), two arrays of rows of n numbers."""
-    def codegen(ctx, b, sig, args):
-        io, o = _int(ctx, b, args[5], sig.args[5]), _int(ctx, b, args[7], sig.args[7])
-        f_, s_ = (ctx.cast(b, args[k], sig.args[k], f8) for k in (2, 3))
-        n, indices = size.count, _data(ctx, b, sig.args[4], args[4])
-        rows = [_rows_of_lanes(ctx, b, sig.args[k], args[k], indices, io, ir.Constant(_I64, n)) for k in (0, 1)]
-
-        def combine(p, q):
-            factors = [b.shuffle_vector(*[b.insert_element(ir.Constant(p.type, ir.Undefined), c, ir.Constant(_I32, 0))] * 2,
-                                        ir.Constant(ir.VectorType(_I32, p.type.count), [0] * p.type.count)) for c in (f_, s_)]
-            return _mul(b, factors[1], _add(b, p, _mul(b, factors[0], q)))
-
-        _gather(b, rows, n, combine, _pointer(ctx, b, sig.args[6], args[6], o, vec), False)
-        return ctx.get_dummy_value()
-    return types.void(x, y, f, s, index, index_offset, target, offset, size), codegen
 
 
 @intrinsic
@@ -158,7 +137,7 @@ def load_rows(tc, source, first, distance, target, offset, size):
         first_, distance_, o = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 4))
         begin = b.gep(_data(ctx, b, sig.args[0], args[0]), [first_])
         rows = [b.gep(begin, [b.mul(distance_, ir.Constant(_I64, lane))]) for lane in range(LANES)]
-        _gather(b, [rows], sig.args[5].count, lambda x: x, _pointer(ctx, b, sig.args[3], args[3], o, vec), False)
+        _gather(b, rows, sig.args[5].count, _pointer(ctx, b, sig.args[3], args[3], o, vec), False)
         return ctx.get_dummy_value()
     return types.void(source, first, distance, target, offset, size), codegen
 
@@ -185,14 +164,3 @@ def store_rows(tc, source, offset, target, first, distance, size):
             done += width
         return ctx.get_dummy_value()
     return types.void(source, offset, target, first, distance, size), codegen
-
-
-@intrinsic
-def largest(tc, x, y):
-    """The larger of two sizes, lane by lane; x where it is NaN, and y where that is."""
-    def codegen(ctx, b, sig, args):
-        absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
-        size = b.call(absolute, [args[0]])
-        takes = b.or_(b.fcmp_ordered(">", size, args[1]), b.fcmp_unordered("uno", size, size))
-        return b.select(takes, size, args[1])
-    return vec(x, y), codegen

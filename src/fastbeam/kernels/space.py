@@ -6,7 +6,7 @@ from .alpha import add_body_rates, add_plain_sliders, spread_end
 from .beam import element_groups
 from .nodes import add_bodies, apply_held, extrapolation, predict, spread
 from .slider import add_sliders, predict_sliders
-from .ties import apply_ties, tie_coordinates
+from .ties import apply_ties, tie_coordinates, tie_increments
 from .work import clear, copy, halve, keep, start_line
 
 
@@ -14,45 +14,45 @@ from .work import clear, copy, halve, keep, start_line
 def space_start(ties, curves, sliders, contact, spinless, alpha, state, work, h):
     """First guess of everything."""
     c = extrapolation(work.past, h)
-    predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dq, work.scratch)
+    predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dphi)
     start_line(work)
     if ties is not None:
-        tie_coordinates(ties, work.dq)
+        tie_increments(ties, state.q, work.theta, work.dphi)
     if sliders is not None:
         predict_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
 
 
 @kernel
-def add_elements(simo, green, inner, q, dq, v, u, h, rate, spin_rate, middle, work, size):
+def add_elements(simo, green, inner, q, dphi, v, u, h, rate, spin_rate, middle, work, size):
     """Residual and tangent of all beams; what acts on inner nodes has to stand in the residual already."""
     if simo is not None:
-        element_groups(simo, 0, simo.meta.shape[0], inner, q, dq, v, u, work.line, h, rate, spin_rate, None, middle, work.r,
+        element_groups(simo, 0, simo.meta.shape[0], inner, q, dphi, v, u, work.line, h, rate, spin_rate, None, middle, work.r,
                        work.blocks, work.scratch, size)
     if green is not None:
-        element_groups(green, 0, green.meta.shape[0], inner, q, dq, v, u, work.line, h, rate, spin_rate, 1, middle, work.r,
+        element_groups(green, 0, green.meta.shape[0], inner, q, dphi, v, u, work.line, h, rate, spin_rate, 1, middle, work.r,
                        work.blocks, work.scratch, size)
 
 
 @kernel
 def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h, size):
-    """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
+    """Residual and tangent of one Newton iteration at the present dphi, theta, s_end, force. `middle` and `alpha` are None for
     the conserving step; with `middle` it is the implicit midpoint rule, with `alpha` half the equations of generalised alpha."""
     clear(inner, work)
     if alpha is not None:
-        spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
+        spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
         if ties is not None:
             tie_coordinates(ties, work.u)
         if sliders is not None:
             add_plain_sliders(curves, sliders, contact, ties, row_of, work.q_mid, work.q_end, state.s, work.s_end, state.force,
                               0.5, work.r)
-        add_elements(simo, green, inner, state.q, work.dq, None, work.u, h, 0.5 * alpha.factor[1], alpha.spin_rate, None, work,
+        add_elements(simo, green, inner, state.q, work.dphi, None, work.u, h, 0.5 * alpha.factor[1], alpha.spin_rate, None, work,
                      size)
         if bodies is not None:
             add_bodies(bodies, work.q_mid, work.q_end, work.u, None, work.r, work.blocks)
             for k in range(bodies.node.shape[0]):
                 add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)
     else:
-        spread(state.q, state.v, work.dq, h, 0, state.q.shape[0], work.q_mid, work.q_end, work.u)
+        spread(state.q, state.v, work.dphi, work.theta, h, 0, state.q.shape[0] // 12, work.q_mid, work.q_end, work.u)
         rate = 2.0 / (h * h)
         if sliders is not None:
             if middle is not None:
@@ -61,7 +61,7 @@ def space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, cont
             else:
                 add_sliders(curves, sliders, contact, ties, row_of, state.q, work.q_mid, work.q_end, work.theta, state.s,
                             work.s_end, state.force, work.r)
-        add_elements(simo, green, inner, state.q, work.dq, state.v, None, h, rate, None, middle, work, size)
+        add_elements(simo, green, inner, state.q, work.dphi, state.v, None, h, rate, None, middle, work, size)
         if bodies is not None:
             add_bodies(bodies, work.q_mid, work.q_end, work.u, rate, work.r, work.blocks)
     if ties is not None:

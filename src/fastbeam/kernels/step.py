@@ -17,7 +17,7 @@ from .inner import eliminate_columns, put_inner_rhs, recover_inner, recover_rows
 from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_beam import planar_groups
-from .planar_nodes import planar_pull, planar_push, planar_update, tie_planar_increments
+from .planar_nodes import planar_advance, planar_pull, planar_push, planar_update, tie_planar_increments
 from .slider import border_of, dim_of
 from .space import space_assemble, space_start, space_static
 from .sparse import begin_step, solve_sparse
@@ -42,7 +42,7 @@ def start_step(space, plane, ties, curves, sliders, contact, spinless, alpha, st
 @written_in
 def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
                   work, h):
-    """Residual and tangent of one Newton iteration at the present dq, theta, s_end, force. `middle` and `alpha` are None for
+    """Residual and tangent of one Newton iteration at the present dphi, theta, s_end, force. `middle` and `alpha` are None for
     the conserving step; with `middle` it is the implicit midpoint rule, with `alpha` half the equations of generalised alpha;
     both in space only."""
     if space is not None:
@@ -108,13 +108,13 @@ def move_nodes(space, plane, ties, row_of, state, work):
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq, work.scratch)
+        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], work.theta, work.dphi, work.scratch)
         if ties is not None:
-            tie_increments(ties, work.theta, work.dq)
+            tie_increments(ties, state.q, work.theta, work.dphi)
     if plane is not None:
-        move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], state.q, work.theta, work.dq)
+        move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], work.theta, work.dphi)
         if ties is not None:
-            tie_planar_increments(ties, work.theta, work.dq)
+            tie_planar_increments(ties, state.q, work.theta, work.dphi)
     return move, spin
 
 
@@ -192,7 +192,7 @@ def keep_state(alpha, state, work):
     keep(state.v, work.keep_v)
     keep(state.s, work.keep_s)
     keep(state.force, work.keep_force)
-    keep(work.dq, work.keep_dq)
+    keep(work.dphi, work.keep_dphi)
     keep(work.theta, work.keep_theta)
     keep(work.past, work.keep_past)
 
@@ -205,7 +205,7 @@ def restore_state(alpha, state, work):
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
     copy(work.keep_force, state.force)
-    copy(work.keep_dq, work.dq)
+    copy(work.keep_dphi, work.dphi)
     copy(work.keep_theta, work.theta)
     copy(work.keep_past, work.past)
 
@@ -226,13 +226,22 @@ def finish_step(space, plane, ties, alpha, state, work, h):
     work.past[work.past.shape[0] - 1] = work.line.use[2]
     remember(state.s, work.s_end, state.force, h, work.past)
     if alpha is not None:
-        spread_end(alpha, state.q, work.dq, work.theta, h, work.q_mid, work.q_end, work.u)
-        finish_alpha(alpha, state.q, work.dq, state.v)
+        spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
+        finish_alpha(alpha, work.q_end, state.q, state.v)
         if ties is not None:
             tie_coordinates(ties, state.v)
     else:
-        advance(state.q, state.v, work.dq, h)
+        move_on(space, plane, state.q, state.v, work, h)
     copy(work.s_end, state.s)
+
+
+@written_in
+def move_on(space, plane, q, v, work, h):
+    """Accept the increments of all nodes; in statics v and h are None."""
+    if space is not None:
+        advance(q, v, work.dphi, work.theta, h, 0, q.shape[0] // 12, work.scratch)
+    if plane is not None:
+        planar_advance(q, v, work.dphi, work.theta, h, 0, q.shape[0] // 4, work.scratch)
 
 
 @kernel
@@ -331,7 +340,7 @@ def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curv
     jobs = []
     for tables, green_strain in ((simo, ABSENT), (green, integer)):
         if tables is not ABSENT:
-            common = (tables, integer, integer, inner, *of(state, "q"), *of(work, "dq"))
+            common = (tables, integer, integer, inner, *of(state, "q"), *of(work, "dphi"))
             (v,) = of(state, "v")
             if plane is not ABSENT:
                 jobs.append((planar_groups, (*common, v, line, h, h, green_strain, r, blocks, scratch, size)))
@@ -368,12 +377,11 @@ def update_static(space, plane, simo, green, inner, ties, row_of, state, work, w
     """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns its size."""
     for i in range(work.theta.shape[0]):
         work.theta[i] = 0.0
-    for i in range(work.dq.shape[0]):
-        work.dq[i] = 0.0
+    for i in range(work.dphi.shape[0]):
+        work.dphi[i] = 0.0
     take_rows(space, plane, simo, green, inner, ties, -0.5, -0.5, width, work, size)
     move, spin = move_nodes(space, plane, ties, row_of, state, work)
-    for k in range(work.dq.shape[0]):
-        state.q[k] += work.dq[k]
+    move_on(space, plane, state.q, None, work, None)
     follow_line(work.line, move / length + spin)
     return move / length + spin
 

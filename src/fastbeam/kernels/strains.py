@@ -3,31 +3,75 @@ from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import cross, dot, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
-from .blocks import ONE, SIX, THREE, TWELVE
-from .rows import gather_lanes, gather_sum
-from .turns import director_increment, turn_factor
+from .blocks import FOUR, ONE, SIX, THREE, TWELVE, TWO
+from .rows import gather_lanes
+from .turns import director_increment, planar_turn, turn_factor
 from .work import FROM_START
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
 
 
 @kernel
-def gather_ends(tables, at, q, dq, v, u, spin_rate, h, scratch, qo, uo, coordinates):
-    """Coordinates of 8 nodes in the middle and at the end of a step, n lanes each from qo on, n the length of the tuple
-    `coordinates`, and their second rates at uo: 2/h^2 (dq - h v), or u, or none. Without dq both are q; with spin_rate both are
-    the end."""
-    n = len(coordinates)
-    e = qo + 8 * n
-    if dq is None:
-        gather_lanes(q, tables.nodes, at, n, scratch, qo, coordinates)
-        gather_lanes(q, tables.nodes, at, n, scratch, e, coordinates)
-    else:
-        gather_sum(q, dq, 0.5 if spin_rate is None else 1.0, 1.0, tables.nodes, at, scratch, qo, coordinates)
-        gather_sum(q, dq, 1.0, 1.0, tables.nodes, at, scratch, e, coordinates)
+def put_step(scratch, qo, uo, move, v, spin_rate, h):
+    """Middle and end, from the start at qo and the increment of a vector in lanes; its second rate in place of its rate at uo."""
+    x = vld3(scratch, qo, 8)
+    vst3(scratch, qo + 96, 8, x + move)
+    if spin_rate is None:
+        vst3(scratch, qo, 8, x + 0.5 * move)
+    if spin_rate is not None:
+        vst3(scratch, qo, 8, x + move)
     if v is not None:
-        gather_sum(dq, v, -h, 2.0 / (h * h), tables.nodes, at, scratch, uo, coordinates)
+        vst3(scratch, uo, 8, (2.0 / (h * h)) * (move - h * vld3(scratch, uo, 8)))
+
+
+@kernel
+def gather_ends(tables, at, q, dphi, line, v, u, spin_rate, h, scratch, qo, uo):
+    """Coordinates of 8 nodes in the middle and at the end of a step, 12 lanes each from qo on, and their second rates at uo:
+    2/h^2 (dq - h v), or u, or none. Without dphi both are q; with spin_rate both are the end."""
+    e = qo + 96
+    gather_lanes(q, tables.nodes, at, 12, scratch, qo, TWELVE)
     if u is not None:
-        gather_lanes(u, tables.nodes, at, n, scratch, uo, coordinates)
+        gather_lanes(u, tables.nodes, at, 12, scratch, uo, TWELVE)
+    if dphi is None:
+        for i in range(0, 96, 8):
+            vst(scratch, e + i, 0, vld(scratch, qo + i, 0))
+    if dphi is not None:
+        gather_lanes(dphi, tables.nodes, at, 3, scratch, e, THREE)
+        gather_lanes(line.theta, tables.nodes, at, 3, scratch, e + 24, THREE)
+        if v is not None:
+            gather_lanes(v, tables.nodes, at, 12, scratch, uo, TWELVE)
+        move = vld3(scratch, e, 8)
+        t = vld3(scratch, e + 24, 8)
+        c = 1.0 / (1.0 + 0.25 * dot(t, t))
+        put_step(scratch, qo, uo, move, v, spin_rate, h)
+        for i in range(24, 96, 24):
+            put_step(scratch, qo + i, uo + i, director_increment(c, t, vld3(scratch, qo + i, 8)), v, spin_rate, h)
+
+
+@kernel
+def gather_planar_ends(tables, at, q, dphi, line, v, h, scratch, qo, uo):
+    """The same in a plane, 4 lanes each, without other second rates."""
+    e = qo + 32
+    gather_lanes(q, tables.nodes, at, 4, scratch, qo, FOUR)
+    if dphi is None:
+        for i in range(0, 32, 8):
+            vst(scratch, e + i, 0, vld(scratch, qo + i, 0))
+    if dphi is not None:
+        gather_lanes(dphi, tables.nodes, at, 2, scratch, e, TWO)
+        gather_lanes(line.theta, tables.nodes, at, 1, scratch, e + 16, ONE)
+        gather_lanes(v, tables.nodes, at, 4, scratch, uo, FOUR)
+        move = vld2(scratch, e, 8)
+        t = vld(scratch, e + 16, 0)
+        u = vld2(scratch, qo + 16, 8)
+        turn = planar_turn(t, u)
+        x = vld2(scratch, qo, 8)
+        vst2(scratch, e, 8, x + move)
+        vst2(scratch, e + 16, 8, u + turn)
+        vst2(scratch, qo, 8, x + 0.5 * move)
+        vst2(scratch, qo + 16, 8, u + 0.5 * turn)
+        rate = 2.0 / (h * h)
+        vst2(scratch, uo, 8, rate * (move - h * vld2(scratch, uo, 8)))
+        vst2(scratch, uo + 16, 8, rate * (turn - h * vld2(scratch, uo + 16, 8)))
 
 
 @kernel
@@ -66,7 +110,7 @@ def gather_planar_line(tables, at, line, scratch, end, lo):
     back = -1.0 * (turn_factor(spin * spin, vld(scratch, lo, 0) * spin) * spin)
     vst2(scratch, lo, 8, vld2(scratch, end, 8))
     d = vld2(scratch, end + 16, 8)
-    d += (back / (1.0 + 0.25 * back * back)) * (perp(d) - (0.5 * back) * d)
+    d += planar_turn(back, d)
     way = spin * perp(d)
     vst2(scratch, s + 16, 8, way)
     vst2(scratch, lo + 16, 8, d + way)
@@ -124,7 +168,7 @@ def mean_strains(tab, e0, scratch, zm, ze, green, middle, eo, room):
 
 
 @kernel
-def unused_strains(scratch, zm, ze, zl, zs, dq, spin_rate, green, middle, eo, room):
+def unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room):
     """What the mean strains, linear in the last increment, lack to those of the present shape: what the tangent must not use,
     theory.md (4.6). zl: the shape to which the last increment leads in a straight line, zs: that increment."""
     if middle is not None:
@@ -136,7 +180,7 @@ def unused_strains(scratch, zm, ze, zl, zs, dq, spin_rate, green, middle, eo, ro
     quadratic_strains(scratch, zl, green, room, False)
     # the start of a conserving step stays as it is
     share = 0.5
-    if middle is not None or dq is None or spin_rate is not None:
+    if middle is not None or dphi is None or spin_rate is not None:
         share = 1.0
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, share * (vld(scratch, room + i, 0) - vld(scratch, eo + i, 0)))

@@ -23,7 +23,7 @@ from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
 from .nodes import larger, spread, update_nodes
 from .planar_beam import planar_groups
-from .planar_nodes import planar_update
+from .planar_nodes import planar_spread, planar_update
 from .rows import gather_lanes, put_rows
 
 
@@ -121,15 +121,29 @@ def ends_of_beam(subs, tables, g, lane):
 
 
 @kernel
-def spread_nodes(nodes, first, last, coordinates, state, dq, h, q_mid_out, q_end_out, u_out):
-    """`nodes.spread` for the nodes of a list, from `first` to before `last`, of so many coordinates each."""
+def spread_nodes(nodes, first, last, space, plane, state, work, h):
+    """`nodes.spread` for the nodes of a list, from `first` to before `last`; in statics, where h is None, the middle and the end
+    are the present shape."""
     for k in range(first, last):
-        o = coordinates * nodes[k]
-        spread(state.q, state.v, dq, h, o, o + coordinates, q_mid_out, q_end_out, u_out)
+        i = nodes[k]
+        if h is None:
+            m = 0
+            if space is not None:
+                m = 12
+            if plane is not None:
+                m = 4
+            for c in range(m * i, min(m * (i + 1), work.q_mid.shape[0])):
+                work.q_mid[c] = state.q[c]
+                work.q_end[c] = state.q[c]
+        if h is not None:
+            if space is not None:
+                spread(state.q, state.v, work.dphi, work.theta, h, i, i + 1, work.q_mid, work.q_end, work.u)
+            if plane is not None:
+                planar_spread(state.q, state.v, work.dphi, work.theta, h, i, i + 1, work.q_mid, work.q_end, work.u)
 
 
 @kernel
-def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, green, loads, scratch, size):
+def condense(subs, tables, first, last, space, plane, q, dphi, v, line, h, rate, green, loads, scratch, size):
     """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`; loads:
     float64 [8 (rows + 1)]. Rows of interior nodes in line.x take their y, elements behind do not ask for their increments."""
     n = len(size)
@@ -155,10 +169,10 @@ def condense(subs, tables, first, last, space, plane, q, dq, v, line, h, rate, g
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
             if space is not None:
-                element_groups(tables, k, k + 1, None, q, dq, v, None, line, h, rate, None, green, None, None, None, scratch,
+                element_groups(tables, k, k + 1, None, q, dphi, v, None, line, h, rate, None, green, None, None, None, scratch,
                                size)
             if plane is not None:
-                planar_groups(tables, k, k + 1, None, q, dq, v, line, h, rate, green, None, None, scratch, size)
+                planar_groups(tables, k, k + 1, None, q, dphi, v, line, h, rate, green, None, None, scratch, size)
             good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, None, loads, None, line.x,
                                    so + 6 * block, size)
             if j == 0:
@@ -213,7 +227,7 @@ def add_end_rows(subs, first, last, r_out, size):
 
 
 @kernel
-def recover(subs, tables, first, last, factor, space, plane, row_of, state, work, scratch, size):
+def recover(subs, tables, first, last, factor, space, plane, row_of, work, scratch, size):
     """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends, added to
     those of the step; factor: increment per solution, -1 in a step. Returns the largest, as `nodes.update_nodes` does."""
     n = len(size)
@@ -246,31 +260,31 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, state, work
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)
-            m, s = move_some(space, plane, row_of, a + 1, b, state, work, scratch)
+            m, s = move_some(space, plane, row_of, a + 1, b, work, scratch)
             move = larger(m, move)
             spin = larger(s, spin)
     return move, spin
 
 
 @kernel
-def move_some(space, plane, row_of, first, last, state, work, scratch):
+def move_some(space, plane, row_of, first, last, work, scratch):
     """Add the increments of the nodes from `first` to before `last`."""
     move = 0.0
     spin = 0.0
     if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, first, last, state.q, work.theta, work.dq, scratch)
+        move, spin = update_nodes(row_of, work.line.x, first, last, work.theta, work.dphi, scratch)
     if plane is not None:
-        move, spin = planar_update(row_of, work.line.x, first, last, state.q, work.theta, work.dq)
+        move, spin = planar_update(row_of, work.line.x, first, last, work.theta, work.dphi)
     return move, spin
 
 
 @kernel
-def move_nodes(nodes, first, last, space, plane, row_of, state, work):
+def move_nodes(nodes, first, last, space, plane, row_of, work):
     """Add the increments of the nodes of a list, from `first` to before `last`."""
     move = 0.0
     spin = 0.0
     for k in range(first, last):
-        m, s = move_some(space, plane, row_of, nodes[k], nodes[k] + 1, state, work, work.scratch)
+        m, s = move_some(space, plane, row_of, nodes[k], nodes[k] + 1, work, work.scratch)
         move = larger(m, move)
         spin = larger(s, spin)
     return move, spin

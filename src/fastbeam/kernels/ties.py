@@ -7,6 +7,8 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add3, add_iso, add_matrix, cross, dot, ld3, outer, st3, zero3
+from .nodes import turn_of
+from .turns import director_increment
 
 
 class Ties(NamedTuple):
@@ -30,8 +32,7 @@ class Ties(NamedTuple):
 
 @kernel
 def tie_coordinates(ties, x_out):
-    """Coordinates (or their increments or rates) of the tied nodes from those of their targets; linear, so one function
-    serves all three."""
+    """Coordinates, or their rates, of the tied nodes from those of their targets; linear, so one function serves both."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         e0 = ties.start[i]
@@ -56,15 +57,22 @@ def tie_coordinates(ties, x_out):
 
 
 @kernel
-def tie_increments(ties, theta, dq):
-    """Increments of a step, of the tied nodes."""
-    tie_coordinates(ties, dq)
+def tie_increments(ties, q, theta, dphi):
+    """Increments of a step from q on, of the tied nodes from those of their targets."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
+        x = zero3()
         for e in range(ties.start[i], ties.start[i + 1]):
+            t = ties.target[e]
             if ties.kind[e] == 2:
-                for c in range(3):
-                    theta[3 * i + c] = theta[3 * ties.target[e] + c]
+                st3(theta, 3 * i, 1, ld3(theta, 3 * t, 1))
+            elif ties.kind[e] == 0:
+                x += ld3(dphi, 3 * t, 1)
+            else:
+                turn, c = turn_of(theta, t)
+                for b in range(3):
+                    x += ties.offset[3 * e + b] * director_increment(c, turn, ld3(q, 12 * t + 3 + 3 * b, 1))
+        st3(dphi, 3 * i, 1, x)
 
 
 @kernel

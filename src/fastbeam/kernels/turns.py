@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .algebra import cross, dot
+from .algebra import cross, dot, perp
 
 
 @kernel
@@ -16,6 +16,12 @@ def director_increment(c, t, d):
 def cayley_increment(t, turn):
     """Change of a Cayley vector by a small spin of the end: d theta = (I - 1/2 theta^ + 1/4 theta theta^T) delta phi."""
     return turn - 0.5 * cross(t, turn) + (0.25 * dot(t, turn)) * t
+
+
+@kernel
+def planar_turn(t, u):
+    """Increment of a director for a Cayley number: cay(t) u - u without cancellation."""
+    return (t / (1.0 + 0.25 * t * t)) * (perp(u) - (0.5 * t) * u)
 
 
 @kernel

@@ -26,8 +26,8 @@ class Line(NamedTuple):
 class Work(NamedTuple):
     """Everything a step writes besides the state; sizes are those in space."""
 
-    dq: np.ndarray        # float64 [12 N]
-    theta: np.ndarray     # float64 [3 N]
+    dphi: np.ndarray      # float64 [3 N]: increments of the positions; as theta with something to read behind
+    theta: np.ndarray     # float64 [3 N]: Cayley vectors, d_n+1 = cay(theta) d_n
     q_mid: np.ndarray     # float64 [12 N]: coordinates in the middle and at the end of the step, for sliders, ties and bodies;
     #                       empty where there are none
     q_end: np.ndarray     # float64 [12 N]
@@ -46,7 +46,7 @@ class Work(NamedTuple):
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
-    keep_dq: np.ndarray   # float64 [12 N]
+    keep_dphi: np.ndarray  # float64 [3 N]
     keep_theta: np.ndarray  # float64 [3 N]
     past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of the last two steps, nodes.remember
     keep_past: np.ndarray
