@@ -134,7 +134,8 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         "vzero": value(1), "vzero2": value(2), "vzero3": value(3), "vzerom": value(9), "zero2": value(2), "zero3": value(3),
         "zerom": value(9), "vst": nothing, "vst2": nothing, "vst3": nothing, "vstm": nothing, "vst_matrix": nothing,
         "st2": nothing, "st3": nothing, "vadd3": adds(3), "vadd_matrix": adds(9), "add3": adds(3), "add_matrix": adds(9),
-        "dot": dot, "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3), "add_skew": value(9, 6),
+        "dot": dot, "root": value(1, 1), "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3),
+        "add_skew": value(9, 6),
         "gather_lanes": nothing, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing,
         "flush_column": nothing, "scatter_rows": of_size(lambda n: n), "lu_lanes": of_size(lu, True),
         "lu_rows": of_size(lu, True), "lu_two": of_size(lambda n: 2 * lu(n), True), "solve_lanes": of_size(triangular),
@@ -188,8 +189,8 @@ def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     work, tables = model.work(), model.simo
     line = work.line._replace(use=np.array([float(mixed), 0.0, 0.0]))
     end = work.r, work.blocks
-    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, model.q0, work.dphi, model.v0, None,
-                 line, 1.0, 1.0, None, None, None, *(end if assembled else (None, None)), work.scratch, model.size)
+    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, model.q0, work.dphi, model.v0,
+                 None, line, 1.0, 1.0, None, None, None, *(end if assembled else (None, None)), work.scratch, model.size)
 
 
 def element_kernel(model: Model, mixed: float) -> float:
@@ -261,7 +262,8 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
         plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], model.q0, work.dphi, model.v0,
-                             work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.f_ext, work.scratch, model.size)
+                             work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.f_ext, work.scratch,
+                             model.size)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
     return out
@@ -271,5 +273,5 @@ def recovery_of_beams(stepper: Stepper) -> float:
     """The last part of `condensed_beams`."""
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
     return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, *stepper.kind[:2], model.pattern.row_of,
-                             stepper.core_state, work, work.scratch, model.size, without=("move_some",))
+                             work, work.scratch, model.size, without=("move_some",))
                for g, beams in _kinds_of_beams(stepper))

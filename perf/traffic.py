@@ -57,6 +57,12 @@ def nbytes(*parts: Any) -> int:
     return total
 
 
+def residual(stepper: Stepper) -> np.ndarray:
+    """The rows of the residual that stand in memory: all but those of the interior of condensed beams."""
+    subs, r = stepper.core.substructures, stepper.work.r
+    return r if subs is None else r[:8 * int(subs.counts[0])]
+
+
 def mixed_share(stepper: Stepper, outcome: Outcome) -> float:
     """Share of the iterations of the last step whose tangent used other stresses than the present ones (theory.md (4.6)): those
     after an increment, or in the first iteration after a first guess like that of this step, that was too long for them."""
@@ -84,9 +90,8 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     if w.keep_q.size:
         out.append(Pass("remember the state", "step", (s.q, s.v, w.dphi, w.theta, w.past),
                         (w.keep_q, w.keep_v, w.keep_dphi, w.keep_theta, w.keep_past), step))
-    # the interior of condensed beams has no residual in memory
-    rows = row * (m.panel_rows + 1)
-    out.append(Pass("clear", "nodes", (rows,), (rows, w.blocks)))
+    r = residual(stepper)
+    out.append(Pass("clear", "nodes", (r.nbytes,), (r, w.blocks)))
     step_of = (s.q, s.v, w.dphi, w.theta)
     followed = mixed * nbytes(w.line.x)
     inner = stepper.inner
@@ -169,8 +174,10 @@ def kept(stepper: Stepper) -> dict[str, int]:
     factors = nbytes(w.blocks, w.pivots)
     if stepper.inner is not None:
         factors += nbytes(stepper.inner.store, stepper.inner.rhs, stepper.inner.mark, stepper.inner.found)
-    work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots", "line", "r", "f_ext")))
-    work += nbytes(w.line.x, 8 * NUMBER * (m.panel_rows + 1), w.f_ext if w.f_ext.any() and w.f_ext.base is not m.loads else ())
+    work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots", "r", "f_ext")), residual(stepper))
+    work -= w.line.theta.nbytes
+    if w.f_ext.any() and not np.shares_memory(w.f_ext, m.loads):
+        work += w.f_ext.nbytes
     if subs is not None:
         own = stepper.parts.subs  # type: ignore[attr-defined]
         tables += nbytes(subs.group, subs.beam, subs.block_start, subs.block_term, subs.row_start, subs.row_term)

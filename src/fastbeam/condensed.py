@@ -197,7 +197,7 @@ class CondensedIteration(Iteration):
                                                          work.dphi), self._nodes)
         start_line(work)
         if m.ties is not None:
-            self.kernels.tie_increments(m.ties, state.q, work.theta, work.dphi)
+            self.kernels.tie_increments(m.ties, state.q, work.theta, work.dphi, work.line.off)
         if s.contact is not None:
             s.contact.augmented[2] = 1.0
             self.kernels.predict_sliders(m.curves, m.sliders, s.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
@@ -320,7 +320,7 @@ class CondensedIteration(Iteration):
         # NaN stays the largest
         move, spin = (float(x) for x in np.max(found, axis=0))
         if m.ties is not None:
-            self.kernels.tie_increments(m.ties, s.core_state.q, work.theta, work.dphi)
+            self.kernels.tie_increments(m.ties, s.core_state.q, work.theta, work.dphi, work.line.off)
         follow_line(work.line, move / m.length + spin)
         return move / m.length + spin
 

@@ -256,10 +256,12 @@ class Model:
                     panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
                     schur=np.zeros((border, border)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.dim * s), keep_dphi=np.zeros(kept * self.dim * n), keep_theta=np.zeros(kept * theta.size),
+                    keep_force=np.zeros(kept * self.dim * s), keep_dphi=np.zeros(kept * self.dim * n),
+                    keep_theta=np.zeros(kept * theta.size),
                     past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),
-                    line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1))))
+                    line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
+                              None if self.ties is None else _padded(self.dim * n)))
 
     def contact(self) -> Contact | None:
         """Work arrays of the sliders."""

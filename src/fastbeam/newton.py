@@ -89,7 +89,8 @@ class Stepper:
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
                  backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
-                 augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False, symmetric: bool = False) -> None:
+                 augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False,
+                 symmetric: bool = False) -> None:
         if backend not in BACKENDS:
             raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
         self.max_iterations = count("max_iterations", max_iterations)

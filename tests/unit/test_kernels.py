@@ -16,7 +16,7 @@ from fastbeam.kernels.beam import ElementTables, element_groups, group_table_siz
 from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.nodes import NODES_SCRATCH, add_bodies, advance, predict, spread, update_nodes
 from fastbeam.kernels.slider import Contact, Curves, contact_basis, find_element, legendre, point_on_curve
-from fastbeam.kernels.ties import tie_arm, tie_coordinates
+from fastbeam.kernels.ties import tie_arm, tie_coordinates, tie_increments
 from fastbeam.kernels.work import Line
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
@@ -179,7 +179,8 @@ def test_directors_turn_by_the_cayley_rotation() -> None:
     theta = rng.standard_normal((5, 3)) * np.array([0.0, 1e-9, 0.3, 2.0, 50.0])[:, None]
     mid, end, u = np.zeros((3, 5, 4, 3))
     # a step of size one from rest: u is twice the increment
-    spread(q.reshape(-1), np.zeros(60), np.ones(15), theta.reshape(-1), 1.0, 0, 5, mid.reshape(-1), end.reshape(-1), u.reshape(-1))
+    spread(q.reshape(-1), np.zeros(60), np.ones(15), theta.reshape(-1), 1.0, 0, 5, mid.reshape(-1), end.reshape(-1),
+           u.reshape(-1))
     dq = 0.5 * u
     expected = np.einsum("nij,nkj->nki", np.array([cay(t) for t in theta]) - np.eye(3), q[:, 1:])
     assert (dq[:, 0] == 1.0).all()
@@ -196,7 +197,8 @@ def test_prediction_moves_and_spins_on() -> None:
     v = np.concatenate((velocity[:, None], np.cross(omega[:, None], q[:, 1:])), axis=1)
     inert = np.array([0, 0, 1, 0], np.int8)
     theta, dphi = np.zeros((2, 4, 3))
-    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(5 + 6 * len(q)), inert, 0, len(q), theta.reshape(-1), dphi.reshape(-1))
+    predict(q.reshape(-1), v.reshape(-1), h, np.nan, np.zeros(5 + 6 * len(q)), inert, 0, len(q), theta.reshape(-1),
+            dphi.reshape(-1))
     expected = np.where(inert[:, None], 0.0, h * omega)
     np.testing.assert_allclose(theta, expected, rtol=0.0, atol=EXACT)
     np.testing.assert_allclose(dphi, h * velocity, rtol=0.0, atol=EXACT)
@@ -240,7 +242,8 @@ def test_update_turns_the_end_triad_by_the_spin() -> None:
     rows = np.full((n, 8), np.nan)
     rows[row_of, :6] = change
     new_theta, new_dphi = theta.copy(), dphi.copy()
-    move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, new_theta.reshape(-1), new_dphi.reshape(-1), np.zeros(NODES_SCRATCH))
+    move, spin = update_nodes(row_of, rows.reshape(-1), 0, n, new_theta.reshape(-1), new_dphi.reshape(-1),
+                              np.zeros(NODES_SCRATCH))
     assert move == np.max(np.abs(change[:, :3]))
     assert spin == pytest.approx(np.max(np.linalg.norm(new_theta - theta, axis=1) / np.sqrt(1.0 + np.sum(theta**2, axis=1) / 4)))
     np.testing.assert_allclose(new_dphi, dphi + change[:, :3], rtol=0, atol=1e-15)
@@ -336,6 +339,20 @@ def test_tied_coordinates_follow_the_map_of_the_joints(tied: tuple[Model, Twin])
         np.testing.assert_allclose(arm_vector(model.ties, e, x.reshape(-1)), offset @ x[k, 1:], rtol=0, atol=EXACT)
 
 
+def test_increments_of_tied_nodes_follow_those_of_their_targets(tied: tuple[Model, Twin]) -> None:
+    model, twin = tied
+    rng = np.random.default_rng(9)
+    q = twin.q0.copy()
+    dphi, theta = rng.standard_normal((2, twin.n, 3))
+    new_dphi, new_theta, off = dphi.copy(), theta.copy(), np.zeros((twin.n, 3))
+    tie_increments(model.ties, q.reshape(-1), new_theta.reshape(-1), new_dphi.reshape(-1), off.reshape(-1))
+    expected = twin.connected(increments(q, dphi, theta))
+    np.testing.assert_allclose(increments(q, new_dphi, new_theta), expected, rtol=0, atol=EXACT)
+    # what the joints change of positions that had the increments of rows
+    np.testing.assert_allclose(new_dphi - off, dphi, rtol=0, atol=EXACT)
+    assert np.flatnonzero(off.any(axis=1)).tolist() == sorted(model.ties.slave.tolist())
+
+
 @numba.njit
 def arm_vector(ties, e, q):
     out = np.zeros(3)
@@ -405,14 +422,14 @@ class Elements:
         """Residual rows and blocks at a fixed random state, without what idle lanes write to."""
         q, moves, u = np.random.default_rng(10).standard_normal((3, 12 * self.model.n_nodes))
         dphi, theta = np.split(moves, 4)[:2]
-        return self.at(q, dphi, u if inertia else None, Line(np.zeros(3), theta, u), 800.0, tables)
+        return self.at(q, dphi, u if inertia else None, Line(np.zeros(3), theta, u, None), 800.0, tables)
 
     def at(self, q: Array, dphi: Array | None, u: Array | None, line: Line, rate: float,
            tables: ElementTables) -> tuple[Array, Array]:
         """Residual rows and blocks."""
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, 0, len(tables.meta), None, q, dphi, None, u, line, None, rate, None, self.green, None, r.reshape(-1),
-                       blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
+        element_groups(tables, 0, len(tables.meta), None, q, dphi, None, u, line, None, rate, None, self.green, None,
+                       r.reshape(-1), blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
         return r[:-1], blocks[:-1]
 
 
@@ -474,7 +491,7 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     n = beam.n_nodes
     nodes, reference = beam.basis.element_nodes, elements.model.q0.reshape(n, 4, 3)
     start = reference + 0.3 * rng.standard_normal((n, 4, 3))
-    shift, move, spin, before = np.array([0.3, 0.4, 0.1, 0.1])[:, None, None] * rng.standard_normal((4, n, 3))
+    shift, move, spin, before = np.array([0.3, 0.4, 0.4, 0.5])[:, None, None] * rng.standard_normal((4, n, 3))
     if not moving:
         shift, before = np.zeros((2, n, 3))
     # a Newton iteration adds this to the Cayley vectors of a step
@@ -508,7 +525,7 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     dphi = np.append(shift + move, 0.0)[:-1] if moving else None
     x = np.zeros((n + 1, 8))
     x[row_of, :3], x[row_of, 3:6] = move, spin
-    line = Line(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1))
+    line = Line(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1), None)
 
     def dense(line: Line) -> Array:
         u = np.zeros(12 * n) if moving else None

@@ -292,7 +292,8 @@ def trial(model: Model, flat: Assembled, space: Assembled, at_rest: bool) -> Non
     if at_rest:
         return
     flat.work.dphi[:], flat.work.theta[:] = dq.reshape(-1, 4)[:, :2].reshape(-1), theta
-    space.work.dphi[:], space.work.theta[:] = (end.q - start.q).reshape(-1, 12)[:, :3].reshape(-1), np.outer(theta, found.axes[2]).reshape(-1)
+    space.work.dphi[:] = (end.q - start.q).reshape(-1, 12)[:, :3].reshape(-1)
+    space.work.theta[:] = np.outer(theta, found.axes[2]).reshape(-1)
     for side in (flat, space):
         # over an element end, within one, and backwards
         side.work.s_end[:] = side.state.s + np.array([0.9, 0.1, -0.3]) * np.array([1.0, 1.0, 0.5])

@@ -380,3 +380,14 @@ def largest(tc, x, y):
         takes = b.or_(b.fcmp_ordered(">", size, args[1]), b.fcmp_unordered("uno", size, size))
         return b.select(takes, size, args[1])
     return vec(x, y), codegen
+
+
+@intrinsic
+def root(tc, x):
+    """Square roots lane by lane, zero where a number is negative."""
+    def codegen(ctx, b, sig, args):
+        positive = b.select(b.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES)), args[0],
+                            ir.Constant(_VECTOR, [0.0] * LANES))
+        square_root = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.sqrt.v8f64")
+        return b.call(square_root, [positive])
+    return vec(x), codegen

@@ -392,7 +392,7 @@ def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spi
         go = lo + Q_LANES * nn
         if mixed and gathered:
             for a in range(nn):
-                gather_line(tables, no + 8 * a, q, spin_rate, line, scratch, Q_LANES * a + 96, lo + Q_LANES * a)
+                gather_line(tables, no + 8 * a, q, spin_rate, line, line.off, scratch, Q_LANES * a + 96, lo + Q_LANES * a)
         for i in range(go, go + 96 * nn, 8):
             vst(scratch, i, 0, 0.0)
         if spin_rate is not None:
@@ -443,8 +443,8 @@ def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spi
             every = 1
             if inner is not None:
                 if meta[k, 6] >= 0:
-                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None, 0,
-                                           size):
+                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None,
+                                           0, size):
                         inner.state[0] = 0.0
                     every = nn - 1
             for a in range(0, nn, every):

@@ -303,5 +303,6 @@ solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 # Y -= A X for one block and n rows of 8 numbers, or of one, of X and Y
 subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
-__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes", "solve_rows",
+__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes",
+           "solve_rows",
            "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]

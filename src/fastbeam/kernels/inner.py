@@ -212,7 +212,8 @@ def recover_rows(tables, inner, factor, x_out, scratch, size):
             no = tables.meta[k, 3]
             gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
             gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
-            recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n, 1), None, nn, tables, no, factor, scratch, 0, x_out, size)
+            recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n, 1), None, nn, tables, no, factor, scratch, 0,
+                          x_out, size)
 
 
 @kernel

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero, zero3,
-                      zerom)
+from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
+                      zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
 from .rows import gather_lanes, load_rows, store_rows
 from .turns import cayley_increment, director_increment

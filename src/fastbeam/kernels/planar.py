@@ -16,7 +16,7 @@ def planar_start(ties, curves, sliders, contact, spinless, state, work, h):
     planar_predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dphi)
     start_line(work)
     if ties is not None:
-        tie_planar_increments(ties, state.q, work.theta, work.dphi)
+        tie_planar_increments(ties, state.q, work.theta, work.dphi, work.line.off)
     if sliders is not None:
         predict_planar_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
 

@@ -205,8 +205,8 @@ def planar_groups(tables, first, last, inner, q, dphi, v, line, h, rate, green, 
     """Add residual rows and tangent blocks of the groups from `first` to before `last`; or leave them in `scratch`, rows
     from 128 nn on, blocks from 152 nn on.
 
-    q, dphi, v: [4 N], [2 N], [4 N], the latter two None in statics; line: see `beam.element_groups`. rate: 2/h^2, None in statics.
-    green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
+    q, dphi, v: [4 N], [2 N], [4 N], the latter two None in statics; line: see `beam.element_groups`. rate: 2/h^2, None
+    in statics. green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
     say so. r_out [8 rows], blocks_out [24 blocks].
     """
     meta = tables.meta
@@ -236,7 +236,7 @@ def planar_groups(tables, first, last, inner, q, dphi, v, line, h, rate, green, 
             vst2(scratch, lo + 80 * a + 64, 8, vzero2())
         if mixed and gathered:
             for a in range(nn):
-                gather_planar_line(tables, no + 8 * a, line, scratch, 64 * a + 32, lo + 80 * a)
+                gather_planar_line(tables, no + 8 * a, line, line.off, scratch, 64 * a + 32, lo + 80 * a)
         for i in range(fo, ro, 8):
             vst(scratch, i, 0, 0.0)
         if v is not None:
@@ -264,8 +264,8 @@ def planar_groups(tables, first, last, inner, q, dphi, v, line, h, rate, green, 
             every = 1
             if inner is not None:
                 if meta[k, 6] >= 0:
-                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None, 0,
-                                           size):
+                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None,
+                                           0, size):
                         inner.state[0] = 0.0
                     every = nn - 1
             for a in range(0, nn, every):

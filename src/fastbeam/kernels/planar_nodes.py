@@ -145,7 +145,7 @@ def tie_planar(ties, x_out):
 
 
 @kernel
-def tie_planar_increments(ties, q, theta, dphi):
+def tie_planar_increments(ties, q, theta, dphi, off_out):
     """As `ties.tie_increments`."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
@@ -158,6 +158,7 @@ def tie_planar_increments(ties, q, theta, dphi):
                 x += ld2(dphi, 2 * t, 1)
             else:
                 x += turned(ties, e, planar_turn(theta[t], ld2(q, 4 * t + 2, 1)))
+        st2(off_out, 2 * i, 1, x - ld2(dphi, 2 * i, 1))
         st2(dphi, 2 * i, 1, x)
 
 

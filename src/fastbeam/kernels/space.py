@@ -17,7 +17,7 @@ def space_start(ties, curves, sliders, contact, spinless, alpha, state, work, h)
     predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dphi)
     start_line(work)
     if ties is not None:
-        tie_increments(ties, state.q, work.theta, work.dphi)
+        tie_increments(ties, state.q, work.theta, work.dphi, work.line.off)
     if sliders is not None:
         predict_sliders(curves, sliders, contact, state.q, state.v, state.s, h, c, work.past, work.s_end, state.force)
 

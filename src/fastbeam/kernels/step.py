@@ -110,11 +110,11 @@ def move_nodes(space, plane, ties, row_of, state, work):
     if space is not None:
         move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], work.theta, work.dphi, work.scratch)
         if ties is not None:
-            tie_increments(ties, state.q, work.theta, work.dphi)
+            tie_increments(ties, state.q, work.theta, work.dphi, work.line.off)
     if plane is not None:
         move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], work.theta, work.dphi)
         if ties is not None:
-            tie_planar_increments(ties, state.q, work.theta, work.dphi)
+            tie_planar_increments(ties, state.q, work.theta, work.dphi, work.line.off)
     return move, spin
 
 

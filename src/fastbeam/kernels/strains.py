@@ -5,7 +5,7 @@ from .._jit import kernel
 from .algebra import cross, dot, perp, vld, vld2, vld3, vst, vst2, vst3, vzero, vzero3
 from .blocks import FOUR, ONE, SIX, THREE, TWELVE, TWO
 from .rows import gather_lanes
-from .turns import director_increment, planar_turn, turn_factor
+from .turns import director_increment, planar_turn, turned_back
 from .work import FROM_START
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
@@ -75,9 +75,9 @@ def gather_planar_ends(tables, at, q, dphi, line, v, h, scratch, qo, uo):
 
 
 @kernel
-def gather_line(tables, at, q, spin_rate, line, scratch, end, lo):
-    """Where the last increment led 8 nodes in a straight line, 12 lanes at lo, and the way there behind; from their coordinates at
-    `end`. With spin_rate, before the first increment, the start of the step."""
+def gather_line(tables, at, q, spin_rate, line, off, scratch, end, lo):
+    """Where the last increment led 8 nodes in a straight line, 12 lanes at lo, and the way there behind; from their coordinates
+    at `end`. With spin_rate, before the first increment, the start of the step. off: as in `work.Line`."""
     s = lo + 96
     if spin_rate is not None:
         if line.use[0] == FROM_START:
@@ -88,29 +88,36 @@ def gather_line(tables, at, q, spin_rate, line, scratch, end, lo):
     gather_lanes(line.x, tables.rows, at, 8, scratch, s, SIX)
     gather_lanes(line.theta, tables.nodes, at, 3, scratch, lo, THREE)
     spin = vld3(scratch, s + 24, 8)
-    back = -1.0 * (turn_factor(dot(spin, spin), dot(vld3(scratch, lo, 8), spin)) * spin)
-    c = 1.0 / (1.0 + 0.25 * dot(back, back))
-    # positions move in a straight line
-    vst3(scratch, lo, 8, vld3(scratch, end, 8))
+    y, g = turned_back(dot(spin, spin), dot(vld3(scratch, lo, 8), spin))
+    position = vld3(scratch, end, 8)
+    if off is not None:
+        gather_lanes(off, tables.nodes, at, 3, scratch, lo, THREE)
+        position = position - vld3(scratch, lo, 8)
+    vst3(scratch, lo, 8, position)
     for i in range(24, 96, 24):
         d = vld3(scratch, end + i, 8)
-        d += director_increment(c, back, d)
+        x = cross(spin, d)
+        d += g * (0.5 * cross(spin, x) - y * x)
         way = cross(spin, d)
         vst3(scratch, s + i, 8, way)
         vst3(scratch, lo + i, 8, d + way)
 
 
 @kernel
-def gather_planar_line(tables, at, line, scratch, end, lo):
+def gather_planar_line(tables, at, line, off, scratch, end, lo):
     """The same in a plane, 4 lanes each."""
     s = lo + 32
     gather_lanes(line.x, tables.rows, at, 8, scratch, s, THREE)
     gather_lanes(line.theta, tables.nodes, at, 1, scratch, lo, ONE)
     spin = vld(scratch, s + 16, 0)
-    back = -1.0 * (turn_factor(spin * spin, vld(scratch, lo, 0) * spin) * spin)
-    vst2(scratch, lo, 8, vld2(scratch, end, 8))
+    y, g = turned_back(spin * spin, vld(scratch, lo, 0) * spin)
+    position = vld2(scratch, end, 8)
+    if off is not None:
+        gather_lanes(off, tables.nodes, at, 2, scratch, lo, TWO)
+        position = position - vld2(scratch, lo, 8)
+    vst2(scratch, lo, 8, position)
     d = vld2(scratch, end + 16, 8)
-    d += planar_turn(back, d)
+    d -= (g * spin) * (y * perp(d) + (0.5 * spin) * d)
     way = spin * perp(d)
     vst2(scratch, s + 16, 8, way)
     vst2(scratch, lo + 16, 8, d + way)

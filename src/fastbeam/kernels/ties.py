@@ -57,8 +57,9 @@ def tie_coordinates(ties, x_out):
 
 
 @kernel
-def tie_increments(ties, q, theta, dphi):
-    """Increments of a step from q on, of the tied nodes from those of their targets."""
+def tie_increments(ties, q, theta, dphi, off_out):
+    """Increments of a step from q on, of the tied nodes from those of their targets, and how far they lie from where the rows of
+    increments led them."""
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         x = zero3()
@@ -72,6 +73,7 @@ def tie_increments(ties, q, theta, dphi):
                 turn, c = turn_of(theta, t)
                 for b in range(3):
                     x += ties.offset[3 * e + b] * director_increment(c, turn, ld3(q, 12 * t + 3 + 3 * b, 1))
+        st3(off_out, 3 * i, 1, x - ld3(dphi, 3 * i, 1))
         st3(dphi, 3 * i, 1, x)
 
 

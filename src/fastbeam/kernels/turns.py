@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .algebra import cross, dot, perp
+from .algebra import cross, dot, perp, root
 
 
 @kernel
@@ -25,14 +25,12 @@ def planar_turn(t, u):
 
 
 @kernel
-def turn_factor(own, along):
-    """Factor of a small spin phi, by which the Cayley vector of a step has become theta: times it, phi is the Cayley vector of the
-    turn that it made. own = phi . phi, along = theta . phi.
+def turned_back(own, along):
+    """Of a small spin phi, by which the Cayley vector of a step has become theta, in lanes: (y, g) with which the turn that it
+    made takes a vector d back by g (phi x (phi x d) / 2 - y phi x d). own = phi . phi, along = theta . phi.
 
-    With theta before, the turn from one to the other is phi/(1 + a/4), a = theta_before . phi, and along = a + own + a^2/4, which
-    two corrections solve up to a^4/16.
+    With theta before, the turn from one to the other has the Cayley vector phi/y, y = 1 + a/4, a = theta_before . phi, and
+    along = a + own + a^2/4.
     """
-    first = along - own
-    a = first - (0.25 * first) * first
-    a = first - (0.25 * a) * a
-    return 1.0 / (1.0 + 0.25 * a)
+    y = 0.5 + 0.5 * root(1.0 + along - own)
+    return y, 1.0 / (y * y + 0.25 * own)

@@ -21,6 +21,7 @@ class Line(NamedTuple):
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`;
     #                       something to read has to follow
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
+    off: np.ndarray | None  # float64 [3 N]: how far the positions of tied nodes lie beside it; None without ties
 
 
 class Work(NamedTuple):
@@ -85,8 +86,8 @@ def halve(x):
 
 @kernel
 def start_line(work):
-    """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step. The
-    first guess is made, so increments are no rates of a step any more."""
+    """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step.
+    The first guess is made, so increments are no rates of a step any more."""
     work.past[3] = 0.0
     first = work.past[work.past.shape[0] - 1]
     follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
