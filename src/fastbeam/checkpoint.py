@@ -26,7 +26,7 @@ from .model import Model
 
 Array = np.ndarray
 MAGIC = b"fastbeam-checkpoint "
-VERSION = 1
+VERSION = 2
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
 ARRAYS = (*State._fields, "mean_force", "memory")
@@ -54,7 +54,7 @@ class Checkpoint:
         Name and hash of the model.
     memory : float64 or None
         What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
-        the first guess of the next.
+        the first guess of the next, the newest as increments.
     """
 
     state: State
@@ -117,7 +117,8 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
     if not version.isdigit():
         raise refuse("damaged, its version is no number")
     if int(version) != VERSION:
-        raise refuse(f"format version {int(version)}, this fastbeam reads {VERSION}; install a newer fastbeam")
+        raise refuse(f"format version {int(version)}, this fastbeam reads {VERSION}; install "
+                     f"{'a newer' if int(version) > VERSION else 'an older'} fastbeam")
     if hashlib.sha256(first + line + body[:-DIGEST]).digest() != body[-DIGEST:]:
         raise refuse(f"damaged or truncated, the checksum of its {size} bytes is wrong")
     try:

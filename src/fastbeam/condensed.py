@@ -316,7 +316,7 @@ class CondensedIteration(Iteration):
             return beams.recover(self.subs, x[0], *x[2], factor, *moved, self._scratch[thread], m.size)
 
         found = self.team.each(recover, self._groups)
-        found += self.team.each(lambda _, x: beams.move_nodes(self._others, *x, *moved), self._some)
+        found += self.team.each(lambda _, x: beams.move_listed(self._others, *x, *moved), self._some)
         # NaN stays the largest
         move, spin = (float(x) for x in np.max(found, axis=0))
         if m.ties is not None:

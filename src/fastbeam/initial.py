@@ -7,7 +7,6 @@ import numpy as np
 
 from .connections import ARM, POSITION, TRIAD, Connections
 from .errors import SceneError
-from .kernels.ties import Ties
 from .kernels.work import State
 from .numbering import NodeList
 from .scene import PointMass, RigidBody, Scene

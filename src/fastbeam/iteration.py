@@ -46,7 +46,7 @@ class Iteration:
     def start(self, h: float) -> None:
         """First guess of a step of size h."""
         s, m = self.owner, self.owner.core
-        kernels.start_step(*s.kind[:2], m.ties, m.curves, m.sliders, s.contact, m.spinless, s.alpha, s.core_state, s.work, h)
+        kernels.start_step(*s.kind[:2], m.ties, m.curves, m.sliders, s.contact, m.spinless, s.core_state, s.work, h)
 
     def assemble(self, h: float) -> None:
         """Residual and tangent."""

@@ -153,7 +153,11 @@ class Stepper:
     def memory(self) -> Array:
         """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
         increments, and the state as a planar run keeps it."""
-        return np.concatenate(self._remembered)
+        rates, past, *increments = self._remembered
+        if past[3] == 0.0:
+            # they are no rates, but what a failed step left
+            increments[:2] = (np.zeros_like(x) for x in increments[:2])
+        return np.concatenate((rates, past, *increments))
 
     @property
     def _remembered(self) -> tuple[Array, ...]:
@@ -358,7 +362,7 @@ class Stepper:
 
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""
-        # that of the interior of condensed beams is kept nowhere; steps that failed have been tried without condensation
+        # that of the interior of condensed beams is kept nowhere; steps in time that failed have been tried without condensation
         of = self if self.core.substructures is None or self._spare is None else self._spare
         r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.size)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))

@@ -10,11 +10,10 @@ import numpy as np
 from .kernels.beam import ElementTables, group_table_size
 from .kernels.blocks import THREE
 from .kernels.inner import Inner, store_size
-from .kernels.nodes import Bodies, Held
+from .kernels.nodes import Held
 from .kernels.planar_beam import planar_group_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
-from .kernels.ties import Ties
 from .kernels.work import State
 from .tables import CHUNK, TablePool
 

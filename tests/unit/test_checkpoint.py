@@ -119,6 +119,10 @@ def test_failed_run_leaves_the_last_good_state(tmp_path: Path) -> None:
     kept = fb.load_checkpoint(tmp_path / "a")
     assert kept.t == caught.value.time == caught.value.result.t[-1] == pytest.approx(0.05)
     assert kept.steps == 5
+    # increments of the step that failed are no rates to go on from
+    past = model.plane.model.past_size
+    assert kept.memory[0] == 2.0
+    assert not kept.memory[past:past + 3 * model.n_nodes].any()
     assert_same_state(fb.simulate(model, start=kept, t_end=0.1, step=H).state, fb.simulate(model, t_end=0.1, step=H).state)
 
 
@@ -225,13 +229,14 @@ def test_forged_files_are_refused(good: Any, changes: dict[str, Any], message: s
 
 def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     for data, message in ((b"", "not a fastbeam checkpoint"), (b"\x80\x04cos\nsystem\n", "not a fastbeam checkpoint"),
-                          (b"fastbeam-checkpoint 2\n{}\n", "format version 2, this fastbeam reads 1; install a newer fastbeam"),
+                          (b"fastbeam-checkpoint 3\n{}\n", "format version 3, this fastbeam reads 2; install a newer fastbeam"),
+                          (b"fastbeam-checkpoint 1\n{}\n", "format version 1, this fastbeam reads 2; install an older fastbeam"),
                           (b"fastbeam-checkpoint x\n{}\n", "its version is no number"),
-                          (b"fastbeam-checkpoint 1\n" + b"[" * 100000, "checksum of its 100022 bytes is wrong")):
+                          (b"fastbeam-checkpoint 2\n" + b"[" * 100000, "checksum of its 100022 bytes is wrong")):
         (tmp_path / "a").write_bytes(data)
         with pytest.raises(fb.ResultFileError, match=message):
             fb.load_checkpoint(tmp_path / "a")
-    nested = b"fastbeam-checkpoint 1\n" + b"[" * 50000 + b"\n"
+    nested = b"fastbeam-checkpoint 2\n" + b"[" * 50000 + b"\n"
     (tmp_path / "a").write_bytes(nested + hashlib.sha256(nested).digest())
     with pytest.raises(fb.ResultFileError, match="damaged header .(RecursionError|JSONDecodeError)"):
         fb.load_checkpoint(tmp_path / "a")

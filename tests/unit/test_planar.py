@@ -12,7 +12,6 @@ import pytest
 import fastbeam as fb
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.blocks import SIX, THREE
-from fastbeam.kernels.planar_nodes import tie_planar
 from fastbeam.kernels.work import State
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
@@ -255,6 +254,21 @@ def in_plane(axes: Array, n_nodes: int, n_sliders: int) -> Array:
     out[:n, :3 * n_nodes] = np.kron(np.eye(n_nodes), node)
     out[n:, 3 * n_nodes:] = np.kron(np.eye(n_sliders), border)
     return out
+
+
+def tie_planar(ties: Any, x: Array) -> None:
+    """Coordinates, or their increments or rates, of tied nodes from those of their targets, in place."""
+    z = x.reshape(-1, 2, 2)
+    for i in ties.slave:
+        position = np.zeros(2)
+        for e in range(ties.start[i], ties.start[i + 1]):
+            (a, b), (ux, uy) = ties.factor[2 * e:2 * e + 2], z[ties.target[e], 1]
+            arm = np.array([a * ux - b * uy, a * uy + b * ux])
+            if ties.kind[e] == 2:
+                z[i, 1] = arm if ties.target[e] != i else z[i, 1]
+            else:
+                position += z[ties.target[e], 0] if ties.kind[e] == 0 else arm
+        z[i, 0] = position
 
 
 def trial(model: Model, flat: Assembled, space: Assembled, at_rest: bool) -> None:

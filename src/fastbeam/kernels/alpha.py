@@ -88,10 +88,10 @@ def spread_end(alpha, q, dphi, theta, h, q_mid_out, q_end_out, u_out):
     alpha.factor[0] = alpha.parameters[3] / (beta * h)
     alpha.factor[1] = (1.0 - am) / ((1.0 - af) * beta * h * h)
     for i in range(q.shape[0] // 12):
-        t, c = turn_of(theta, i)
+        t, factor = turn_of(theta, i)
         for k in range(12 * i, 12 * i + 12, 3):
             x = ld3(q, k, 1)
-            x += director_increment(c, t, x) if k > 12 * i else ld3(dphi, 3 * i, 1)
+            x += director_increment(factor, t, x) if k > 12 * i else ld3(dphi, 3 * i, 1)
             st3(q_end_out, k, 1, x)
             st3(q_mid_out, k, 1, x)
         psi = rotation_vector(t)

@@ -37,17 +37,17 @@ class Inner(NamedTuple):
     state: np.ndarray     # float64 [1]: 0 where a group was singular
 
 
-def store_size(nn: int, columns: bool, n: int = 6, beside: int = 1) -> int:
-    """Doubles of a group in `store` for n unknowns per node, where columns follow or not; beside: as in `short_store`."""
-    return sum(8 * n * n * (1 + 2 * (nn - i)) if columns else 8 * n * (n * (nn - i) + beside) for i in range(1, nn - 1))
+def store_size(nn: int, columns: bool, n: int = 6, with_y: int = 1) -> int:
+    """Doubles of a group in `store` for n unknowns per node, where columns follow or not; with_y: as in `short_store`."""
+    return sum(8 * n * n * (1 + 2 * (nn - i)) if columns else 8 * n * (n * (nn - i) + with_y) for i in range(1, nn - 1))
 
 
 @kernel
-def short_store(nn, n, beside):
-    """The same without columns; beside: 1 where y_i stand there, 0 where they do not."""
+def short_store(nn, n, with_y):
+    """The same without columns; with_y: 1 where y_i stand there, 0 where they do not."""
     room = 0
     for i in range(1, nn - 1):
-        room += 8 * n * (n * (nn - i) + beside)
+        room += 8 * n * (n * (nn - i) + with_y)
     return room
 
 

@@ -1,4 +1,4 @@
-"""Node loops: predictor, update of position and triad, point inertia, ties between nodes, held unknowns.
+"""Node loops: predictor, update of position and triad, point inertia, held unknowns.
 
 A step is described by the increments `dphi` of the positions and the Cayley vectors `theta` of the triads, d_n+1 = cay(theta) d_n
 (theory.md (4.2)); increments dq of all 12 coordinates of a node follow from them wherever they are needed. Velocities and inertia

@@ -128,23 +128,6 @@ def planar_arm(ties, e, q):
 
 
 @kernel
-def tie_planar(ties, x_out):
-    """Coordinates, or their rates, of the tied nodes from those of their targets."""
-    for k in range(ties.slave.shape[0]):
-        i = ties.slave[k]
-        x = zero2()
-        for e in range(ties.start[i], ties.start[i + 1]):
-            if ties.kind[e] == 2:
-                if ties.target[e] != i:
-                    st2(x_out, 4 * i + 2, 1, turned(ties, e, ld2(x_out, 4 * ties.target[e] + 2, 1)))
-            elif ties.kind[e] == 0:
-                x += ld2(x_out, 4 * ties.target[e], 1)
-            else:
-                x += planar_arm(ties, e, x_out)
-        st2(x_out, 4 * i, 1, x)
-
-
-@kernel
 def tie_planar_increments(ties, q, theta, dphi, off_out):
     """As `ties.tie_increments`."""
     for k in range(ties.slave.shape[0]):

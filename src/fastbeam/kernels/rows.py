@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _int, _mul, _pointer, f8, vec
+from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _int, _pointer, vec
 
 
 def _make_flush(columns):
@@ -119,7 +119,8 @@ def _rows_of_lanes(ctx, b, array_type, array, index, io, scale):
 @intrinsic
 def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
     """target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for the lanes l = 0..7 and c = 0..n-1, n the length of
-    the tuple `size`; less than 8 (but 4) stand in a row of 8."""
+    the tuple `size`. Rows of less than 8 numbers (but 4) are read as longer ones: behind the last row of an array there has to be
+    room for 3 numbers."""
     def codegen(ctx, b, sig, args):
         src, idx, io, scale_, dst, o, _ = args
         t_src, t_idx, t_io, t_scale, t_dst, t_o, t_size = sig.args

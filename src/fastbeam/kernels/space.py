@@ -11,7 +11,7 @@ from .work import clear, copy, halve, keep, start_line
 
 
 @kernel
-def space_start(ties, curves, sliders, contact, spinless, alpha, state, work, h):
+def space_start(ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
     c = extrapolation(work.past, h)
     predict(state.q, state.v, h, c, work.past, spinless, 0, spinless.shape[0], work.theta, work.dphi)

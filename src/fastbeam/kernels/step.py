@@ -29,12 +29,12 @@ END_SLACK = 1e-12
 
 
 @written_in
-def start_step(space, plane, ties, curves, sliders, contact, spinless, alpha, state, work, h):
+def start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, h):
     """First guess of everything."""
     if contact is not None:
         contact.augmented[2] = 1.0
     if space is not None:
-        space_start(ties, curves, sliders, contact, spinless, alpha, state, work, h)
+        space_start(ties, curves, sliders, contact, spinless, state, work, h)
     if plane is not None:
         planar_start(ties, curves, sliders, contact, spinless, state, work, h)
 
@@ -280,7 +280,7 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
             hm = weights[m] * h
             if loads is not None:
                 external_forces(loads, factors[n * weights.shape[0] + m], work.f_ext)
-            start_step(space, plane, ties, curves, sliders, contact, spinless, alpha, state, work, hm)
+            start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, hm)
             begin_step(pardiso)
             status = NOT_CONVERGED
             before = np.inf

@@ -127,11 +127,9 @@ def spread_nodes(nodes, first, last, space, plane, state, work, h):
     for k in range(first, last):
         i = nodes[k]
         if h is None:
-            m = 0
+            m = 4
             if space is not None:
                 m = 12
-            if plane is not None:
-                m = 4
             for c in range(m * i, min(m * (i + 1), work.q_mid.shape[0])):
                 work.q_mid[c] = state.q[c]
                 work.q_end[c] = state.q[c]
@@ -279,7 +277,7 @@ def move_some(space, plane, row_of, first, last, work, scratch):
 
 
 @kernel
-def move_nodes(nodes, first, last, space, plane, row_of, work):
+def move_listed(nodes, first, last, space, plane, row_of, work):
     """Add the increments of the nodes of a list, from `first` to before `last`."""
     move = 0.0
     spin = 0.0

@@ -30,7 +30,8 @@ def turned_back(own, along):
     made takes a vector d back by g (phi x (phi x d) / 2 - y phi x d). own = phi . phi, along = theta . phi.
 
     With theta before, the turn from one to the other has the Cayley vector phi/y, y = 1 + a/4, a = theta_before . phi, and
-    along = a + own + a^2/4.
+    along = a + own + a^2/4. That has two solutions, a > -2 is taken: the other one belongs to increments that bring a triad back
+    by more than it had turned, in steps that turn it by more than a right angle.
     """
     y = 0.5 + 0.5 * root(1.0 + along - own)
     return y, 1.0 / (y * y + 0.25 * own)

@@ -43,13 +43,15 @@ class Work(NamedTuple):
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
     scratch: np.ndarray   # float64
-    keep_q: np.ndarray    # float64 [12 N]: state before the step; the arrays keep_* are empty where a failed step changes nothing
+    keep_q: np.ndarray    # float64 [12 N]: state before the step; the arrays keep_* are empty where
+    #                       a failed step does not change it
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
     keep_dphi: np.ndarray  # float64 [3 N]
     keep_theta: np.ndarray  # float64 [3 N]
-    past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of the last two steps, nodes.remember
+    past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of steps, nodes.remember; the newest of nodes
+    #                       are their increments
     keep_past: np.ndarray
     line: Line
 
