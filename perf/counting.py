@@ -165,7 +165,8 @@ def twin(kernel: Dispatcher, tally: Tally, without: Sequence[str] = ()) -> Calla
     def of(dispatcher: Dispatcher) -> Callable[..., Any]:
         if id(dispatcher) not in known:
             source = dispatcher.py_func
-            names = dict(source.__globals__)
+            # a part of a group that is as wide as the group
+            names = {**source.__globals__, "WIDTH": 8}
             for name in source.__code__.co_names:
                 if isinstance(names.get(name), Dispatcher):
                     names[name] = _nothing if name in without else of(names[name])

@@ -1,21 +1,23 @@
 """Small algebra inside compiled code: values that LLVM keeps in registers.
 
-`Vec` is 8 doubles (one per element of a group), `V2`, `V3` are vectors and `M3` is a 3 x 3 matrix whose entries are lanes; a
-lane is a float64 or a Vec. The operators are lowered straight to LLVM, one statement a formula, so the same source is readable
-as theory, runs one element or eight at a time, and leaves numba's front end few statements to type.
-Loads and stores are unchecked: offsets count doubles from the start of a contiguous array.
+`Vec` is 8 doubles (one per element of a group) or as many of them as a register of the processor holds, `V2`, `V3` are vectors
+and `M3` is a 3 x 3 matrix whose entries are lanes; a lane is a float64 or a Vec. The operators are lowered straight to LLVM, one
+statement a formula, so the same source is readable as theory, runs one element or eight at a time, and leaves numba's front end
+few statements to type. Loads and stores are unchecked: offsets count doubles from the start of a contiguous array.
 """
 from __future__ import annotations
 
 import operator
 
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba.core import cgutils, types
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, models, register_model
 
 LANES = 8
+# doubles that a register of this processor holds: half of 8 where it has 16 of them, in which 8 lanes of a matrix have no room
+WIDTH = LANES if binding.get_host_cpu_features().get("avx512f") else LANES // 2
 _DOUBLE = ir.DoubleType()
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _I32 = ir.IntType(32)
@@ -24,14 +26,20 @@ _FLAGS = ("contract",)
 
 
 class VecType(types.Type):
-    """8 doubles."""
+    """8 doubles, or some of them."""
 
-    def __init__(self) -> None:
-        super().__init__("fastbeam.Vec")
+    def __init__(self, lanes: int) -> None:
+        self.lanes = lanes
+        super().__init__(f"fastbeam.Vec{lanes}")
+
+    @property
+    def key(self):
+        return self.lanes
 
 
-vec = VecType()
+vec, part = VecType(LANES), VecType(WIDTH)
 f8 = types.float64
+_KINDS = tuple(dict.fromkeys((vec, part)))
 
 
 class SmallType(types.Type):
@@ -46,19 +54,19 @@ class SmallType(types.Type):
         return (self.lane, self.n)
 
 
-V2 = {lane: SmallType(lane, 2) for lane in (vec, f8)}
-V3 = {lane: SmallType(lane, 3) for lane in (vec, f8)}
-M3 = {lane: SmallType(lane, 9) for lane in (vec, f8)}
+V2 = {lane: SmallType(lane, 2) for lane in (*_KINDS, f8)}
+V3 = {lane: SmallType(lane, 3) for lane in (*_KINDS, f8)}
+M3 = {lane: SmallType(lane, 9) for lane in (*_KINDS, f8)}
 
 
 def _lane_ir(lane):
-    return _VECTOR if isinstance(lane, VecType) else _DOUBLE
+    return ir.VectorType(_DOUBLE, lane.lanes) if isinstance(lane, VecType) else _DOUBLE
 
 
 @register_model(VecType)
 class _VecModel(models.PrimitiveModel):
     def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, _VECTOR)
+        super().__init__(dmm, fe_type, _lane_ir(fe_type))
 
 
 @register_model(SmallType)
@@ -68,9 +76,10 @@ class _SmallModel(models.PrimitiveModel):
 
 
 # ---------------------------------------------------------------------------------------------------- IR helpers
-def _splat(b, x):
-    v = b.insert_element(ir.Constant(_VECTOR, ir.Undefined), x, ir.Constant(_I32, 0))
-    return b.shuffle_vector(v, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(_I32, LANES), [0] * LANES))
+def _splat(b, x, lanes=LANES):
+    empty = ir.Constant(ir.VectorType(_DOUBLE, lanes), ir.Undefined)
+    return b.shuffle_vector(b.insert_element(empty, x, ir.Constant(_I32, 0)), empty,
+                            ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes))
 
 
 def _as_lane(ctx, b, x, ty, lane):
@@ -78,7 +87,7 @@ def _as_lane(ctx, b, x, ty, lane):
     if isinstance(ty, VecType):
         return x
     x = ctx.cast(b, x, ty, f8)
-    return _splat(b, x) if isinstance(lane, VecType) else x
+    return _splat(b, x, lane.lanes) if isinstance(lane, VecType) else x
 
 
 def _parts(b, value, n):
@@ -131,10 +140,10 @@ def _register(op, cases, lower):
 
 def _vec_operator(ops, f):
     def lower(ctx, b, sig, args):
-        return f(b, *(_as_lane(ctx, b, x, t, vec) for x, t in zip(args, sig.args)))
+        return f(b, *(_as_lane(ctx, b, x, t, sig.return_type) for x, t in zip(args, sig.args)))
 
     for op in ops:
-        _register(op, [signature(vec, vec, vec), signature(vec, vec, f8), signature(vec, f8, vec)], lower)
+        _register(op, [signature(v, *pair) for v in _KINDS for pair in ((v, v), (v, f8), (f8, v))], lower)
 
 
 _vec_operator((operator.add, operator.iadd), _add)
@@ -164,7 +173,7 @@ def _scale(ctx, b, sig, args):
 
 
 _register(operator.mul, [signature(kind[lane], scalar, kind[lane]) for kind in (V2, V3, M3)
-                         for lane, scalar in ((f8, f8), (vec, vec), (vec, f8))], _scale)
+                         for lane, scalar in ((f8, f8), *((v, s) for v in _KINDS for s in (v, f8)))], _scale)
 
 
 # ---------------------------------------------------------------------------------------------------- formulas
@@ -227,7 +236,7 @@ def perp(tc, u):
     """A 2-vector turned by a right angle: normal x u."""
     def codegen(ctx, b, sig, args):
         x, y = _parts(b, args[0], 2)
-        zero = ir.Constant(y.type, [0.0] * LANES if isinstance(u.lane, VecType) else 0.0)
+        zero = ir.Constant(y.type, [0.0] * u.lane.lanes if isinstance(u.lane, VecType) else 0.0)
         return _pack(b, u.lane, [_sub(b, zero, y), x])
     return u(u), codegen
 
@@ -325,7 +334,7 @@ def _make_zero(lane, n):
     @intrinsic
     def zero(tc):
         def codegen(ctx, b, sig, args):
-            z = ir.Constant(_lane_ir(lane), [0.0] * LANES if isinstance(lane, VecType) else 0.0)
+            z = ir.Constant(_lane_ir(lane), [0.0] * lane.lanes if isinstance(lane, VecType) else 0.0)
             return z if n == 1 else _pack(b, lane, [z] * n)
         return result(), codegen
     return zero
@@ -338,6 +347,12 @@ vadd3 = _make_store(vec, 3, True)
 vst_matrix, vadd_matrix = _make_store_matrix(vec, False), _make_store_matrix(vec, True)
 vzero, vzero3, vzerom = _make_zero(vec, 1), _make_zero(vec, 3), _make_zero(vec, 9)
 vld2, vst2, vadd2, vzero2 = _make_load(vec, 2), _make_store(vec, 2, False), _make_store(vec, 2, True), _make_zero(vec, 2)
+# WIDTH of the 8 lanes, for loops over the parts of a group
+pld, pld2, pld3, pldm = _make_load(part, 1), _make_load(part, 2), _make_load(part, 3), _make_load(part, 9)
+pst, pst2, pst3, pstm = (_make_store(part, n, False) for n in (1, 2, 3, 9))
+padd2, padd3 = _make_store(part, 2, True), _make_store(part, 3, True)
+pst_matrix, padd_matrix = _make_store_matrix(part, False), _make_store_matrix(part, True)
+pzero, pzero2, pzero3, pzerom = (_make_zero(part, n) for n in (1, 2, 3, 9))
 # one lane
 ld2, st2, add2, zero2 = _make_load(f8, 2), _make_store(f8, 2, False), _make_store(f8, 2, True), _make_zero(f8, 2)
 ld3, st3, add3 = _make_load(f8, 3), _make_store(f8, 3, False), _make_store(f8, 3, True)

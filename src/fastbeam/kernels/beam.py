@@ -1,5 +1,8 @@
 """Element loops of geometrically exact beams: residual and tangent of the conserving step, eight elements at a time.
 
+What follows the transposition into lanes goes through a group in parts of `algebra.WIDTH` lanes, as many as a register holds, so
+loads, stores and zeros in this file are those of a part.
+
 Unknowns per node are the position increment and the spin increment at the end of the step: a director at t_n+1 varies
 by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, theory.md (4.2).
 With both ends equal the same kernel is statics; its tangent is then half the static one.
@@ -14,12 +17,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel, one_variant
-from .algebra import (add_iso, add_skew, cross, dot, outer, vadd3, vadd_matrix, vld, vld3, vldm, vst, vst3, vst_matrix, vstm,
-                      vzero, vzero3, vzerom)
+from .._jit import kernel, one_variant, written_in
+from .algebra import WIDTH, add_iso, add_skew, cross, dot, outer
+from .algebra import padd3 as vadd3
+from .algebra import padd_matrix as vadd_matrix
+from .algebra import pld as vld
+from .algebra import pld3 as vld3
+from .algebra import pldm as vldm
+from .algebra import pst as vst
+from .algebra import pst3 as vst3
+from .algebra import pst_matrix as vst_matrix
+from .algebra import pstm as vstm
+from .algebra import pzero as vzero
+from .algebra import pzero3 as vzero3
+from .algebra import pzerom as vzerom
 from .inner import eliminate_inner
 from .rows import gather_lanes, scatter_rows
-from .strains import Q_LANES, gather_ends, gather_line, interpolate, mean_strains, stresses, unused_strains
+from .gather import gather_ends, gather_line
+from .strains import Q_LANES, interpolate, mean_strains, stresses, unused_strains
 from .work import FROM_START
 
 EIGHTEEN = (0,) * 18   # three columns for each of two directors, as `blocks.SIX`
@@ -340,6 +355,63 @@ def project_node(scratch, q, fo, go, ro, ko):
     vadd_matrix(scratch, ko + 168, 48, 8, half)
 
 
+@written_in
+def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u, rate, spin_rate, green, middle, scratch, qo, uo,
+             fo, ro, ko, so0, vo, lo, go):
+    """Residual and tangent of a part of a group, whose coordinates stand in scratch. Offsets of its first lane: in tab C, points,
+    inertia, reference strains; in scratch coordinates, second rates, forces, residual, tangent, points, spin rates, the line,
+    forces of the tangent."""
+    pt = 8 * (1 + 3 * nn)
+    ps = 8 * (6 + 9 + 54 * nn + 78)
+    for i in range(fo, fo + 96 * nn, 8):
+        vst(scratch, i, 0, 0.0)
+    if v is not None or u is not None:
+        add_inertia_forces(tab, mo, nn, scratch, uo, fo)
+    for i in range(go, go + 96 * nn, 8):
+        vst(scratch, i, 0, 0.0)
+    for g in range(nq):
+        to = to0 + pt * g
+        so = so0 + ps * g
+        po = so + 48
+        # z_mid and z_end share the room behind the rows of the point: t_mid 18, t_end 18, then 42
+        zm = ko            # the tangent room is free until the pair loop
+        ze = zm + 168
+        eo = zm + 336
+        interpolate(tab, to, nn, scratch, qo, zm)
+        interpolate(tab, to, nn, scratch, qo + 96, ze)
+        room = zm + 720
+        mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room)
+        stresses(tab, co, to, coupled, scratch, eo, so)
+        add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
+        if mixed:
+            zl = zm + 384
+            zs = zm + 552
+            if gathered:
+                interpolate(tab, to, nn, scratch, lo, zl)
+                interpolate(tab, to, nn, scratch, lo + 96, zs)
+            else:
+                for i in range(0, 168, 8):
+                    vst(scratch, zl + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
+                    vst(scratch, zs + i, 0, 0.0)
+            unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room)
+            stresses(tab, co, to, coupled, scratch, eo, room)
+            add_forces(tab, to, nn, scratch, zm, room, green, None, go)
+            for i in range(0, 48, 8):
+                vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
+        point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, qo, so, po)
+    for a in range(nn):
+        for b in range(nn):
+            kab = ko + 288 * (nn * a + b)
+            if spin_rate is not None:
+                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, qo + Q_LANES * a,
+                               qo + Q_LANES * b + 96, green, kab)
+                add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, qo + Q_LANES * a, vo + 144 * b, kab)
+            else:
+                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, qo + Q_LANES * a,
+                               qo + Q_LANES * b + 96, green, kab)
+        project_node(scratch, qo + Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
+
+
 @one_variant
 def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
                    size):
@@ -370,10 +442,9 @@ def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spi
         no = meta[k, 3]
         bo = meta[k, 4]
         coupled = meta[k, 5] != 0
-        pt = 8 * (1 + 3 * nn)
         eo0 = meta[k, 7]
         to0 = co + 288
-        mo = to0 + nq * pt
+        mo = to0 + nq * 8 * (1 + 3 * nn)
         # scratch: coordinates, inertia, forces, residual, tangent, then the points
         uo = Q_LANES * nn
         fo = uo + 96 * nn
@@ -383,62 +454,19 @@ def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spi
         ps = 8 * (6 + 9 + 54 * nn + 78)
         for a in range(nn):
             gather_ends(tables, no + 8 * a, q, dphi, line, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a)
-        for i in range(fo, fo + 96 * nn, 8):
-            vst(scratch, i, 0, 0.0)
-        if v is not None or u is not None:
-            add_inertia_forces(tab, mo, nn, scratch, uo, fo)
         vo = so0 + nq * ps
         lo = vo + 144 * nn
         go = lo + Q_LANES * nn
         if mixed and gathered:
             for a in range(nn):
                 gather_line(tables, no + 8 * a, q, spin_rate, line, line.off, scratch, Q_LANES * a + 96, lo + Q_LANES * a)
-        for i in range(go, go + 96 * nn, 8):
-            vst(scratch, i, 0, 0.0)
         if spin_rate is not None:
             for a in range(nn):
                 gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, scratch, vo + 144 * a, EIGHTEEN)
-        for g in range(nq):
-            to = to0 + pt * g
-            so = so0 + ps * g
-            po = so + 48
-            # z_mid and z_end share the room behind the rows of the point: t_mid 18, t_end 18, then 42
-            zm = ko            # the tangent room is free until the pair loop
-            ze = zm + 168
-            eo = zm + 336
-            interpolate(tab, to, nn, scratch, 0, zm)
-            interpolate(tab, to, nn, scratch, 96, ze)
-            room = zm + 720
-            mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room)
-            stresses(tab, co, to, coupled, scratch, eo, so)
-            add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
-            if mixed:
-                zl = zm + 384
-                zs = zm + 552
-                if gathered:
-                    interpolate(tab, to, nn, scratch, lo, zl)
-                    interpolate(tab, to, nn, scratch, lo + 96, zs)
-                else:
-                    for i in range(0, 168, 8):
-                        vst(scratch, zl + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
-                        vst(scratch, zs + i, 0, 0.0)
-                unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room)
-                stresses(tab, co, to, coupled, scratch, eo, room)
-                add_forces(tab, to, nn, scratch, zm, room, green, None, go)
-                for i in range(0, 48, 8):
-                    vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
-            point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, 0, so, po)
-        for a in range(nn):
-            for b in range(nn):
-                kab = ko + 288 * (nn * a + b)
-                if spin_rate is not None:
-                    pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, Q_LANES * a,
-                                   Q_LANES * b + 96, green, kab)
-                    add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, Q_LANES * a, vo + 144 * b, kab)
-                else:
-                    pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, Q_LANES * a,
-                                   Q_LANES * b + 96, green, kab)
-            project_node(scratch, Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
+        for lane in range(0, 8, WIDTH):
+            evaluate(tab, co + lane, to0 + lane, mo + lane, eo0 + lane, nn, nq, coupled, mixed, gathered, dphi, v, u, rate,
+                     spin_rate, green, middle, scratch, lane, uo + lane, fo + lane, ro + lane, ko + lane, so0 + lane, vo + lane,
+                     lo + lane, go + lane)
         if blocks_out is not None:
             every = 1
             if inner is not None:

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _int, _mul, _splat, _sub, f8
+from .algebra import LANES, WIDTH, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _div, _int, _mul, _splat, _sub, f8
 
 SIX = (0, 0, 0, 0, 0, 0)
 THREE = (0, 0, 0)
@@ -20,6 +20,10 @@ ONE = (0,)
 # numbers of coordinates of a node in space and in a plane
 TWELVE, FOUR = (0,) * 12, (0,) * 4
 _TRUE = ir.IntType(1)(1)
+# 8 lanes are worked on in parts of as many as a register holds; columns of a product at a time, so that they stay in registers
+_PART = ir.VectorType(_DOUBLE, WIDTH)
+_PARTS = range(0, LANES, WIDTH)
+_AT_A_TIME = 3 if WIDTH == LANES else 2
 
 
 def _at(b, o, *terms):
@@ -46,6 +50,13 @@ class _Memory:
 
     def put_vector(self, x, *terms):
         self.b.store(x, self._pointer(_VECTOR, terms), align=8)
+
+    def lanes(self, first, *terms):
+        """A part of 8 lanes, from lane `first` on."""
+        return self.b.load(self._pointer(_PART, ((first, 1), *terms)), align=8)
+
+    def put_lanes(self, x, first, *terms):
+        self.b.store(x, self._pointer(_PART, ((first, 1), *terms)), align=8)
 
     def number(self, *terms):
         return self.b.load(self._pointer(_DOUBLE, terms), align=8)
@@ -90,21 +101,24 @@ def lu_lanes(tc, a, offset, out, out_offset, smallest, size):
     def codegen(ctx, b, sig, args):
         source = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
         target = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
-        x = [[source.vector((8 * (n * i + j), 1)) for j in range(n)] for i in range(n)]
-        before = [x[i][i] for i in range(n)]
-        pivots = _lu(b, x, n, ir.Constant(_VECTOR, [1.0] * LANES))
-        limit = _splat(b, ctx.cast(b, args[4], sig.args[4], f8))
+        limit = _splat(b, ctx.cast(b, args[4], sig.args[4], f8), WIDTH)
+        name, zero = f"v{WIDTH}f64", ir.Constant(_PART, [0.0] * WIDTH)
         good = None
-        for p, q in zip(pivots, before):
-            low = _mul(b, limit, _absolute(b, q, _VECTOR, "v8f64"))
-            fine = b.fcmp_ordered(">=", _absolute(b, p, _VECTOR, "v8f64"), low)
-            fine = b.and_(fine, b.fcmp_ordered(">", _absolute(b, p, _VECTOR, "v8f64"), ir.Constant(_VECTOR, [0.0] * LANES)))
-            good = fine if good is None else b.and_(good, fine)
-        for i in range(n):
-            for j in range(n):
-                target.put_vector(x[i][j], (8 * (n * i + j), 1))
-        flags = ir.VectorType(ir.IntType(1), LANES)
-        every = cgutils.get_or_insert_function(b.module, ir.FunctionType(ir.IntType(1), [flags]), "llvm.vector.reduce.and.v8i1")
+        for first in _PARTS:
+            x = [[source.lanes(first, (8 * (n * i + j), 1)) for j in range(n)] for i in range(n)]
+            before = [x[i][i] for i in range(n)]
+            pivots = _lu(b, x, n, ir.Constant(_PART, [1.0] * WIDTH))
+            for p, q in zip(pivots, before):
+                low = _mul(b, limit, _absolute(b, q, _PART, name))
+                fine = b.fcmp_ordered(">=", _absolute(b, p, _PART, name), low)
+                fine = b.and_(fine, b.fcmp_ordered(">", _absolute(b, p, _PART, name), zero))
+                good = fine if good is None else b.and_(good, fine)
+            for i in range(n):
+                for j in range(n):
+                    target.put_lanes(x[i][j], first, (8 * (n * i + j), 1))
+        flags = ir.VectorType(ir.IntType(1), WIDTH)
+        every = cgutils.get_or_insert_function(b.module, ir.FunctionType(ir.IntType(1), [flags]),
+                                               f"llvm.vector.reduce.and.v{WIDTH}i1")
         return b.call(every, [good])
     return types.boolean(a, offset, out, out_offset, smallest, size), codegen
 
@@ -119,10 +133,11 @@ def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, si
         source = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
         target = _Memory(ctx, b, sig.args[5], args[5], args[6], sig.args[6])
         rows, out_rows = _int(ctx, b, args[4], sig.args[4]), _int(ctx, b, args[7], sig.args[7])
-        w = [source.vector((i, rows)) for i in range(n)]
-        _triangular(b, lambda i, j: factors.vector((8 * (n * i + j), 1)), w, n)
-        for i in range(n):
-            target.put_vector(w[i], (i, out_rows))
+        for first in _PARTS:
+            w = [source.lanes(first, (i, rows)) for i in range(n)]
+            _triangular(b, lambda i, j: factors.lanes(first, (8 * (n * i + j), 1)), w, n)
+            for i in range(n):
+                target.put_lanes(w[i], first, (i, out_rows))
         return ctx.get_dummy_value()
     return types.void(lu, offset, x, x_offset, x_row, out, out_offset, out_row, size), codegen
 
@@ -136,18 +151,18 @@ def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
         matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
         source = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
         target = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
-        # three columns at a time: 3 n values stay in registers, every entry of A is loaded once for three products
-        for c0 in range(0, m, 3):
-            some = range(c0, min(c0 + 3, m))
-            w = {(k, c): source.vector((8 * (m * k + c), 1)) for c in some for k in range(n)}
+        # some columns at a time stay in registers, every entry of A is loaded once for as many products
+        for first, c0 in ((first, c0) for first in _PARTS for c0 in range(0, m, _AT_A_TIME)):
+            some = range(c0, min(c0 + _AT_A_TIME, m))
+            w = {(k, c): source.lanes(first, (8 * (m * k + c), 1)) for c in some for k in range(n)}
             for i in range(n):
-                z = {c: target.vector((8 * (m * i + c), 1)) for c in some}
+                z = {c: target.lanes(first, (8 * (m * i + c), 1)) for c in some}
                 for k in range(n):
-                    f = matrix.vector((8 * (n * i + k), 1))
+                    f = matrix.lanes(first, (8 * (n * i + k), 1))
                     for c in some:
                         z[c] = _sub(b, z[c], _mul(b, f, w[k, c]))
                 for c in some:
-                    target.put_vector(z[c], (8 * (m * i + c), 1))
+                    target.put_lanes(z[c], first, (8 * (m * i + c), 1))
         return ctx.get_dummy_value()
     return types.void(a, offset, x, x_offset, y, y_offset, columns, size), codegen
 

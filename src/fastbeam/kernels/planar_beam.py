@@ -17,7 +17,7 @@ from .._jit import kernel, one_variant
 from .algebra import component0, component1, cross2, dot, perp, vadd2, vld, vld2, vst, vst2, vzero, vzero2
 from .inner import eliminate_inner
 from .rows import scatter_rows
-from .strains import gather_planar_ends, gather_planar_line
+from .gather import gather_planar_ends, gather_planar_line
 from .work import FROM_START
 
 
