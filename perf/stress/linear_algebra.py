@@ -134,8 +134,8 @@ def stretched(model: Any, speed: float = 0.0) -> Any:
 def inner_pivot(model: Any, state: Any, h: float) -> float:
     """The fifth pivot of the first inner node at the first guess of a step."""
     stepper = Stepper(model, np.ones(1), state)
-    kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, None, model.spinless, None, stepper.state,
-                       stepper.work, h)
+    kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, None, model.spinless, stepper.state, stepper.work,
+                       h)
     kernels.assemble_step(SIX, None, model.simo, model.green, stepper.inner, model.bodies, model.ties, model.held, model.curves,
                           model.sliders, None, None, None, model.pattern.row_of, stepper.state, stepper.work, h)
     return 1.0 / float(stepper.inner.store[:288].reshape(6, 6, 8)[4, 4, 0])
