@@ -150,13 +150,13 @@ def _solution(stepper: Stepper) -> Iterator[Pass]:
 
 def factored_share(stepper: Stepper) -> float:
     """Share of the solutions of a run for which PARDISO made factors; others took those of an earlier iteration of their step."""
-    made, _, again, _ = (float(x) for x in stepper.linear.tables.counts)
+    made, _, again = (float(x) for x in stepper.linear.tables.counts[:3])
     return made / (made + again) if made else 1.0
 
 
 def pardiso_bytes(stepper: Stepper) -> int:
     """Bytes of PARDISO's factors by its own account, after a factorisation."""
-    return 0 if stepper.linear.tables is None else 1024 * int(stepper.linear.tables.iparm[16])
+    return 0 if stepper.linear.pardiso is None else stepper.linear.pardiso.kept
 
 
 def kept(stepper: Stepper) -> dict[str, int]:

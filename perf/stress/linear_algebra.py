@@ -6,15 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from scipy.optimize import brentq
 
 import fastbeam as fb
+from fastbeam import linsolve
 from fastbeam.kernels import chain
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.sparse import REFUSE_AT, solve_sparse
+from fastbeam.kernels.sparse import REFUSE_AT
 from fastbeam.linsolve import LinearSystem, load_mkl
 from fastbeam.newton import Stepper
 from fastbeam.pattern import Pattern, build_pattern
@@ -72,7 +74,9 @@ def solved(kind: str, solver: str, n: int = 6, seed: int = 0) -> tuple[Array | N
     right = rng.standard_normal(6 * n)
     panel = np.zeros((6 * n, 8))
     panel[:, 0] = right
-    system = LinearSystem(pattern, 1, "auto" if solver == "chain" else solver)
+    halves = solver == "halves"
+    with patch.object(linsolve, "HALVES_FROM", 0 if halves else np.inf):
+        system = LinearSystem(pattern, 1, "auto" if halves or solver == "chain" else solver, reproducible=halves)
     flat, values = panel.reshape(-1), blocks.reshape(-1).copy()
     if solver == "chain":
         pivots = np.zeros(6 * n, np.int64)
@@ -80,8 +84,8 @@ def solved(kind: str, solver: str, n: int = 6, seed: int = 0) -> tuple[Array | N
         if good:
             chain.solve(pattern.plan, values, pivots, flat, 8, SIX)
         x = panel[:, 0] if good else None
-    elif solver == "pardiso":
-        x = panel[:, 0] if solve_sparse(system.tables, values, flat, 8, SIX) else None
+    elif solver in ("pardiso", "halves"):
+        x = panel[:, 0] if system.pardiso.solve(values, flat, 8, SIX, lambda work, items: [work(0, x) for x in items]) else None
     else:
         found = system.superlu.solve(blocks, right[None])
         x = None if found is None else found[0]
@@ -90,13 +94,13 @@ def solved(kind: str, solver: str, n: int = 6, seed: int = 0) -> tuple[Array | N
 
 def matrices(count: int) -> Iterator[Row]:
     """Every solver on every hostile matrix: the residual of what it accepts, how often it refuses."""
-    for solver in ("chain", "pardiso", "superlu"):
-        if solver == "pardiso" and load_mkl() is None:
+    for solver in ("chain", "pardiso", "halves", "superlu"):
+        if solver in ("pardiso", "halves") and load_mkl() is None:
             continue
         for kind in ("plain", "saddle", "saddle nearly", "graded", "turned", "singular", "nearly singular", "copy"):
             worst, refused = 0.0, 0
             for seed in range(count):
-                x, a, b = solved(kind, solver, seed=seed)
+                x, a, b = solved(kind, solver, 12 if solver == "halves" else 6, seed)
                 if x is None:
                     refused += 1
                     continue

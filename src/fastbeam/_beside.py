@@ -30,9 +30,9 @@ def beside(kernel: Any, jobs: Callable[..., list[Job]]) -> None:
 
 
 def jobs_of(function: Any, arguments: tuple[Any, ...]) -> list[Job]:
-    """What a second process could compile for a kernel and is not on the disk yet."""
+    """What a second process could compile for a kernel, is not on the disk yet, and is not in the works."""
     jobs = _JOBS[function](*arguments) if function in _JOBS else []
-    return [(kernel, some) for kernel, some in jobs if not kernel.part.is_kept(some)]
+    return [(kernel, some) for kernel, some in jobs if (kernel.py_func, some) not in _COMING and not kernel.part.is_kept(some)]
 
 
 def start(function: Any, arguments: tuple[Any, ...], folder: str) -> None:

@@ -37,12 +37,12 @@ import numba.np.arraymath  # noqa: E402, F401
 
 _linalg.ensure_blas = _look
 
-from ._beside import beside
-from ._parts import PROGRESS, Part, WholeCompiler, without_collection
+from ._beside import beside, start
+from ._parts import PROGRESS, Part, WholeCompiler, in_haste, is_kept
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "announce_first_use", "beside", "compile_counts", "kernel", "link_library",
+__all__ = ["ABSENT", "KERNELS", "announce_first_use", "begin_beside", "beside", "compile_counts", "kernel", "link_library",
            "one_variant", "work", "written_in"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
@@ -146,12 +146,13 @@ def _locked(exclusive: bool) -> Iterator[None]:
 
 def _guard(cache: Any) -> None:
     """Let a kernel's cache survive other processes, damaged files and a full disk: then it counts as empty."""
-    load, save = cache.load_overload, cache.save_overload
+    save = cache.save_overload
 
     def guarded_load(*arguments: Any) -> Any:
         try:
-            with _locked(exclusive=False):
-                return load(*arguments)
+            # numba's `load_overload` first registers all that it can compile: a quarter of the time of a warm start
+            with _locked(exclusive=False), cache._guard_against_spurious_io_errors():
+                return cache._load_overload(*arguments)
         except Exception as error:  # whatever unpickling of a damaged file may raise
             warnings.warn(f"fastbeam: the compiled kernels in {_FOLDER} are damaged ({type(error).__name__}: {error}); compiling "
                           "them again", RuntimeWarning, stacklevel=2)
@@ -210,13 +211,20 @@ def _compiled(function: F, one: bool = False, **options: Any) -> F:
     return compiled
 
 
+def begin_beside(kernel: Any, arguments: tuple[Any, ...]) -> None:
+    """Where a call of `kernel` with these arguments has to compile it, let a second process begin before that call."""
+    types = tuple(kernel.typeof_pyval(x) for x in arguments)
+    if types not in kernel.overloads and not is_kept(kernel._cache, types, kernel.targetctx.codegen()):
+        start(kernel.py_func, types, _FOLDER)
+
+
 def work(source: BinaryIO) -> None:
     """What a second process (`_beside`) does: compile the parts that `source` names, a line on stdout for each when it is
     kept."""
     folder, jobs = pickle.load(source)
     if folder != _FOLDER:
         return
-    with without_collection():
+    with in_haste():
         for module, name, arguments in jobs:
             getattr(importlib.import_module(module), name).part.compile(arguments)
             print(flush=True)

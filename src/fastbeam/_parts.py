@@ -74,14 +74,33 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
+_KNOWN: dict[Any, Any] = {}
+_look_up = types.BaseFunction.get_call_type
+
+
+def _remember(self: Any, context: Any, arguments: Any, keywords: Any) -> Any:
+    """The signature of a call of an operator or function of numba. Types that are equal are one object, which the key keeps alive
+    with the implementations that it has found."""
+    key = self, arguments
+    found = None if keywords else _KNOWN.get(key)
+    if found is None:
+        found = _look_up(self, context, arguments, keywords)
+        if not keywords:
+            _KNOWN[key] = found
+    return found
+
+
 @contextmanager
-def without_collection() -> Iterator[None]:
-    """A compiler makes many objects and little garbage: looking for it takes a seventh of the time."""
+def in_haste() -> Iterator[None]:
+    """What a compiler can leave out: it makes many objects and little garbage, and looking for it takes a seventh of the time;
+    numba tries all overloads of an operator anew at each of thirty calls with the same types, which takes a tenth."""
     before = gc.isenabled()
     gc.disable()
+    types.BaseFunction.get_call_type, looked_up = _remember, types.BaseFunction.get_call_type
     try:
         yield
     finally:
+        types.BaseFunction.get_call_type = looked_up
         if before:
             gc.enable()
 
@@ -132,7 +151,7 @@ class WholeCompiler(compiler.Compiler):  # type: ignore[misc]
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
         _beside.start(function, tuple(self.state.args), self.folder)
-        with without_collection(), PROGRESS:
+        with in_haste(), PROGRESS:
             return super().compile_extra(function)
 
 
@@ -169,9 +188,13 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
 class _PartCache(FunctionCache):  # type: ignore[misc]
     _impl_class = _PartCacheImpl
 
-    def holds(self, arguments: tuple[Any, ...], codegen: Any) -> bool:
-        """Whether there is an entry."""
-        return self._index_key(arguments, codegen) in self._cache_file._load_index()
+
+def is_kept(cache: FunctionCache, arguments: tuple[Any, ...], codegen: Any) -> bool:
+    """Whether there is an entry on the disk."""
+    try:
+        return cache._index_key(arguments, codegen) in cache._cache_file._load_index()
+    except Exception:  # a damaged file, which `load_overload` reports
+        return False
 
 
 class Part:
@@ -220,10 +243,7 @@ class Part:
 
     def is_kept(self, arguments: tuple[Any, ...]) -> bool:
         """Whether this process or the disk has it."""
-        try:
-            return arguments in self._known or self.cache.holds(arguments, self.dispatcher.targetctx.codegen())
-        except Exception:  # a damaged file, which `load_overload` reports
-            return False
+        return arguments in self._known or is_kept(self.cache, arguments, self.dispatcher.targetctx.codegen())
 
     def _compile(self, arguments: tuple[Any, ...]) -> _Compiled:
         of = self.dispatcher

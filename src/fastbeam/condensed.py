@@ -24,8 +24,8 @@ from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
 Chunk = tuple[int, int]
-# chunks of one kind at most
-MOST_CHUNKS = 64
+# chunks of one kind at most: of beams, and of loops that take a few microseconds a chunk
+MOST_CHUNKS, FEW_CHUNKS = 64, 8
 # elements from which on one more thread pays
 ELEMENTS_A_THREAD = 2000
 
@@ -50,9 +50,9 @@ def thread_count(threads: int | None, elements: int) -> int:
     return max(1, min(processors, elements // ELEMENTS_A_THREAD))
 
 
-def chunks(n: int, least: int, first: int = 0) -> list[Chunk]:
-    """first .. first + n cut into equal parts of at least so many."""
-    parts = max(1, min(MOST_CHUNKS, n // least)) if n else 0
+def chunks(n: int, least: int, first: int = 0, most: int = FEW_CHUNKS) -> list[Chunk]:
+    """first .. first + n cut into equal parts of at least so many, `most` of them at most."""
+    parts = max(1, min(most, n // least)) if n else 0
     edges = [first + n * k // max(parts, 1) for k in range(parts + 1)]
     return list(zip(edges[:-1], edges[1:]))
 
@@ -150,7 +150,7 @@ class CondensedIteration(Iteration):
             n = 0 if tables is None else len(tables.meta) - int(groups[:, 1].sum())
             if tables is not None and n:
                 self._rest.append((tables._replace(meta=tables.meta[:n]), green))
-            self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done)]
+            self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done, MOST_CHUNKS)]
             done += len(groups)
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
@@ -286,8 +286,9 @@ class CondensedIteration(Iteration):
         s, m = self.owner, self.owner.core
         if not s.linear.is_compiled:
             return super().solve_panel()
-        with s.linear.threads():
-            return bool(step.solve_nodes(s.contact, None, m.pattern.plan, s.linear.tables, s.work, m.width, m.size))
+        if s.linear.pardiso is not None:
+            return s.linear.pardiso.solve(s.work.blocks, s.work.panel, m.width, m.size, self.team.each)
+        return bool(step.solve_nodes(s.contact, None, m.pattern.plan, None, s.work, m.width, m.size))
 
     # --- increments ---------------------------------------------------------------------------------------------------
     def _take(self, factor: float) -> None:

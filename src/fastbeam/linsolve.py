@@ -18,6 +18,7 @@ import numpy as np
 
 from ._jit import link_library
 from .errors import BackendError
+from .halves import Each, Halves, cut
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .pattern import Pattern
@@ -27,6 +28,8 @@ Array = np.ndarray
 REPRODUCIBLE = 8
 # unknowns below which PARDISO runs on one thread
 SMALL = 5000
+# unknowns from which on a matrix that is to give the same bits on any number of threads is cut in two
+HALVES_FROM = 8000
 # slender beams: round-off of their stiff directions may leave this relative residual, in a solution that is as good as can be
 ILL_CONDITIONED = 1e-2
 # a pivot below this share of its diagonal entry is round-off
@@ -66,7 +69,7 @@ class Pardiso:
     threads : int, optional
         Default: as many as MKL likes.
     reproducible : bool
-        The same bits for any number of threads.
+        The same bits for any number of threads. Large matrices are then cut in two (`halves`), where that leaves little between.
     symmetric : bool
         Take the symmetric part of the matrix: half the operations and memory.
 
@@ -95,10 +98,16 @@ class Pardiso:
         for k, value in {0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
             iparm[k] = value
         self._call = kernels.call_pardiso
+        self.halves: Halves | None = None
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
             indptr.astype(np.int32), indices.astype(np.int32), block, mirror, np.zeros(size**2 * indices.size),
-            *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(4, np.int64), np.zeros(1))
+            *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(6, np.int64), np.zeros(2))
+        if reproducible and not symmetric and size * n >= HALVES_FROM:
+            parts = cut(self.tables.indptr, self.tables.indices)
+            if parts is not None:
+                self.halves = Halves(mkl, parts, self.tables, size)
+                return
         with self.threads():
             code = self._call(self.tables, kernels.ANALYSE, self.tables.b, self.tables.x)
         if code:
@@ -112,6 +121,18 @@ class Pardiso:
             yield
         finally:
             self._mkl.MKL_Set_Num_Threads_Local(before)
+
+    @property
+    def kept(self) -> int:
+        """Bytes of the factors, by PARDISO's own account, and of what a half needs besides."""
+        return 1024 * int(self.tables.iparm[16]) if self.halves is None else self.halves.kept
+
+    def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
+        """Solve for the panel in place, see `kernels.sparse.solve_sparse`; each: works on a list by threads."""
+        if self.halves is not None:
+            return self.halves.solve(blocks, panel, width, size, each)
+        with self.threads():
+            return bool(kernels.solve_sparse(self.tables, blocks, panel, width, size))
 
     def __del__(self) -> None:
         # nothing to free where the analysis was never reached
@@ -274,7 +295,7 @@ class LinearSystem:
             return f"block elimination, {fell}"
         if self.pardiso is not None:
             t = self.pardiso.tables
-            kind = " (symmetric)" if t.numbers[2] == kernels.SYMMETRIC else ""
+            kind = " (symmetric)" if t.numbers[2] == kernels.SYMMETRIC else " (two halves)" if self.pardiso.halves else ""
             return (f"PARDISO{kind}, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
                     f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")

@@ -3,10 +3,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from ._jit import announce_first_use
+from ._jit import announce_first_use, begin_beside
 from .arguments import count, number
 from .condensed import CondensedIteration, thread_count
 from .errors import SceneError
@@ -247,10 +248,7 @@ class Stepper:
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
-                kernels.run(*self.kind, model.simo, model.green, self.inner, model.bodies, model.ties, model.held, model.curves,
-                            model.sliders, self.contact, self.method.middle, self.alpha, model.pattern.plan, self.linear.tables,
-                            model.pattern.row_of, model.spinless, loads, factors, self.core_state, self.work, self.weights, h, n,
-                            model.width, model.length, self.max_iterations, model.slider_lengths, counts, sizes, force)
+                kernels.run(*self._loop(loads, factors, h, n, counts, sizes, force))
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
             result = self._python_run(factors if self._timed else None, h, n)
@@ -274,6 +272,21 @@ class Stepper:
             return result
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
+
+    def _loop(self, loads: Array | None, factors: Array, h: float, n: int, counts: Array, sizes: Array, force: Array) -> Any:
+        """The arguments of the compiled loop."""
+        m = self.core
+        return (*self.kind, m.simo, m.green, self.inner, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact,
+                self.method.middle, self.alpha, m.pattern.plan, self.linear.tables, m.pattern.row_of, m.spinless, loads, factors,
+                self.core_state, self.work, self.weights, h, n, m.width, m.length, self.max_iterations, m.slider_lengths, counts,
+                sizes, force)
+
+    def begin_compilation(self) -> None:
+        """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
+        if self.linear.is_compiled and self.core.substructures is None:
+            empty = np.zeros(0)
+            begin_beside(kernels.run, self._loop(self.model.loads if self._timed else None, self._factors, 1.0, 1,
+                                                 np.zeros(0, np.int64), empty, np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
         return force if self.plane is None else self.plane.forces(force)
@@ -319,7 +332,7 @@ class Stepper:
         parts.start(h)
         self.linear.begin_step()
         sizes: list[float] = []
-        before = np.inf
+        before = expected = np.inf
         for _ in range(self.max_iterations):
             parts.assemble(h)
             if not parts.solve():
@@ -332,9 +345,9 @@ class Stepper:
             if not size < 1e6:
                 return NOT_FINITE, np.array(sizes)
             closed = kernels.gaps_are_closed(self.contact, model.sliders, self.core_state.q, model.length, model.size)
-            if closed and kernels.has_converged(size, before, 1e-9):
+            if closed and kernels.has_converged(size, before, expected):
                 return OK, np.array(sizes)
-            before = size
+            before, expected = size, kernels.next_increment(size, before)
         return NOT_CONVERGED, np.array(sizes)
 
     def worst_slider(self) -> tuple[int, float, float]:

@@ -259,6 +259,8 @@ class _Run:
         if clock.before is None and self.stepper.method.at_end:
             clock.before = self.stepper.state.force.copy()
         error: ConvergenceError | None = None
+        # the first row compiles the kernels of its quantities
+        self.stepper.begin_compilation()
         self.open_row(self.t_start, 0, 0.0)
         for beam in self.model.massless if self.stepper.plane is None else ():
             self.event({"kind": "massless", "time": self.t_start,

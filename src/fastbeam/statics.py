@@ -206,6 +206,7 @@ class _StaticSolver:
     def _in_python(self) -> tuple[int, list[float]]:
         parts = self.stepper.parts
         sizes: list[float] = []
+        before = expected = np.inf
         self.work.line.use[0] = 0.0
         self.linear.begin_step()
         for _ in range(self.max_iterations):
@@ -215,8 +216,9 @@ class _StaticSolver:
             sizes.append(parts.update_static())
             if not sizes[-1] < LARGEST_INCREMENT:
                 return NOT_FINITE, sizes
-            if kernels.has_converged(sizes[-1], sizes[-2] if len(sizes) > 1 else np.inf, 1e-9):
+            if kernels.has_converged(sizes[-1], before, expected):
                 return OK, sizes
+            before, expected = sizes[-1], kernels.next_increment(sizes[-1], before)
         return NOT_CONVERGED, sizes
 
 

@@ -179,8 +179,9 @@ def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
         return [[name, True] for name in names]
 
     assert python(PARTS) == {"beam": called("element_groups", "factor", "recover_rows"),
-                             "slider": called("element_groups", "factor", "solve_border", "recover_rows"),
-                             "flat slider": called("planar_groups", "factor", "solve_border", "recover_rows")}
+                             "slider": called("add_sliders", "element_groups", "factor", "solve_border", "recover_rows"),
+                             "flat slider": called("add_planar_sliders", "planar_groups", "factor", "solve_border",
+                                                   "recover_rows")}
 
 
 def test_time_loop_allocates_nothing() -> None:

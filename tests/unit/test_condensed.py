@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import condensed
+from fastbeam import condensed, linsolve
 from fastbeam.errors import SceneError
 from fastbeam.kernels import substructures as beams
-from fastbeam.linsolve import SMALL
+from fastbeam.linsolve import SMALL, load_mkl
 from fastbeam.newton import Stepper
 
 Array = np.ndarray
@@ -219,8 +219,10 @@ def test_step_that_cannot_be_condensed_is_taken_by_superlu(monkeypatch: pytest.M
     assert_same(*static)
 
 
-def test_results_are_the_same_bits_on_any_number_of_threads() -> None:
-    # more than one chunk of everything, and a matrix large enough for PARDISO to use its threads
+@pytest.mark.parametrize("halves", [False, True])
+def test_results_are_the_same_bits_on_any_number_of_threads(halves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    # more than one chunk of everything, and a matrix large enough for PARDISO to use its threads, or cut in two
+    monkeypatch.setattr(linsolve, "HALVES_FROM", 0 if halves else np.inf)
     joints = np.random.default_rng(0).choice(["rigid", "ball"], 31**2).tolist()
     scene = fb.Scene(grid(30, joints=joints, elements=2), gravity=(0.3, 0.2, -9.81))
     model = fb.compile_scene(scene, condense=True, solver="sparse")
@@ -228,6 +230,8 @@ def test_results_are_the_same_bits_on_any_number_of_threads() -> None:
     parts = steppers[0].parts
     assert min(len(x) for x in (parts._groups, parts._nodes, parts._moves, parts._terms)) > 1
     assert 6 * model.pattern.n > SMALL
+    if load_mkl() is not None:
+        assert all((stepper.linear.pardiso.halves is not None) == halves for stepper in steppers)
     for k in range(3):
         # in turn: each keeps its own number of threads
         for stepper in steppers:

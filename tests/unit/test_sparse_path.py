@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam import linsolve
+from fastbeam.condensed import Team
+from fastbeam.halves import cut
+from fastbeam.kernels import sparse as kernels
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.sparse import block_residual, distance, solve_sparse
 from fastbeam.linsolve import Pardiso, SuperLU, load_mkl
@@ -105,6 +109,80 @@ def test_pardiso_solves_with_the_matrix_or_its_symmetric_part(size: int, symmetr
     scale = np.linalg.norm(np.abs(right) + np.abs(matrix) @ np.abs(t.x[0]))
     found = distance(t, t.x, t.b, t.r, t.y, SIX if size == 6 else THREE)
     assert found == pytest.approx(np.linalg.norm(t.r[0]) / scale, rel=1e-12)
+
+
+def lattice(*sides: int) -> tuple[np.ndarray, np.ndarray]:
+    """Structure by rows of a lattice of nodes, each coupled to its neighbours."""
+    place = np.stack(np.meshgrid(*(np.arange(n) for n in sides), indexing="ij"), axis=-1).reshape(-1, len(sides))
+    near = np.abs(place[:, None] - place).sum(axis=2) <= 1
+    return np.concatenate(([0], np.cumsum(near.sum(axis=1)))), np.nonzero(near)[1]
+
+
+@pytest.mark.parametrize("sides", [(9, 14), (40,), (2, 2, 12)])
+def test_cut_leaves_two_halves_that_nothing_couples(sides: tuple[int, ...]) -> None:
+    indptr, indices = lattice(*sides)
+    first, second, between = cut(indptr, indices)
+    assert np.array_equal(np.sort(np.concatenate((first, second, between))), np.arange(indptr.size - 1))
+    assert min(first.size, second.size) >= 0.35 * (indptr.size - 1)
+    side = np.zeros(indptr.size - 1, int)
+    side[first], side[second] = 1, 2
+    rows = np.repeat(np.arange(side.size), np.diff(indptr))
+    assert set((side[rows] * side[indices]).tolist()) <= {0, 1, 4}
+
+
+def test_cut_of_what_falls_apart_and_of_what_holds_together() -> None:
+    indptr, indices = lattice(30)
+    apart = np.concatenate((indptr, indptr[-1] + indptr[1:])), np.concatenate((indices, indices + 30))
+    assert cut(*apart)[2].size == 1
+    full = np.arange(0, 901, 30), np.tile(np.arange(30), 30)
+    assert cut(*full) is None
+
+
+@pytest.mark.parametrize("size", [3, 6])
+@pytest.mark.parametrize("columns", [1, 4])
+def test_two_halves_solve_and_use_their_factors_again(size: int, columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    needs_mkl()
+    monkeypatch.setattr(linsolve, "HALVES_FROM", 0)
+    rng = np.random.default_rng(11)
+    indptr, indices = lattice(9, 14)
+    n = indptr.size - 1
+    rows = np.repeat(np.arange(n), np.diff(indptr))
+    blocks = np.zeros((rows.size, size, 8))
+    blocks[:, :, :size] = rng.standard_normal((rows.size, size, size))
+    blocks[rows == indices, :, :size] += 12.0 * np.eye(size)
+    solver = Pardiso(load_mkl(), indptr, indices, columns, size, 1, reproducible=True)
+    assert solver.halves is not None
+    shape = SIX if size == 6 else THREE
+
+    def check(good: bool = True) -> None:
+        dense = np.zeros((n, size, n, size))
+        dense[rows, :, indices] = blocks[:, :, :size]
+        right = rng.standard_normal((n * size, columns))
+        panel = np.zeros((n * size, 8))
+        panel[:, :columns] = right
+        assert solver.solve(blocks.reshape(-1), panel.reshape(-1), 8, shape, Team(2).each) == good
+        if good:
+            found = np.linalg.solve(dense.reshape(n * size, -1), right)
+            np.testing.assert_allclose(panel[:, :columns], found, rtol=0.0, atol=1e-10)
+
+    check()
+    blocks[:, :, :size] *= 1.0 + 1e-4 * rng.standard_normal((rows.size, size, size))
+    check()
+    # factors, refinements, solutions with earlier factors
+    assert solver.tables.counts[:3].tolist() == [1, 0, 1]
+    kernels.begin_step(solver.tables)
+    check()
+    assert solver.tables.counts[:3].tolist() == [2, 0, 1]
+    blocks[:, :, :size] += 3.0 * rng.standard_normal((rows.size, size, size))
+    check()
+    assert solver.tables.counts[:3].tolist() == [3, 0, 1]
+    # a row of zeros
+    for k in range(indptr[7], indptr[8]):
+        blocks[k, 0] = 0.0
+    kernels.begin_step(solver.tables)
+    check(good=False)
+    blocks[0, 0, 0] = np.nan
+    check(good=False)
 
 
 def test_pardiso_without_mkl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

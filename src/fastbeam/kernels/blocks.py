@@ -319,5 +319,4 @@ solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
 __all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes",
-           "solve_rows",
-           "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]
+           "solve_rows", "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]

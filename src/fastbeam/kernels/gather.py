@@ -2,9 +2,9 @@
 from __future__ import annotations
 
 from .._jit import kernel
-from .algebra import cross, dot, perp, vld, vld2, vld3, vst, vst2, vst3
+from .algebra import cross, dot, perp, vld, vld2, vld3, vst2, vst3
 from .blocks import FOUR, ONE, SIX, THREE, TWELVE, TWO
-from .rows import gather_lanes
+from .rows import clear_lanes, copy_lanes, gather_lanes
 from .turns import director_increment, planar_turn, turned_back
 from .work import FROM_START
 
@@ -31,8 +31,7 @@ def gather_ends(tables, at, q, dphi, line, v, u, spin_rate, h, scratch, qo, uo):
     if u is not None:
         gather_lanes(u, tables.nodes, at, 12, scratch, uo, TWELVE)
     if dphi is None:
-        for i in range(0, 96, 8):
-            vst(scratch, e + i, 0, vld(scratch, qo + i, 0))
+        copy_lanes(scratch, qo, 96, scratch, e)
     if dphi is not None:
         gather_lanes(dphi, tables.nodes, at, 3, scratch, e, THREE)
         gather_lanes(line.theta, tables.nodes, at, 3, scratch, e + 24, THREE)
@@ -47,13 +46,21 @@ def gather_ends(tables, at, q, dphi, line, v, u, spin_rate, h, scratch, qo, uo):
 
 
 @kernel
+def put_planar_step(scratch, qo, uo, move, h):
+    """The same of a vector in a plane."""
+    x = vld2(scratch, qo, 8)
+    vst2(scratch, qo + 32, 8, x + move)
+    vst2(scratch, qo, 8, x + 0.5 * move)
+    vst2(scratch, uo, 8, (2.0 / (h * h)) * (move - h * vld2(scratch, uo, 8)))
+
+
+@kernel
 def gather_planar_ends(tables, at, q, dphi, line, v, h, scratch, qo, uo):
-    """The same in a plane, 4 lanes each, without other second rates."""
+    """Like `gather_ends` in a plane, 4 lanes each, without other second rates."""
     e = qo + 32
     gather_lanes(q, tables.nodes, at, 4, scratch, qo, FOUR)
     if dphi is None:
-        for i in range(0, 32, 8):
-            vst(scratch, e + i, 0, vld(scratch, qo + i, 0))
+        copy_lanes(scratch, qo, 32, scratch, e)
     if dphi is not None:
         gather_lanes(dphi, tables.nodes, at, 2, scratch, e, TWO)
         gather_lanes(line.theta, tables.nodes, at, 1, scratch, e + 16, ONE)
@@ -61,15 +68,8 @@ def gather_planar_ends(tables, at, q, dphi, line, v, h, scratch, qo, uo):
         move = vld2(scratch, e, 8)
         t = vld(scratch, e + 16, 0)
         u = vld2(scratch, qo + 16, 8)
-        turn = planar_turn(t, u)
-        x = vld2(scratch, qo, 8)
-        vst2(scratch, e, 8, x + move)
-        vst2(scratch, e + 16, 8, u + turn)
-        vst2(scratch, qo, 8, x + 0.5 * move)
-        vst2(scratch, qo + 16, 8, u + 0.5 * turn)
-        rate = 2.0 / (h * h)
-        vst2(scratch, uo, 8, rate * (move - h * vld2(scratch, uo, 8)))
-        vst2(scratch, uo + 16, 8, rate * (turn - h * vld2(scratch, uo + 16, 8)))
+        put_planar_step(scratch, qo, uo, move, h)
+        put_planar_step(scratch, qo + 16, uo + 16, planar_turn(t, u), h)
 
 
 @kernel
@@ -80,8 +80,7 @@ def gather_line(tables, at, q, spin_rate, line, off, scratch, end, lo):
     if spin_rate is not None:
         if line.use[0] == FROM_START:
             gather_lanes(q, tables.nodes, at, 12, scratch, lo, TWELVE)
-            for i in range(s, s + 96, 8):
-                vst(scratch, i, 0, 0.0)
+            clear_lanes(scratch, s, 96)
             return
     gather_lanes(line.x, tables.rows, at, 8, scratch, s, SIX)
     gather_lanes(line.theta, tables.nodes, at, 3, scratch, lo, THREE)

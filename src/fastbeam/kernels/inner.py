@@ -17,7 +17,7 @@ import numpy as np
 from .._jit import kernel
 from .algebra import vld, vst
 from .blocks import ONE, lu_lanes, solve_lanes, solve_rows, subtract_lanes, subtract_rows
-from .rows import gather_lanes, put_rows, scatter_rows
+from .rows import copy_lanes, gather_lanes, put_rows, scatter_rows
 
 PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 
@@ -117,14 +117,12 @@ def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, loads, rh
                 subtract_lanes(scratch, low, store, u0 + step * l, scratch, ko + block * (nn * k + j), size, size)
             subtract_lanes(scratch, low, scratch, y, scratch, ro + 8 * n * k, ONE, size)
             if rhs_out is not None:
-                for c in range(0, block, 8):
-                    vst(store, u0 + step * m + block + c, 0, vld(scratch, low + c, 0))
+                copy_lanes(scratch, low, block, store, u0 + step * m + block)
         d = u0 + step * (nn - i)
         if x_out is not None:
             put_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, x_out, size)
         elif rhs_out is None:
-            for c in range(0, 8 * n, 8):
-                vst(store, d + c, 0, vld(scratch, y + c, 0))
+            copy_lanes(scratch, y, 8 * n, store, d)
             d += 8 * n
         else:
             scatter_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, rhs_out, size)

@@ -1,6 +1,6 @@
 """Rows of numbers, of nodes or unknowns: from memory into lanes and back, eight at a time, by transpositions in registers.
 
-Like kernels/algebra.py lowered straight to LLVM; loads and stores are unchecked, offsets count doubles.
+Most are, like kernels/algebra.py, lowered straight to LLVM; loads and stores are unchecked, offsets count doubles.
 """
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _int, _pointer, vec
+from .._jit import kernel
+from .algebra import LANES, _DOUBLE, _I32, _I64, _VECTOR, _add, _data, _int, _pointer, vec, vld, vst
 
 
 def _make_flush(columns):
@@ -165,3 +166,17 @@ def store_rows(tc, source, offset, target, first, distance, size):
             done += width
         return ctx.get_dummy_value()
     return types.void(source, offset, target, first, distance, size), codegen
+
+
+@kernel
+def copy_lanes(source, offset, count, target, to):
+    """Copy `count` doubles, a multiple of 8."""
+    for i in range(0, count, 8):
+        vst(target, to + i, 0, vld(source, offset + i, 0))
+
+
+@kernel
+def clear_lanes(x, offset, count):
+    """Zero `count` doubles, a multiple of 8."""
+    for i in range(offset, offset + count, 8):
+        vst(x, i, 0, 0.0)

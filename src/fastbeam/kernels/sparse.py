@@ -13,6 +13,10 @@ from .._jit import kernel
 
 _PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
 ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
+# of a matrix whose last unknowns only take a Schur complement: forward and backward substitution
+FORWARD, BACKWARD = 331, 333
+# where a solution ends
+DONE, FAILED = 0, -2
 # its kinds of matrices: with symmetric structure; symmetric, of which it knows the blocks on and above the diagonal
 UNSYMMETRIC, SYMMETRIC = 11, -2
 # relative residual above which a solution is refined once, and above which it is not accepted
@@ -42,9 +46,9 @@ class PardisoTables(NamedTuple):
     x: np.ndarray         # float64 [m, n rows]
     r: np.ndarray         # float64 [m, n rows]: residuals
     y: np.ndarray         # float64 [m, n rows]: corrections
-    counts: np.ndarray    # int64 [4]: factorisations, refinements, solutions with earlier factors, 1 where there are factors of
-    #                       this step
-    worst: np.ndarray     # float64 [1]: largest accepted relative residual
+    counts: np.ndarray    # int64 [6]: factorisations, refinements, solutions with earlier factors, 1 where there are factors of
+    #                       this step; of the present solution: 1 with new factors, corrections
+    worst: np.ndarray     # float64 [2]: largest accepted relative residual; that before the next correction
 
 
 @kernel
@@ -130,76 +134,106 @@ def begin_step(t):
 
 
 @kernel
-def add_correction(t, n, size):
-    """x += K_old^-1 r with the factors that are there; the largest relative residual after it, infinity on an error."""
-    if call_pardiso(t, SOLVE, t.r, t.y) != 0:
-        return np.inf
-    for m in range(t.b.shape[0]):
-        for i in range(n):
-            t.x[m, i] += t.y[m, i]
-    return block_residual(t, t.x, t.b, t.r, size)
-
-
-@kernel
-def solve_again(t, n, size):
-    """Solve with the factors of an earlier iteration of this step, by corrections. Returns the largest relative residual; above
-    AGAIN_AT it was not worth it."""
-    for m in range(t.b.shape[0]):
-        for i in range(n):
-            t.x[m, i] = 0.0
-            t.r[m, i] = t.b[m, i]
-    before = 1.0
-    worst = 1.0
-    for k in range(5):
-        worst = add_correction(t, n, size)
-        if worst <= AGAIN_AT:
-            t.counts[2] += 1
-            return worst
-        if not worst <= WORTH * before:
-            return worst
-        before = worst
-    return worst
-
-
-@kernel
-def solve_sparse(t, blocks, panel, width, size):
-    """Solve K X = panel [n rows, width] in its first m columns, in place. False: no acceptable solution."""
+def load_system(t, blocks, panel, width, size):
+    """Take K and the right-hand sides from the first m columns of panel [n rows, width]. Returns the first call for `go_on`."""
     nu = len(size)
+    symmetric = t.numbers[2] == SYMMETRIC
     for k in range(t.indices.shape[0]):
         a = t.block[k]
         b = t.mirror[k]
         for i in range(nu):
             for j in range(nu):
                 x = blocks[8 * (nu * a + i) + j]
-                if a != b or t.numbers[2] == SYMMETRIC:
-                    x = 0.5 * (x + blocks[8 * (nu * b + j) + i])
-                t.data[nu * (nu * k + i) + j] = x
-    n = nu * (t.indptr.shape[0] - 1)
+                t.data[nu * (nu * k + i) + j] = 0.5 * (x + blocks[8 * (nu * b + j) + i]) if symmetric else x
     for m in range(t.b.shape[0]):
-        for i in range(n):
+        for i in range(t.b.shape[1]):
             t.b[m, i] = panel[i * width + m]
-    worst = np.inf
-    if t.counts[3] != 0:
-        worst = solve_again(t, n, size)
-    if not worst <= AGAIN_AT:
+    return start_corrections(t) if t.counts[3] != 0 else FACTOR
+
+
+@kernel
+def start_corrections(t):
+    """Go from x = 0, whose residual is b."""
+    t.counts[5] = 0
+    t.worst[1] = 1.0
+    for m in range(t.b.shape[0]):
+        for i in range(t.b.shape[1]):
+            t.x[m, i] = 0.0
+            t.r[m, i] = t.b[m, i]
+    return SOLVE
+
+
+@kernel
+def go_on(t, phase, code, size):
+    """After a call of `phase` that returned `code`: which is next, FACTOR, SOLVE (y = K^-1 r with the factors that are there),
+    DONE or FAILED.
+
+    x is a sum of corrections. One with present factors, two where the residual asks for it; with the factors of an earlier
+    iteration up to five, as long as each is worth it, else new factors."""
+    if phase == FACTOR:
         t.counts[0] += 1
         t.counts[3] = 0
-        if call_pardiso(t, FACTOR, t.b, t.x) != 0:
-            return False
-        if call_pardiso(t, SOLVE, t.b, t.x) != 0:
-            return False
+        t.counts[4] = 1
+        return start_corrections(t) if code == 0 else FAILED
+    fresh = t.counts[4] != 0
+    worst = np.inf
+    if code == 0:
+        for m in range(t.b.shape[0]):
+            for i in range(t.b.shape[1]):
+                t.x[m, i] += t.y[m, i]
         worst = block_residual(t, t.x, t.b, t.r, size)
-        if worst > REFINE_AT and worst < 1.0:
-            t.counts[1] += 1
-            worst = add_correction(t, n, size)
-        if not worst <= REFUSE_AT:
-            if not worst <= SOFT:
-                return False
-            if not distance(t, t.x, t.b, t.r, t.y, size) <= NEAR:
-                return False
-        t.counts[3] = 1
+    before = t.worst[1]
+    t.worst[1] = worst
+    t.counts[5] += 1
+    if not fresh:
+        if not worst <= AGAIN_AT:
+            return SOLVE if worst <= WORTH * before and t.counts[5] < 5 else FACTOR
+        t.counts[2] += 1
+    elif t.counts[5] == 1 and worst > REFINE_AT and worst < 1.0:
+        t.counts[1] += 1
+        return SOLVE
+    elif not worst <= REFUSE_AT:
+        if not worst <= SOFT:
+            return FAILED
+        if not distance(t, t.x, t.b, t.r, t.y, size) <= NEAR:
+            return FAILED
+    t.counts[3] = 1
+    t.counts[4] = 0
     t.worst[0] = max(t.worst[0], worst)
+    return DONE
+
+
+@kernel
+def store_solution(t, panel, width):
+    """Write x to the first m columns of panel [n rows, width]."""
     for m in range(t.b.shape[0]):
-        for i in range(n):
+        for i in range(t.b.shape[1]):
             panel[i * width + m] = t.x[m, i]
+
+
+@kernel
+def take_half(t, data, own, size):
+    """Take the blocks of a half (`halves.Half`) from those of the whole matrix, each row of numbers on its own; blocks between
+    the rows from `own` on count half."""
+    nu = len(size)
+    for row in range(0, t.numbers[4], nu):
+        first = t.indptr[row]
+        n = t.indptr[row + 1] - first
+        for k in range(n // nu):
+            share = 0.5 if row >= own and t.indices[first + nu * k] >= own else 1.0
+            o = nu * nu * t.block[first // (nu * nu) + k]
+            for i in range(nu):
+                for j in range(nu):
+                    t.data[first + n * i + nu * k + j] = share * data[o + nu * i + j]
+
+
+@kernel
+def solve_sparse(t, blocks, panel, width, size):
+    """Solve K X = panel [n rows, width] in its first m columns, in place. False: no acceptable solution."""
+    phase = load_system(t, blocks, panel, width, size)
+    while phase > DONE:
+        phase = go_on(t, phase, call_pardiso(t, phase, t.r, t.y), size)
+    if phase == FAILED:
+        return False
+    store_solution(t, panel, width)
     return True

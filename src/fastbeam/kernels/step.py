@@ -18,7 +18,8 @@ from .nodes import advance, remember, update_nodes
 from .planar import planar_assemble, planar_static, planar_start
 from .planar_beam import planar_groups
 from .planar_nodes import planar_advance, planar_pull, planar_push, planar_update, tie_planar_increments
-from .slider import border_of, dim_of
+from .planar_slider import add_planar_sliders
+from .slider import add_sliders, border_of, dim_of
 from .space import space_assemble, space_start, space_static
 from .sparse import begin_step, solve_sparse
 from .ties import pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
@@ -26,6 +27,8 @@ from .work import copy, follow_line, keep
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 END_SLACK = 1e-12
+# increments below this may be round-off
+SMALL_INCREMENT = 1e-9
 
 
 @written_in
@@ -147,16 +150,24 @@ def update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, 
 
 
 @kernel
-def has_converged(size, before, floor):
-    """Round-off level reached, or certain to be reached: Newton squares the increment, so the next would be about
-    size (size/before)^2. That has to lie below 1e-20 and not 1e-16, because residual forces are increments times stiffness and
-    the energy keeps their work. `floor` is where increments of round-off size end the iteration."""
+def next_increment(size, before):
+    """What Newton's method leaves for the next iteration, which squares the increment: about size (size/before)^2."""
+    return size * (size / before)**2 if size < before < np.inf else np.inf
+
+
+@kernel
+def has_converged(size, before, expected):
+    """Round-off level reached, or certain to be reached. The next increment has to lie below 1e-20 and not 1e-16, because
+    residual forces are increments times stiffness and the energy keeps their work.
+
+    expected: `next_increment` of the iteration before. A small increment that is far longer is round-off, and so would the next
+    be, whatever Newton's method leaves."""
     if size <= 1e-15:
         return True
-    if size < before and before < np.inf:
-        if size * (size / before)**2 <= 1e-20:
-            return True
-    return size <= floor and size > 0.1 * before
+    left = min(size, 100.0 * expected) if size <= SMALL_INCREMENT else size
+    if next_increment(left, before) <= 1e-20:
+        return True
+    return size <= SMALL_INCREMENT and size > 0.1 * before
 
 
 @written_in
@@ -283,7 +294,7 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
             start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, hm)
             begin_step(pardiso)
             status = NOT_CONVERGED
-            before = np.inf
+            before = expected = np.inf
             for it in range(sizes_out.shape[0]):
                 sizes_out[it] = 0.0
             for it in range(max_iterations):
@@ -303,9 +314,10 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 if not moved < 1e6:
                     status = NOT_FINITE
                     break
-                if has_converged(moved, before, 1e-9) and gaps_are_closed(contact, sliders, state.q, length, size):
+                if has_converged(moved, before, expected) and gaps_are_closed(contact, sliders, state.q, length, size):
                     status = OK
                     break
+                expected = next_increment(moved, before)
                 before = moved
             if status != OK:
                 break
@@ -338,6 +350,10 @@ def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curv
     r, blocks, panel, scratch, line = of(work, "r", "blocks", "panel", "scratch", "line")
     (x,) = of(line, "x")
     jobs = []
+    if contact is not ABSENT:
+        add = add_sliders if plane is ABSENT else add_planar_sliders
+        jobs.append((add, (curves, sliders, contact, ties, row_of, *of(state, "q"), *of(work, "q_mid", "q_end", "theta"),
+                           *of(state, "s"), *of(work, "s_end"), *of(state, "force"), r)))
     for tables, green_strain in ((simo, ABSENT), (green, integer)):
         if tables is not ABSENT:
             common = (tables, integer, integer, inner, *of(state, "q"), *of(work, "dphi"))
@@ -392,7 +408,7 @@ def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, 
     """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
     work.line.use[0] = 0.0
     begin_step(pardiso)
-    before = np.inf
+    before = expected = np.inf
     for it in range(max_iterations):
         assemble_static(space, plane, simo, green, inner, ties, held, state, work)
         prepare_panel(space, plane, inner, ties, None, held, width, work, size)
@@ -402,7 +418,8 @@ def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, 
         sizes_out[it] = moved
         if not moved < largest:
             return NOT_FINITE, it + 1
-        if has_converged(moved, before, 1e-9):
+        if has_converged(moved, before, expected):
             return OK, it + 1
+        expected = next_increment(moved, before)
         before = moved
     return NOT_CONVERGED, max_iterations

@@ -24,7 +24,7 @@ from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_siz
 from .nodes import larger, spread, update_nodes
 from .planar_beam import planar_groups
 from .planar_nodes import planar_spread, planar_update
-from .rows import gather_lanes, put_rows
+from .rows import clear_lanes, copy_lanes, gather_lanes, put_rows
 
 
 class Substructures(NamedTuple):
@@ -60,20 +60,6 @@ def front_size(n: int) -> int:
 
 
 @kernel
-def copy_lanes(source, offset, count, target, to):
-    """Copy `count` doubles, a multiple of 8."""
-    for i in range(0, count, 8):
-        vst(target, to + i, 0, vld(source, offset + i, 0))
-
-
-@kernel
-def clear_block(x, offset, count):
-    """Zero `count` doubles, a multiple of 8."""
-    for i in range(offset, offset + count, 8):
-        vst(x, i, 0, 0.0)
-
-
-@kernel
 def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out, size):
     """Eliminate the node between the elements behind it, whose condensed blocks stand from so on, and the present one at ro, ko.
     present: where S_oc and S_co stand, 1 or 3 and 2 or 4; y goes to its row of x_out. Returns False where a pivot is none."""
@@ -99,8 +85,8 @@ def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out,
     put_rows(scratch, y, tables.rows, no, 8, 0, x_out, size)
     ec = ko + block * nn * last
     ee = ec + block * last
-    clear_block(scratch, oe, block)
-    clear_block(scratch, eo, block)
+    clear_lanes(scratch, oe, block)
+    clear_lanes(scratch, eo, block)
     subtract_lanes(scratch, ec, store, d, scratch, ee, size, size)
     subtract_lanes(scratch, ec, store, d + block, scratch, eo, size, size)
     subtract_lanes(scratch, oc, store, d, scratch, oe, size, size)

@@ -1,0 +1,208 @@
+"""The matrix of a large net cut in two: each half has a PARDISO on a thread of its own, the nodes between them a dense matrix.
+
+One cut of nested dissection (A. George, SIAM J. Numer. Anal. 10 (1973) 345-363). PARDISO's own threads, where they are to give
+the same bits on any number of them, do not make its solutions faster; two halves are two tasks, and the same two on one thread.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from .kernels import sparse as kernels
+from .kernels.sparse import PardisoTables
+
+Array = np.ndarray
+Each = Callable[[Callable[[int, Any], Any], Sequence[Any]], Any]
+# nodes between the halves, at most: so many, and such a share of all
+MOST_BETWEEN, SHARE_BETWEEN = 1000, 0.125
+
+
+def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
+    """Nodes of two halves of a symmetric structure that no block couples, and those between them; None where these are many.
+
+    Levels of the breadth-first search behind the Cuthill-McKee order are narrow, whatever the geometry of the net."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+    n = indptr.size - 1
+    graph = sparse.csr_matrix((np.ones(indices.size, np.int8), indices, indptr), shape=(n, n))
+    place = np.empty(n, np.int64)
+    place[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
+    rows = np.repeat(np.arange(n), np.diff(indptr))
+    across = (place[rows] < n // 2) & (place[indices] >= n // 2)
+    # the first half keeps its nodes, the other loses those next to it; at least one, where the net falls apart
+    between = np.unique(indices[across]) if across.any() else np.flatnonzero(place == n // 2)
+    if between.size > min(MOST_BETWEEN, SHARE_BETWEEN * n):
+        return None
+    rest = np.ones(n, bool)
+    rest[between] = False
+    return np.flatnonzero(rest & (place < n // 2)), np.flatnonzero(rest & (place >= n // 2)), between
+
+
+class Half:
+    """One half, then the nodes between: blocks among these come with half their values, so that both Schur complements add up.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    nodes, between : int64 [n], [m]
+    indptr, indices : int [N + 1], [blocks]
+        Structure of the whole matrix, by blocks.
+    columns, size : int
+        Right-hand sides; unknowns of a block.
+
+    Raises
+    ------
+    ArithmeticError
+        The analysis fails.
+    """
+
+    def __init__(self, mkl: Any, nodes: Array, between: Array, indptr: Array, indices: Array, columns: int, size: int) -> None:
+        self._mkl, self.own = mkl, size * nodes.size
+        mine = np.concatenate((nodes, between))
+        place = np.full(indptr.size - 1, -1)
+        place[mine] = np.arange(mine.size)
+        rows = np.repeat(np.arange(indptr.size - 1), np.diff(indptr))
+        block = np.flatnonzero((place[rows] >= 0) & (place[indices] >= 0))
+        block = block[np.lexsort((place[indices[block]], place[rows[block]]))]
+        row, column = place[rows[block]], place[indices[block]]
+        n = size * mine.size
+        blocks = np.bincount(row, minlength=mine.size)
+        # PARDISO takes no blocks where it leaves a Schur complement; all rows of a block have its columns
+        number = np.repeat(size * blocks, size)
+        start = np.concatenate(([0], np.cumsum(blocks)))
+        scalar = (size * column[:, None] + np.arange(size)).reshape(-1)
+        entries = [np.tile(scalar[size * a:size * b], size) for a, b in zip(start[:-1], start[1:])]
+        iparm = np.zeros(64, np.int32)
+        for k, value in {0: 1, 1: 2, 9: 13, 20: 1, 34: 1, 35: 2}.items():
+            iparm[k] = value
+        last = np.zeros(n, np.int32)
+        last[self.own:] = 1
+        self.rows = (size * nodes[:, None] + np.arange(size)).reshape(-1)
+        self.tables = PardisoTables(
+            np.zeros(64, np.int64), iparm, np.array([1, 1, kernels.UNSYMMETRIC, 0, n, columns, 0, 0], np.int32), last,
+            np.concatenate(([0], np.cumsum(number))).astype(np.int32), np.concatenate(entries).astype(np.int32), block, block,
+            np.zeros(size**2 * block.size), *(np.zeros((columns, n)) for _ in range(2)), *(np.zeros((0, 0)) for _ in range(2)),
+            np.zeros(6, np.int64), np.zeros(2))
+        self.schur = np.zeros((size * between.size,) * 2)
+        if self._call(kernels.ANALYSE, self.schur):
+            raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")
+
+    def _call(self, phase: int, out: Array) -> int:
+        with one_thread(self._mkl):
+            return int(kernels.call_pardiso(self.tables, phase, self.tables.b, out))
+
+    def factor(self, data: Array, size: Any) -> int:
+        """Factors and Schur complement from the blocks of the whole matrix; PARDISO's error code."""
+        kernels.take_half(self.tables, data, self.own, size)
+        return self._call(kernels.FACTOR, self.schur)
+
+    def forward(self, own: Array, between: Array | float) -> int:
+        """Forward substitution for right-hand sides of the half [m, own] and between [m, n]."""
+        self.tables.b[:, :self.own] = own
+        self.tables.b[:, self.own:] = between
+        return self._call(kernels.FORWARD, self.tables.x)
+
+    def backward(self, between: Array) -> int:
+        """The solution, from that between the halves."""
+        self.tables.b[:] = self.tables.x
+        self.tables.b[:, self.own:] = between
+        return self._call(kernels.BACKWARD, self.tables.x)
+
+    def __del__(self) -> None:
+        tables = getattr(self, "tables", None)
+        if tables is not None and tables.handle.any():
+            self._call(kernels.RELEASE, tables.x)
+
+
+class Halves:
+    """One structure cut in two, analysed once.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+    parts : two halves and what is between, see `cut`
+    tables : PardisoTables
+        Of the whole matrix; its handle is not used.
+    size : int
+        Unknowns of a block.
+
+    Raises
+    ------
+    ArithmeticError
+        An analysis fails.
+    """
+
+    def __init__(self, mkl: Any, parts: tuple[Array, Array, Array], tables: PardisoTables, size: int) -> None:
+        self._mkl, self.tables = mkl, tables
+        *halves, between = parts
+        self.halves = [Half(mkl, nodes, between, tables.indptr, tables.indices, tables.b.shape[0], size) for nodes in halves]
+        self._between = (size * between[:, None] + np.arange(size)).reshape(-1)
+        n = self._between.size
+        self._dense, self._pivots = np.zeros((n, n)), np.zeros(n, np.int32)
+        self._lapack = np.array([n, tables.b.shape[0], 0], np.int32)
+
+    @property
+    def kept(self) -> int:
+        """Bytes of matrices, factors and Schur complements."""
+        arrays = [self._dense, *(x for half in self.halves for x in (half.schur, *half.tables))]
+        return sum(x.nbytes for x in arrays) + 1024 * sum(int(half.tables.iparm[16]) for half in self.halves)
+
+    def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
+        """Like `kernels.sparse.solve_sparse`, the halves by `each` (as `condensed.Team.each`)."""
+        t = self.tables
+        phase = kernels.load_system(t, blocks, panel, width, size)
+        while phase > kernels.DONE:
+            code = self._factor(size, each) if phase == kernels.FACTOR else self._correct(each)
+            phase = kernels.go_on(t, phase, code, size)
+        if phase == kernels.FAILED:
+            return False
+        kernels.store_solution(t, panel, width)
+        return True
+
+    def _factor(self, size: Any, each: Each) -> int:
+        codes = each(lambda _, half: half.factor(self.tables.data, size), self.halves)
+        if any(codes):
+            return 1
+        np.add(self.halves[0].schur, self.halves[1].schur, out=self._dense)
+        n, _, info = (self._lapack.ctypes.data + 4 * k for k in range(3))
+        self._call("dgetrf", n, n, self._dense.ctypes.data, n, self._pivots.ctypes.data, info)
+        return int(self._lapack[2])
+
+    def _correct(self, each: Each) -> int:
+        """y = K^-1 r."""
+        t = self.tables
+        between = t.r[:, self._between]
+        codes = each(lambda _, x: x[1].forward(t.r[:, x[1].rows], 0.0 if x[0] else between), list(enumerate(self.halves)))
+        own = self.halves[0].own, self.halves[1].own
+        z = self.halves[0].tables.x[:, own[0]:] + self.halves[1].tables.x[:, own[1]:]
+        n, m, info = (self._lapack.ctypes.data + 4 * k for k in range(3))
+        # rows of C are columns of Fortran
+        self._call("dgetrs", b"T", n, m, self._dense.ctypes.data, n, self._pivots.ctypes.data, z.ctypes.data, n, info)
+        codes += [int(self._lapack[2])]
+
+        def backward(_: int, half: Half) -> int:
+            code = half.backward(z)
+            t.y[:, half.rows] = half.tables.x[:, :half.own]
+            return code
+
+        codes += each(backward, self.halves)
+        t.y[:, self._between] = z
+        return int(any(codes))
+
+    def _call(self, name: str, *pointers: Any) -> None:
+        from ctypes import c_void_p
+        with one_thread(self._mkl):
+            getattr(self._mkl, name)(*(x if isinstance(x, bytes) else c_void_p(x) for x in pointers))
+
+
+@contextmanager
+def one_thread(mkl: Any) -> Iterator[None]:
+    """MKL on the calling thread alone."""
+    before = mkl.MKL_Set_Num_Threads_Local(1)
+    try:
+        yield
+    finally:
+        mkl.MKL_Set_Num_Threads_Local(before)
