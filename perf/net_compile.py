@@ -100,7 +100,8 @@ def array_sizes(model: fb.Model, stepper: Stepper, elements: int) -> dict[str, f
     add("state", stepper.state)
     add("work", stepper.work)
     add("inner", stepper.inner)
-    add("pardiso", stepper.linear.tables)
+    if stepper.linear.pardiso is not None:
+        out["pardiso"] = sum(x.nbytes for x in stepper.linear.pardiso.arrays) / elements
     return out
 
 

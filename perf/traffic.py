@@ -156,7 +156,7 @@ def factored_share(stepper: Stepper) -> float:
 
 def pardiso_bytes(stepper: Stepper) -> int:
     """Bytes of PARDISO's factors by its own account, after a factorisation."""
-    return 0 if stepper.linear.pardiso is None else stepper.linear.pardiso.kept
+    return 0 if stepper.linear.pardiso is None else stepper.linear.pardiso.factor_bytes
 
 
 def kept(stepper: Stepper) -> dict[str, int]:
@@ -182,6 +182,6 @@ def kept(stepper: Stepper) -> dict[str, int]:
         own = stepper.parts.subs  # type: ignore[attr-defined]
         tables += nbytes(subs.group, subs.beam, subs.block_start, subs.block_term, subs.row_start, subs.row_term)
         factors += nbytes(own.store, own.ends)
-    if stepper.linear.tables is not None:
-        factors += nbytes(stepper.linear.tables, pardiso_bytes(stepper))
+    if stepper.linear.pardiso is not None:
+        factors += nbytes(*stepper.linear.pardiso.arrays, pardiso_bytes(stepper))
     return {"tables": tables, "state": nbytes(stepper.core_state), "work": work, "factors": factors}

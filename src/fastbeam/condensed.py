@@ -24,8 +24,9 @@ from .kernels.work import Work, follow_line, start_line
 
 Array = np.ndarray
 Chunk = tuple[int, int]
-# chunks of one kind at most: of beams, and of loops that take a few microseconds a chunk
-MOST_CHUNKS, FEW_CHUNKS = 64, 8
+# chunks of beams at most, and of what takes a few microseconds a chunk. On any number of threads the same: at the end of a chunk
+# loops go through numbers one by one and not by eights, which may round in another way
+MOST_CHUNKS, FEW_CHUNKS = 64, 16
 # elements from which on one more thread pays
 ELEMENTS_A_THREAD = 2000
 
@@ -164,7 +165,8 @@ class CondensedIteration(Iteration):
         self._some = chunks(self._others.size, 1024)
         self._rows = chunks(int(subs.counts[0]), 1024)
         self._blocks = chunks(model.n_blocks + 1, 512)
-        self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
+        self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk)
+                       for chunk in chunks(subs.block_start.size - 1, 512)]
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
         self._moves: list[Chunk] = []
         if model.ties is not None:
@@ -176,7 +178,8 @@ class CondensedIteration(Iteration):
     # --- loops over nodes ---------------------------------------------------------------------------------------------
     def _copy(self, *pairs: tuple[Array, Array]) -> None:
         """Copy arrays, each a number of doubles for every node."""
-        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(min(source.size, target.size), 16384)]
+        items = [(source, target, a, b) for source, target in pairs
+                 for a, b in chunks(min(source.size, target.size), 16384)]
         self.team.each(lambda _, x: np.copyto(x[1][x[2]:x[3]], x[0][x[2]:x[3]]), items)
 
     def keep(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from ctypes import c_void_p
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,11 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
     return np.flatnonzero(rest & (place < n // 2)), np.flatnonzero(rest & (place >= n // 2)), between
 
 
+def unknowns(nodes: Array, size: int) -> Array:
+    """Of nodes with `size` each, in turn."""
+    return (size * nodes[:, None] + np.arange(size)).reshape(-1)
+
+
 class Half:
     """One half, then the nodes between: blocks among these come with half their values, so that both Schur complements add up.
 
@@ -73,17 +79,17 @@ class Half:
         # PARDISO takes no blocks where it leaves a Schur complement; all rows of a block have its columns
         number = np.repeat(size * blocks, size)
         start = np.concatenate(([0], np.cumsum(blocks)))
-        scalar = (size * column[:, None] + np.arange(size)).reshape(-1)
+        scalar = unknowns(column, size).astype(np.int32)
         entries = [np.tile(scalar[size * a:size * b], size) for a, b in zip(start[:-1], start[1:])]
         iparm = np.zeros(64, np.int32)
         for k, value in {0: 1, 1: 2, 9: 13, 20: 1, 34: 1, 35: 2}.items():
             iparm[k] = value
         last = np.zeros(n, np.int32)
         last[self.own:] = 1
-        self.rows = (size * nodes[:, None] + np.arange(size)).reshape(-1)
+        self.rows = unknowns(nodes, size)
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, kernels.UNSYMMETRIC, 0, n, columns, 0, 0], np.int32), last,
-            np.concatenate(([0], np.cumsum(number))).astype(np.int32), np.concatenate(entries).astype(np.int32), block, block,
+            np.concatenate(([0], np.cumsum(number))).astype(np.int32), np.concatenate(entries), block, block,
             np.zeros(size**2 * block.size), *(np.zeros((columns, n)) for _ in range(2)), *(np.zeros((0, 0)) for _ in range(2)),
             np.zeros(6, np.int64), np.zeros(2))
         self.schur = np.zeros((size * between.size,) * 2)
@@ -91,7 +97,7 @@ class Half:
             raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")
 
     def _call(self, phase: int, out: Array) -> int:
-        with one_thread(self._mkl):
+        with on_threads(self._mkl, 1):
             return int(kernels.call_pardiso(self.tables, phase, self.tables.b, out))
 
     def factor(self, data: Array, size: Any) -> int:
@@ -139,16 +145,21 @@ class Halves:
         self._mkl, self.tables = mkl, tables
         *halves, between = parts
         self.halves = [Half(mkl, nodes, between, tables.indptr, tables.indices, tables.b.shape[0], size) for nodes in halves]
-        self._between = (size * between[:, None] + np.arange(size)).reshape(-1)
+        self._between = unknowns(between, size)
         n = self._between.size
-        self._dense, self._pivots = np.zeros((n, n)), np.zeros(n, np.int32)
+        # both Schur complements are added up, and factored, in the place of the first
+        self._dense, self._pivots = self.halves[0].schur, np.zeros(n, np.int32)
         self._lapack = np.array([n, tables.b.shape[0], 0], np.int32)
 
     @property
-    def kept(self) -> int:
-        """Bytes of matrices, factors and Schur complements."""
-        arrays = [self._dense, *(x for half in self.halves for x in (half.schur, *half.tables))]
-        return sum(x.nbytes for x in arrays) + 1024 * sum(int(half.tables.iparm[16]) for half in self.halves)
+    def factor_bytes(self) -> int:
+        """Of the factors, those of the dense matrix among them."""
+        return self._dense.nbytes + 1024 * sum(int(half.tables.iparm[16]) for half in self.halves)
+
+    @property
+    def arrays(self) -> list[Array]:
+        """What the halves keep besides."""
+        return [x for half in self.halves for x in (*half.tables._replace(mirror=half.rows), half.schur)][:-1]
 
     def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
         """Like `kernels.sparse.solve_sparse`, the halves by `each` (as `condensed.Team.each`)."""
@@ -166,7 +177,7 @@ class Halves:
         codes = each(lambda _, half: half.factor(self.tables.data, size), self.halves)
         if any(codes):
             return 1
-        np.add(self.halves[0].schur, self.halves[1].schur, out=self._dense)
+        self._dense += self.halves[1].schur
         n, _, info = (self._lapack.ctypes.data + 4 * k for k in range(3))
         self._call("dgetrf", n, n, self._dense.ctypes.data, n, self._pivots.ctypes.data, info)
         return int(self._lapack[2])
@@ -193,15 +204,14 @@ class Halves:
         return int(any(codes))
 
     def _call(self, name: str, *pointers: Any) -> None:
-        from ctypes import c_void_p
-        with one_thread(self._mkl):
+        with on_threads(self._mkl, 1):
             getattr(self._mkl, name)(*(x if isinstance(x, bytes) else c_void_p(x) for x in pointers))
 
 
 @contextmanager
-def one_thread(mkl: Any) -> Iterator[None]:
-    """MKL on the calling thread alone."""
-    before = mkl.MKL_Set_Num_Threads_Local(1)
+def on_threads(mkl: Any, n: int) -> Iterator[None]:
+    """MKL on so many threads, the calling one among them."""
+    before = mkl.MKL_Set_Num_Threads_Local(n)
     try:
         yield
     finally:

@@ -10,15 +10,14 @@ import ctypes.util
 import glob
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
 
 from ._jit import link_library
 from .errors import BackendError
-from .halves import Each, Halves, cut
+from .halves import Each, Halves, cut, on_threads
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .pattern import Pattern
@@ -113,19 +112,19 @@ class Pardiso:
         if code:
             raise ArithmeticError(f"PARDISO error {code} in the analysis")
 
-    @contextmanager
-    def threads(self) -> Iterator[None]:
+    def threads(self) -> AbstractContextManager[None]:
         """Calls in here run on the threads of the analysis; PARDISO crashes with fewer."""
-        before = self._mkl.MKL_Set_Num_Threads_Local(self._threads)
-        try:
-            yield
-        finally:
-            self._mkl.MKL_Set_Num_Threads_Local(before)
+        return on_threads(self._mkl, self._threads)
 
     @property
-    def kept(self) -> int:
-        """Bytes of the factors, by PARDISO's own account, and of what a half needs besides."""
-        return 1024 * int(self.tables.iparm[16]) if self.halves is None else self.halves.kept
+    def factor_bytes(self) -> int:
+        """Of the factors, by PARDISO's own account."""
+        return 1024 * int(self.tables.iparm[16]) if self.halves is None else self.halves.factor_bytes
+
+    @property
+    def arrays(self) -> list[Array]:
+        """Whatever it keeps besides the factors."""
+        return [*self.tables, *([] if self.halves is None else self.halves.arrays)]
 
     def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
         """Solve for the panel in place, see `kernels.sparse.solve_sparse`; each: works on a list by threads."""

@@ -273,7 +273,8 @@ class Stepper:
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
-    def _loop(self, loads: Array | None, factors: Array, h: float, n: int, counts: Array, sizes: Array, force: Array) -> Any:
+    def _loop(self, loads: Array | None, factors: Array, h: float, n: int, counts: Array, sizes: Array,
+              force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
         m = self.core
         return (*self.kind, m.simo, m.green, self.inner, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact,
@@ -285,7 +286,7 @@ class Stepper:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
         if self.linear.is_compiled and self.core.substructures is None:
             empty = np.zeros(0)
-            begin_beside(kernels.run, self._loop(self.model.loads if self._timed else None, self._factors, 1.0, 1,
+            begin_beside(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors, 1.0, 1,
                                                  np.zeros(0, np.int64), empty, np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:

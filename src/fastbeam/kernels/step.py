@@ -27,8 +27,8 @@ from .work import copy, follow_line, keep
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 END_SLACK = 1e-12
-# increments below this may be round-off
-SMALL_INCREMENT = 1e-9
+# increments below these may be round-off: where they do not shrink; where they are far longer than foretold
+SMALL_INCREMENT, SMALLEST_INCREMENT = 1e-9, 1e-11
 
 
 @written_in
@@ -160,11 +160,11 @@ def has_converged(size, before, expected):
     """Round-off level reached, or certain to be reached. The next increment has to lie below 1e-20 and not 1e-16, because
     residual forces are increments times stiffness and the energy keeps their work.
 
-    expected: `next_increment` of the iteration before. A small increment that is far longer is round-off, and so would the next
-    be, whatever Newton's method leaves."""
+    expected: `next_increment` of the iteration before. A very small increment that is far longer is round-off, and so would the
+    next be, whatever Newton's method leaves."""
     if size <= 1e-15:
         return True
-    left = min(size, 100.0 * expected) if size <= SMALL_INCREMENT else size
+    left = min(size, 100.0 * expected) if size <= SMALLEST_INCREMENT else size
     if next_increment(left, before) <= 1e-20:
         return True
     return size <= SMALL_INCREMENT and size > 0.1 * before
@@ -350,7 +350,7 @@ def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curv
     r, blocks, panel, scratch, line = of(work, "r", "blocks", "panel", "scratch", "line")
     (x,) = of(line, "x")
     jobs = []
-    if contact is not ABSENT:
+    if contact is not ABSENT and alpha is ABSENT and middle is ABSENT:
         add = add_sliders if plane is ABSENT else add_planar_sliders
         jobs.append((add, (curves, sliders, contact, ties, row_of, *of(state, "q"), *of(work, "q_mid", "q_end", "theta"),
                            *of(state, "s"), *of(work, "s_end"), *of(state, "force"), r)))
