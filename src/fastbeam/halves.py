@@ -75,12 +75,11 @@ class Half:
         block = block[np.lexsort((place[indices[block]], place[rows[block]]))]
         row, column = place[rows[block]], place[indices[block]]
         n = size * mine.size
-        blocks = np.bincount(row, minlength=mine.size)
         # PARDISO takes no blocks where it leaves a Schur complement; all rows of a block have its columns
-        number = np.repeat(size * blocks, size)
-        start = np.concatenate(([0], np.cumsum(blocks)))
-        scalar = unknowns(column, size).astype(np.int32)
-        entries = [np.tile(scalar[size * a:size * b], size) for a, b in zip(start[:-1], start[1:])]
+        number = size * np.bincount(row, minlength=mine.size)
+        first, number = np.repeat(np.cumsum(number) - number, size), np.repeat(number, size)
+        start = np.concatenate(([0], np.cumsum(number))).astype(np.int32)
+        entry = np.arange(start[-1], dtype=np.int32) + np.repeat((first - start[:-1]).astype(np.int32), number)
         iparm = np.zeros(64, np.int32)
         for k, value in {0: 1, 1: 2, 9: 13, 20: 1, 34: 1, 35: 2}.items():
             iparm[k] = value
@@ -89,9 +88,8 @@ class Half:
         self.rows = unknowns(nodes, size)
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, kernels.UNSYMMETRIC, 0, n, columns, 0, 0], np.int32), last,
-            np.concatenate(([0], np.cumsum(number))).astype(np.int32), np.concatenate(entries), block, block,
-            np.zeros(size**2 * block.size), *(np.zeros((columns, n)) for _ in range(2)), *(np.zeros((0, 0)) for _ in range(2)),
-            np.zeros(6, np.int64), np.zeros(2))
+            start, unknowns(column, size).astype(np.int32)[entry], block, block, np.zeros(size**2 * block.size),
+            *(np.zeros((columns, m)) for m in (n, n, 0, 0)), np.zeros(6, np.int64), np.zeros(2))
         self.schur = np.zeros((size * between.size,) * 2)
         if self._call(kernels.ANALYSE, self.schur):
             raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")
