@@ -212,9 +212,11 @@ def _compiled(function: F, one: bool = False, **options: Any) -> F:
 
 
 def begin_beside(kernel: Any, arguments: tuple[Any, ...]) -> None:
-    """Where a call of `kernel` with these arguments has to compile it, let a second process begin before that call."""
+    """Where the first call of `kernel` in this process has to compile it, let a second process begin before that call."""
+    if kernel.overloads:
+        return  # finding the types would cost every run a millisecond
     types = tuple(kernel.typeof_pyval(x) for x in arguments)
-    if types not in kernel.overloads and not is_kept(kernel._cache, types, kernel.targetctx.codegen()):
+    if not is_kept(kernel._cache, types, kernel.targetctx.codegen()):
         start(kernel.py_func, types, _FOLDER)
 
 

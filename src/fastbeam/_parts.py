@@ -81,13 +81,12 @@ _look_up = types.BaseFunction.get_call_type
 def _remember(self: Any, context: Any, arguments: Any, keywords: Any) -> Any:
     """The signature of a call of an operator or function of numba. Types that are equal are one object, which the key keeps alive
     with the implementations that it has found."""
+    if keywords:
+        return _look_up(self, context, arguments, keywords)
     key = self, arguments
-    found = None if keywords else _KNOWN.get(key)
-    if found is None:
-        found = _look_up(self, context, arguments, keywords)
-        if not keywords:
-            _KNOWN[key] = found
-    return found
+    if key not in _KNOWN:
+        _KNOWN[key] = _look_up(self, context, arguments, keywords)
+    return _KNOWN[key]
 
 
 @contextmanager

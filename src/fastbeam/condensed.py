@@ -165,8 +165,7 @@ class CondensedIteration(Iteration):
         self._some = chunks(self._others.size, 1024)
         self._rows = chunks(int(subs.counts[0]), 1024)
         self._blocks = chunks(model.n_blocks + 1, 512)
-        self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk)
-                       for chunk in chunks(subs.block_start.size - 1, 512)]
+        self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
         self._moves: list[Chunk] = []
         if model.ties is not None:
@@ -178,8 +177,7 @@ class CondensedIteration(Iteration):
     # --- loops over nodes ---------------------------------------------------------------------------------------------
     def _copy(self, *pairs: tuple[Array, Array]) -> None:
         """Copy arrays, each a number of doubles for every node."""
-        items = [(source, target, a, b) for source, target in pairs
-                 for a, b in chunks(min(source.size, target.size), 16384)]
+        items = [(source, target, a, b) for source, target in pairs for a, b in chunks(min(source.size, target.size), 16384)]
         self.team.each(lambda _, x: np.copyto(x[1][x[2]:x[3]], x[0][x[2]:x[3]]), items)
 
     def keep(self) -> None:

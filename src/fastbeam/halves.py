@@ -42,6 +42,15 @@ def cut(indptr: Array, indices: Array) -> tuple[Array, Array, Array] | None:
     return np.flatnonzero(rest & (place < n // 2)), np.flatnonzero(rest & (place >= n // 2)), between
 
 
+def settings(more: dict[int, int]) -> Array:
+    """PARDISO's iparm: METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of
+    its own, which would take the present matrix and cost two more solutions; and `more`, by place."""
+    iparm = np.zeros(64, np.int32)
+    for k, value in ({0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 34: 1} | more).items():
+        iparm[k] = value
+    return iparm
+
+
 def unknowns(nodes: Array, size: int) -> Array:
     """Of nodes with `size` each, in turn."""
     return (size * nodes[:, None] + np.arange(size)).reshape(-1)
@@ -80,16 +89,13 @@ class Half:
         first, number = np.repeat(np.cumsum(number) - number, size), np.repeat(number, size)
         start = np.concatenate(([0], np.cumsum(number))).astype(np.int32)
         entry = np.arange(start[-1], dtype=np.int32) + np.repeat((first - start[:-1]).astype(np.int32), number)
-        iparm = np.zeros(64, np.int32)
-        for k, value in {0: 1, 1: 2, 9: 13, 20: 1, 34: 1, 35: 2}.items():
-            iparm[k] = value
         last = np.zeros(n, np.int32)
         last[self.own:] = 1
-        self.rows = unknowns(nodes, size)
+        self.rows, self.between = unknowns(nodes, size), unknowns(between, size)
         self.tables = PardisoTables(
-            np.zeros(64, np.int64), iparm, np.array([1, 1, kernels.UNSYMMETRIC, 0, n, columns, 0, 0], np.int32), last,
+            np.zeros(64, np.int64), settings({35: 2}), np.array([1, 1, kernels.UNSYMMETRIC, 0, n, columns, 0, 0], np.int32), last,
             start, unknowns(column, size).astype(np.int32)[entry], block, block, np.zeros(size**2 * block.size),
-            *(np.zeros((columns, m)) for m in (n, n, 0, 0)), np.zeros(6, np.int64), np.zeros(2))
+            *(np.zeros((columns, m)) for m in (n, n, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
         self.schur = np.zeros((size * between.size,) * 2)
         if self._call(kernels.ANALYSE, self.schur):
             raise ArithmeticError(f"PARDISO error {self.tables.numbers[7]} in the analysis of a half")
@@ -103,17 +109,19 @@ class Half:
         kernels.take_half(self.tables, data, self.own, size)
         return self._call(kernels.FACTOR, self.schur)
 
-    def forward(self, own: Array, between: Array | float) -> int:
-        """Forward substitution for right-hand sides of the half [m, own] and between [m, n]."""
-        self.tables.b[:, :self.own] = own
-        self.tables.b[:, self.own:] = between
+    def forward(self, r: Array) -> int:
+        """Forward substitution for right-hand sides of the whole matrix; of those between the halves, too, a half."""
+        self.tables.b[:, :self.own] = r[:, self.rows]
+        self.tables.b[:, self.own:] = 0.5 * r[:, self.between]
         return self._call(kernels.FORWARD, self.tables.x)
 
-    def backward(self, between: Array) -> int:
-        """The solution, from that between the halves."""
+    def backward(self, z: Array, y: Array) -> int:
+        """The solution, from that between the halves, to its rows of y."""
         self.tables.b[:] = self.tables.x
-        self.tables.b[:, self.own:] = between
-        return self._call(kernels.BACKWARD, self.tables.x)
+        self.tables.b[:, self.own:] = z
+        code = self._call(kernels.BACKWARD, self.tables.x)
+        y[:, self.rows] = self.tables.x[:, :self.own]
+        return code
 
     def __del__(self) -> None:
         tables = getattr(self, "tables", None)
@@ -143,11 +151,11 @@ class Halves:
         self._mkl, self.tables = mkl, tables
         *halves, between = parts
         self.halves = [Half(mkl, nodes, between, tables.indptr, tables.indices, tables.b.shape[0], size) for nodes in halves]
-        self._between = unknowns(between, size)
-        n = self._between.size
         # both Schur complements are added up, and factored, in the place of the first
-        self._dense, self._pivots = self.halves[0].schur, np.zeros(n, np.int32)
-        self._lapack = np.array([n, tables.b.shape[0], 0], np.int32)
+        self._dense = self.halves[0].schur
+        n = len(self._dense)
+        self._pivots, self._lapack = np.zeros(n, np.int32), np.array([n, tables.b.shape[0], 0], np.int32)
+        self._n, self._m, self._info = (self._lapack.ctypes.data + 4 * k for k in range(3))
 
     @property
     def factor_bytes(self) -> int:
@@ -157,7 +165,7 @@ class Halves:
     @property
     def arrays(self) -> list[Array]:
         """What the halves keep besides."""
-        return [x for half in self.halves for x in (*half.tables._replace(mirror=half.rows), half.schur)][:-1]
+        return [*(x for half in self.halves for x in (*half.tables, half.rows)), self.halves[1].schur]
 
     def solve(self, blocks: Array, panel: Array, width: int, size: Any, each: Each) -> bool:
         """Like `kernels.sparse.solve_sparse`, the halves by `each` (as `condensed.Team.each`)."""
@@ -176,29 +184,20 @@ class Halves:
         if any(codes):
             return 1
         self._dense += self.halves[1].schur
-        n, _, info = (self._lapack.ctypes.data + 4 * k for k in range(3))
-        self._call("dgetrf", n, n, self._dense.ctypes.data, n, self._pivots.ctypes.data, info)
+        self._call("dgetrf", self._n, self._n, self._dense.ctypes.data, self._n, self._pivots.ctypes.data, self._info)
         return int(self._lapack[2])
 
     def _correct(self, each: Each) -> int:
         """y = K^-1 r."""
-        t = self.tables
-        between = t.r[:, self._between]
-        codes = each(lambda _, x: x[1].forward(t.r[:, x[1].rows], 0.0 if x[0] else between), list(enumerate(self.halves)))
-        own = self.halves[0].own, self.halves[1].own
-        z = self.halves[0].tables.x[:, own[0]:] + self.halves[1].tables.x[:, own[1]:]
-        n, m, info = (self._lapack.ctypes.data + 4 * k for k in range(3))
+        r, y = self.tables.r, self.tables.y
+        codes = each(lambda _, half: half.forward(r), self.halves)
+        first, second = (half.tables.x[:, half.own:] for half in self.halves)
+        z = first + second
         # rows of C are columns of Fortran
-        self._call("dgetrs", b"T", n, m, self._dense.ctypes.data, n, self._pivots.ctypes.data, z.ctypes.data, n, info)
-        codes += [int(self._lapack[2])]
-
-        def backward(_: int, half: Half) -> int:
-            code = half.backward(z)
-            t.y[:, half.rows] = half.tables.x[:, :half.own]
-            return code
-
-        codes += each(backward, self.halves)
-        t.y[:, self._between] = z
+        self._call("dgetrs", b"T", self._n, self._m, self._dense.ctypes.data, self._n, self._pivots.ctypes.data, z.ctypes.data,
+                   self._n, self._info)
+        codes += [self._lapack[2], *each(lambda _, half: half.backward(z, y), self.halves)]
+        y[:, self.halves[0].between] = z
         return int(any(codes))
 
     def _call(self, name: str, *pointers: Any) -> None:

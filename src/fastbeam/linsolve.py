@@ -17,7 +17,7 @@ import numpy as np
 
 from ._jit import link_library
 from .errors import BackendError
-from .halves import Each, Halves, cut, on_threads
+from .halves import Each, Halves, cut, on_threads, settings
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .pattern import Pattern
@@ -90,18 +90,14 @@ class Pardiso:
         self._mkl = mkl
         # threads cost more than they bring in small systems
         self._threads = 1 if size * n < SMALL else threads or mkl.MKL_Get_Max_Threads()
-        iparm = np.zeros(64, np.int32)
         kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
-        # METIS order, no scaling or matching (they are computed from the values of the analysis), no refinement of its own, which
-        # would take the present matrix and cost two more solutions
-        for k, value in {0: 1, 1: 2, 7: 0, 9: 13, 20: 1, 33: REPRODUCIBLE if reproducible else 0, 34: 1, 36: size}.items():
-            iparm[k] = value
+        iparm = settings({33: REPRODUCIBLE if reproducible else 0, 36: size})
         self._call = kernels.call_pardiso
         self.halves: Halves | None = None
         self.tables = PardisoTables(
             np.zeros(64, np.int64), iparm, np.array([1, 1, kind, 0, n, columns, 0, 0], np.int32), np.zeros(max(n, 1), np.int32),
             indptr.astype(np.int32), indices.astype(np.int32), block, mirror, np.zeros(size**2 * indices.size),
-            *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(6, np.int64), np.zeros(2))
+            *(np.zeros((columns, size * n)) for _ in range(4)), np.zeros(5, np.int64), np.zeros(2))
         if reproducible and not symmetric and size * n >= HALVES_FROM:
             parts = cut(self.tables.indptr, self.tables.indices)
             if parts is not None:

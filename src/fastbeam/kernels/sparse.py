@@ -46,8 +46,8 @@ class PardisoTables(NamedTuple):
     x: np.ndarray         # float64 [m, n rows]
     r: np.ndarray         # float64 [m, n rows]: residuals
     y: np.ndarray         # float64 [m, n rows]: corrections
-    counts: np.ndarray    # int64 [6]: factorisations, refinements, solutions with earlier factors, 1 where there are factors of
-    #                       this step; of the present solution: 1 with new factors, corrections
+    counts: np.ndarray    # int64 [5]: factorisations, refinements, solutions with earlier factors, 1 where there are factors of
+    #                       an earlier solution of this step, corrections of the present one
     worst: np.ndarray     # float64 [2]: largest accepted relative residual; that before the next correction
 
 
@@ -154,7 +154,7 @@ def load_system(t, blocks, panel, width, size):
 @kernel
 def start_corrections(t):
     """Go from x = 0, whose residual is b."""
-    t.counts[5] = 0
+    t.counts[4] = 0
     t.worst[1] = 1.0
     for m in range(t.b.shape[0]):
         for i in range(t.b.shape[1]):
@@ -173,9 +173,7 @@ def go_on(t, phase, code, size):
     if phase == FACTOR:
         t.counts[0] += 1
         t.counts[3] = 0
-        t.counts[4] = 1
         return start_corrections(t) if code == 0 else FAILED
-    fresh = t.counts[4] != 0
     worst = np.inf
     if code == 0:
         for m in range(t.b.shape[0]):
@@ -184,12 +182,12 @@ def go_on(t, phase, code, size):
         worst = block_residual(t, t.x, t.b, t.r, size)
     before = t.worst[1]
     t.worst[1] = worst
-    t.counts[5] += 1
-    if not fresh:
+    t.counts[4] += 1
+    if t.counts[3] != 0:
         if not worst <= AGAIN_AT:
-            return SOLVE if worst <= WORTH * before and t.counts[5] < 5 else FACTOR
+            return SOLVE if worst <= WORTH * before and t.counts[4] < 5 else FACTOR
         t.counts[2] += 1
-    elif t.counts[5] == 1 and worst > REFINE_AT and worst < 1.0:
+    elif t.counts[4] == 1 and worst > REFINE_AT and worst < 1.0:
         t.counts[1] += 1
         return SOLVE
     elif not worst <= REFUSE_AT:
@@ -198,7 +196,6 @@ def go_on(t, phase, code, size):
         if not distance(t, t.x, t.b, t.r, t.y, size) <= NEAR:
             return FAILED
     t.counts[3] = 1
-    t.counts[4] = 0
     t.worst[0] = max(t.worst[0], worst)
     return DONE
 
