@@ -67,47 +67,75 @@ def project(q_mid: Array, f: Array) -> Array:
 
 
 # ----------------------------------------------------------------------------------------------------------------- beams
-def strains(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
-    """Six strains [..., 6] from phi' [..., 3], directors and their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
+def quadratic_forms(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
+    """The six quadratic forms [..., 6] that the strains are made of, from phi' [..., 3], directors and their derivatives
+    [..., 3, 3]; theory.md (2.1), (2.4)."""
     def dot(a: Array, b: Array) -> Array:
         return np.einsum("...c,...c->...", a, b)
 
     d1, d2, d3 = (d[..., i, :] for i in range(3))
     d1_s, d2_s, d3_s = (d_s[..., i, :] for i in range(3))
-    gamma2, gamma3 = dot(phi_s, d2), dot(phi_s, d3)
     kappa1 = 0.5 * (dot(d2_s, d3) - dot(d3_s, d2))
     if kind == "simo_reissner":
-        axial = dot(phi_s, d1) - 1.0
         kappa2, kappa3 = 0.5 * (dot(d3_s, d1) - dot(d1_s, d3)), 0.5 * (dot(d1_s, d2) - dot(d2_s, d1))
     else:
-        axial = 0.5 * (dot(phi_s, phi_s) - 1.0)
         kappa2, kappa3 = dot(phi_s, d3_s), -dot(phi_s, d2_s)
-    return np.stack((axial, gamma2, gamma3, kappa1, kappa2, kappa3), axis=-1)
+    return np.stack((0.5 * dot(phi_s, phi_s), dot(phi_s, d2), dot(phi_s, d3), kappa1, kappa2, kappa3), axis=-1)
 
 
-def beam_strains(beam: Beam, q: Array) -> Array:
-    """Strains [..., e, nq, 6] at the quadrature points of all elements for coordinates [..., e, nn, 4, 3]; theory.md (1.1)."""
+def stretch(forms: Array) -> Array:
+    """sqrt(phi'.phi' - Gamma_2^2 - Gamma_3^2); theory.md (2.2)."""
+    return np.sqrt(2.0 * forms[..., 0] - forms[..., 1]**2 - forms[..., 2]**2)
+
+
+def strains_of(kind: str, forms: Array) -> Array:
+    """The six strains [..., 6] from the quadratic forms; theory.md (2.1), (2.2)."""
+    axial = stretch(forms) - 1.0 if kind == "simo_reissner" else forms[..., 0] - 0.5
+    return np.concatenate((axial[..., None], forms[..., 1:]), axis=-1)
+
+
+def beam_forms(beam: Beam, q: Array) -> Array:
+    """Quadratic forms [..., e, nq, 6] at the quadrature points of all elements for coordinates [..., e, nn, 4, 3]; theory.md
+    (1.1)."""
     b = beam.basis
     phi_s = np.einsum("egn,...enc->...egc", b.phi_s, q[..., 0, :])
     d = np.einsum("egn,...enic->...egic", b.dir, q[..., 1:, :])
-    return strains(beam.strain, phi_s, d, np.einsum("egn,...enic->...egic", b.dir_s, q[..., 1:, :]))
+    return quadratic_forms(beam.strain, phi_s, d, np.einsum("egn,...enic->...egic", b.dir_s, q[..., 1:, :]))
 
 
-def strain_matrix(beam: Beam, q_mid: Array) -> Array:
-    """B(qbar) of all elements, [12 nn, e, nq, 6]: exactly B(qbar) x = (E(qbar + x) - E(qbar - x)) / 2, as E is quadratic."""
+def beam_strains(beam: Beam, q: Array) -> Array:
+    """Strains of the same points."""
+    return strains_of(beam.strain, beam_forms(beam, q))
+
+
+def form_matrix(beam: Beam, q_mid: Array) -> Array:
+    """B(qbar) of all elements, [12 nn, e, nq, 6]: exactly B(qbar) x = (Q(qbar + x) - Q(qbar - x)) / 2, as Q is quadratic."""
     nn = q_mid.shape[1]
     x = np.eye(12 * nn).reshape(-1, 1, nn, 4, 3)
-    return 0.5 * (beam_strains(beam, q_mid + x) - beam_strains(beam, q_mid - x))
+    return 0.5 * (beam_forms(beam, q_mid + x) - beam_forms(beam, q_mid - x))
+
+
+def stresses_of_forms(kind: str, stress: Array, forms: tuple[Array, Array]) -> Array:
+    """What multiplies the derivatives of the quadratic forms, so that its work is that of the mean stress: s . DQ = Sbar . DE;
+    theory.md (4.7). `forms`: at both ends of the step."""
+    if kind != "simo_reissner":
+        return stress
+    s, mean = stress.copy(), 0.5 * (forms[0] + forms[1])
+    s[..., 0] /= 0.5 * (stretch(forms[0]) + stretch(forms[1]))
+    s[..., 1:3] -= s[..., :1] * mean[..., 1:3]
+    return s
 
 
 def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
-    """int B(qbar)^T Sbar ds with Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; theory.md (4.1)."""
+    """int B(qbar)^T s ds with the stresses of Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; theory.md (4.1)."""
     nodes = beam.basis.element_nodes
-    mean = 0.5 * (beam_strains(beam, q_n[nodes]) + beam_strains(beam, q_n1[nodes]))
+    forms = beam_forms(beam, q_n[nodes]), beam_forms(beam, q_n1[nodes])
+    mean = 0.5 * (strains_of(beam.strain, forms[0]) + strains_of(beam.strain, forms[1]))
     stress = (mean - beam_strains(beam, q_ref[nodes])) @ beam.section.C
-    b = strain_matrix(beam, 0.5 * (q_n[nodes] + q_n1[nodes]))
+    b = form_matrix(beam, 0.5 * (q_n[nodes] + q_n1[nodes]))
     f = np.zeros_like(q_n)
-    np.add.at(f, nodes, np.einsum("xegi,egi,eg->ex", b, stress, beam.basis.weight).reshape(*nodes.shape, 4, 3))
+    s = stresses_of_forms(beam.strain, stress, forms)
+    np.add.at(f, nodes, np.einsum("xegi,egi,eg->ex", b, s, beam.basis.weight).reshape(*nodes.shape, 4, 3))
     return f
 
 

@@ -71,8 +71,8 @@ def elements_of(part: Beam | Net, first: int) -> Elements:
 
 
 def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
-    """Quadratic part of the six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3]:
-    [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
+    """The six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3], but for the constant 1 or
+    1/2 of the first: [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
     nodes = elements.nodes[some]
     f = np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes])
     d_g = np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes])
@@ -81,7 +81,8 @@ def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> 
     k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
     twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
     if elements.strain == "simo_reissner":
-        e = [_dot(f, d1), _dot(f, d2), _dot(f, d3), twist, 0.5 * (_dot(k3, d1) - _dot(k1, d3)),
+        stretch = np.sqrt(_dot(f, f) - _dot(f, d2)**2 - _dot(f, d3)**2)
+        e = [stretch, _dot(f, d2), _dot(f, d3), twist, 0.5 * (_dot(k3, d1) - _dot(k1, d3)),
              0.5 * (_dot(k1, d2) - _dot(k2, d1))]
     else:
         e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]

@@ -23,7 +23,8 @@ from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, S
 from fastbeam.tables import pack_curves
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import Twin, beam_strains, cay, cayley_vector, increments, project, skew, strain_matrix  # noqa: E402
+from naive import (Twin, beam_forms, beam_strains, cay, cayley_vector, form_matrix, increments, internal_forces,  # noqa: E402
+                   project, skew, strains_of, stresses_of_forms)
 
 Array = np.ndarray
 EXACT = 1e-14  # a handful of operations on numbers of order one
@@ -419,9 +420,10 @@ class Elements:
         return ElementTables(np.array(meta, np.int64), *(np.ascontiguousarray(np.concatenate(x)) for x in arrays))
 
     def assemble(self, tables: ElementTables, inertia: bool = True) -> tuple[Array, Array]:
-        """Residual rows and blocks at a fixed random state, without what idle lanes write to."""
+        """Residual rows and blocks at a fixed random state near the reference, without what idle lanes write to."""
         q, moves, u = np.random.default_rng(10).standard_normal((3, 12 * self.model.n_nodes))
-        dphi, theta = np.split(moves, 4)[:2]
+        q = self.model.q0 + 0.02 * q
+        dphi, theta = np.split(0.02 * moves, 4)[:2]
         return self.at(q, dphi, u if inertia else None, Line(np.zeros(3), theta, u, None), 800.0, tables)
 
     def at(self, q: Array, dphi: Array | None, u: Array | None, line: Line, rate: float,
@@ -490,8 +492,9 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     elements = Elements(compile_scene(Scene(beam), eliminate_inner=False))
     n = beam.n_nodes
     nodes, reference = beam.basis.element_nodes, elements.model.q0.reshape(n, 4, 3)
-    start = reference + 0.3 * rng.standard_normal((n, 4, 3))
-    shift, move, spin, before = np.array([0.3, 0.4, 0.4, 0.5])[:, None, None] * rng.standard_normal((4, n, 3))
+    # no point may be compressed to nothing: the element is 0.6 m long
+    start = reference + 0.05 * rng.standard_normal((n, 4, 3))
+    shift, move, spin, before = np.array([0.03, 0.08, 0.4, 0.2])[:, None, None] * rng.standard_normal((4, n, 3))
     if not moving:
         shift, before = np.zeros((2, n, 3))
     # a Newton iteration adds this to the Cayley vectors of a step
@@ -503,7 +506,13 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     def strain_of(q: Array) -> Array:
         return beam_strains(beam, q[nodes]) - beam_strains(beam, reference[nodes])
 
-    slope = 0.5 * (strain_of(last + change) - strain_of(last - change))  # exact, strains are quadratic
+    def slope_of(q: Array, x: Array) -> Array:
+        """Derivative of the strains along x: exact for the quadratic forms, by complex numbers for what they are made into."""
+        forms = beam_forms(beam, q[nodes])
+        along = np.einsum("xegi,x->egi", form_matrix(beam, q[nodes]), x[nodes].reshape(-1))
+        return strains_of(strain, forms + 1e-30j * along).imag / 1e-30
+
+    slope = slope_of(last, change)
     # (E(start) + E(end))/2 from mid and end as the kernel forms it, with the end on the line; at rest the start moves, too
     now = 0.5 * (strain_of(2.0 * mid - end) + strain_of(end)) if moving else strain_of(end)
     on_line = now + (0.5 if moving else 1.0) * (strain_of(last) + slope - strain_of(end))
@@ -511,8 +520,10 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     def rows(x: Array) -> Array:
         moved = np.concatenate((x[:, None, :3], np.cross(x[:, None, 3:], end[:, 1:])), axis=1)
         at = mid + 0.5 * moved
-        stress = (on_line + 0.5 * np.einsum("xegi,x->egi", strain_matrix(beam, end[nodes]), moved[nodes].reshape(-1))) @ SECTION.C
-        f = np.einsum("xegi,egi,eg->x", strain_matrix(beam, at[nodes]), stress, beam.basis.weight).reshape(n, 4, 3)
+        stress = (on_line + 0.5 * slope_of(end, moved)) @ SECTION.C
+        both = beam_forms(beam, (2.0 * mid - end)[nodes]), beam_forms(beam, (end + moved)[nodes])
+        s = stresses_of_forms(strain, stress, both)
+        f = np.einsum("xegi,egi,eg->x", form_matrix(beam, at[nodes]), s, beam.basis.weight).reshape(n, 4, 3)
         return project(at, f)
 
     expected = np.zeros((6 * n, 6 * n))
@@ -534,8 +545,7 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
         for block, i, j in zip(blocks.reshape(-1, 6, 8), pattern.rows, pattern.columns):
             out[i, :, j] = block[:, :6]
         found = out[row_of][:, :, row_of].reshape(6 * n, 6 * n)
-        stress = now @ SECTION.C
-        f = np.einsum("xegi,egi,eg->x", strain_matrix(beam, mid[nodes]), stress, beam.basis.weight).reshape(n, 4, 3)
+        f = internal_forces(beam, reference, 2.0 * mid - end, end)
         np.testing.assert_allclose(r[row_of, :6], project(mid, f), rtol=0, atol=1e-12 * np.max(np.abs(f)))
         return found
 

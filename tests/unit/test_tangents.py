@@ -246,9 +246,15 @@ def random_move(twin: Twin, rng: np.random.Generator, position: float, rotation:
     return x[:, :3], x[:, 3:]
 
 
+def sizes_of_moves(twin: Twin) -> tuple[float, float]:
+    """Of positions (m) and rotations (rad), so that no point of a beam is compressed to nothing."""
+    spacing = min((float(np.diff(beam.node_s).min()) for beam in twin.scene.beams), default=1.0)
+    return 0.12 * spacing, min(0.3, 0.8 * spacing)
+
+
 def deformed(twin: Twin, rng: np.random.Generator) -> Array:
     """A configuration away from the reference that all joints allow."""
-    return twin.q0 + twin.connected(increments(twin.q0, *random_move(twin, rng, 0.1, 0.2)))
+    return twin.q0 + twin.connected(increments(twin.q0, *random_move(twin, rng, *sizes_of_moves(twin))))
 
 
 def trial_step(scene: Scene, twin: Twin, ends: tuple[tuple[float, float], ...]) -> Step:
@@ -258,7 +264,7 @@ def trial_step(scene: Scene, twin: Twin, ends: tuple[tuple[float, float], ...]) 
     lengths = np.array([slider.beam.length for slider in scene.sliders])
     s = np.array(ends).reshape(-1, 2).T * lengths
     v_n = twin.connected(rng.standard_normal((twin.n, 4, 3)))
-    return Step(q_n, v_n, *random_move(twin, rng, 0.1, 0.3), s[0], s[1], 5.0 * rng.standard_normal((lengths.size, 3)), H)
+    return Step(q_n, v_n, *random_move(twin, rng, *sizes_of_moves(twin)), s[0], s[1], 5.0 * rng.standard_normal((lengths.size, 3)), H)
 
 
 def flat(residual: tuple[Array, Array], twin: Twin) -> Array:

@@ -398,6 +398,16 @@ def largest(tc, x, y):
 
 
 @intrinsic
+def square_root(tc, x):
+    """Square roots lane by lane, NaN where a number is negative."""
+    def codegen(ctx, b, sig, args):
+        lanes = _lane_ir(x)
+        name = f"llvm.sqrt.v{x.lanes}f64"
+        return b.call(cgutils.get_or_insert_function(b.module, ir.FunctionType(lanes, [lanes]), name), [args[0]])
+    return x(x), codegen
+
+
+@intrinsic
 def root(tc, x):
     """Square roots lane by lane, zero where a number is negative."""
     def codegen(ctx, b, sig, args):

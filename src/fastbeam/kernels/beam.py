@@ -34,7 +34,7 @@ from .algebra import pzerom as vzerom
 from .inner import eliminate_inner
 from .rows import gather_lanes, scatter_rows
 from .gather import gather_ends, gather_line
-from .strains import Q_LANES, interpolate, mean_strains, stresses, unused_strains
+from .strains import AXIAL_LANES, Q_LANES, interpolate, mean_strains, stresses, unused_strains
 from .work import FROM_START
 
 EIGHTEEN = (0,) * 18   # three columns for each of two directors, as `blocks.SIX`
@@ -63,17 +63,25 @@ def group_table_size(nn: int, nq: int) -> int:
 
 def scratch_size(nn: int, nq: int) -> int:
     """Doubles of scratch that a group needs."""
-    per_point = 6 + 9 + 21 + 21 + 18 + 18 + nn * (18 + 18 + 9 + 9)
-    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nq * per_point + nn * (18 + 24 + 12))
+    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nn * (18 + 24 + 12)) + nq * point_scratch_size(nn)
+
+
+@one_variant
+def point_scratch_size(nn):
+    """Doubles of scratch of a point: stresses, matrix of the positions, four rows and matrices of every node, translation rows of
+    the midpoint and of the end, what the stretch needs."""
+    return 8 * (6 + 9 + 54 * nn + 18 + 18 + AXIAL_LANES)
 
 
 @kernel
-def translation_rows(scratch, z, green, out):
-    """Derivatives of the six strains by phi': vectors t_i; (2.2) has only the first three."""
+def translation_rows(scratch, z, green, ao, out):
+    """Derivatives of the six strains by phi': vectors t_i; (2.2) has only the first three. ao: shears and 1 / stretch."""
     if green is None:
-        vst3(scratch, out, 8, vld3(scratch, z + 24, 8))
-        vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
-        vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
+        d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+        axial = vld3(scratch, z, 8) - vld(scratch, ao, 0) * d2 - vld(scratch, ao + 8, 0) * d3
+        vst3(scratch, out, 8, vld(scratch, ao + 16, 0) * axial)
+        vst3(scratch, out + 24, 8, d2)
+        vst3(scratch, out + 48, 8, d3)
     else:
         vst3(scratch, out, 8, vld3(scratch, z, 8))
         vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
@@ -84,8 +92,8 @@ def translation_rows(scratch, z, green, out):
 
 
 @kernel
-def rotation_rows(scratch, z, q, n, dn, green, out):
-    """Derivatives of the six strains by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi)."""
+def rotation_rows(scratch, z, q, n, dn, green, ao, out):
+    """Derivatives of the six strains by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi). ao: shears, 1 / stretch."""
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
@@ -97,9 +105,12 @@ def rotation_rows(scratch, z, q, n, dn, green, out):
         d1 = vld3(scratch, z + 24, 8); k1 = vld3(scratch, z + 96, 8); y1 = vld3(scratch, q + 24, 8)
         p1 = half_dn * d1 - half_n * k1
         nf = n * f
-        vst3(scratch, out, 8, cross(y1, nf))
-        vst3(scratch, out + 24, 8, cross(y2, nf))
-        vst3(scratch, out + 48, 8, cross(y3, nf))
+        b2 = cross(y2, nf)
+        b3 = cross(y3, nf)
+        axial = vld(scratch, ao, 0) * b2 + vld(scratch, ao + 8, 0) * b3
+        vst3(scratch, out, 8, (-1.0 * vld(scratch, ao + 16, 0)) * axial)
+        vst3(scratch, out + 24, 8, b2)
+        vst3(scratch, out + 48, 8, b3)
         vst3(scratch, out + 96, 8, cross(y3, p1) - cross(y1, p3))
         vst3(scratch, out + 120, 8, cross(y1, p2) - cross(y2, p1))
     else:
@@ -127,8 +138,8 @@ def add_forces(tab, to, nn, scratch, z, so, green, positions, fo):
     y3 = -1.0 * (s4 * d2)
     if green is None:
         s5 = 0.5 * vld(scratch, so + 32, 0); s6 = 0.5 * vld(scratch, so + 40, 0)
-        x0 = s1 * d1 + s2 * d2 + s3 * d3
-        x1 = s1 * f + s5 * k3 - s6 * k2
+        x0 = s1 * f + s2 * d2 + s3 * d3
+        x1 = s5 * k3 - s6 * k2
         y1 = s6 * d2 - s5 * d3
         x2 += s6 * k1
         y2 -= s6 * d1
@@ -161,29 +172,21 @@ def point_stiffness(tab, co, to, nn, coupled, green, scratch, z_mid, z_end, qo, 
     nc = 6 if coupled else nt
     tm = po + 8 * (9 + 54 * nn)
     te = tm + 144
+    ao = te + 144
     # room behind z_mid and z_end: rows of the end of one node, stiffness times translation rows of the end
     re = z_mid + 504
     ct = re + 144
-    translation_rows(scratch, z_mid, green, tm)
-    translation_rows(scratch, z_end, green, te)
-    half_w = 0.5 * vld(tab, to, 0)
-    if coupled:
-        multiply_rows(tab, co, half_w, nt, scratch, te, ct)
-    else:
-        for i in range(nt):
-            vst3(scratch, ct + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, te + 24 * i, 8))
+    translation_rows(scratch, z_mid, green, ao, tm)
+    translation_rows(scratch, z_end, green, ao + 24, te)
+    multiply_rows(tab, co, to, coupled, nt, scratch, te, ct, green, so)
     for a in range(nn):
         t = to + 8 + 24 * a
         n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
         b = po + 72 + 432 * a
         cb = b + 144
-        rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, green, b)
-        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, green, re)
-        if coupled:
-            multiply_rows(tab, co, half_w, 6, scratch, re, cb)
-        else:
-            for i in range(6):
-                vst3(scratch, cb + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, re + 24 * i, 8))
+        rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, green, ao, b)
+        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, green, ao + 24, re)
+        multiply_rows(tab, co, to, coupled, 6, scratch, re, cb, green, so)
         tr = vzerom()
         for i in range(nt):
             tr += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, cb + 24 * i, 8))
@@ -195,19 +198,33 @@ def point_stiffness(tab, co, to, nn, coupled, green, scratch, z_mid, z_end, qo, 
     tt = vzerom()
     for i in range(nt):
         tt += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
-    if green is not None:
-        tt = add_iso(tt, 0.5 * vld(scratch, so, 0))
-    vstm(scratch, po, 8, tt)
+    vstm(scratch, po, 8, add_iso(tt, 0.5 * vld(scratch, so, 0)))
 
 
 @kernel
-def multiply_rows(tab, co, factor, n, scratch, rows, out):
-    """factor times C times n vectors (those behind are zero) for a coupled section: six vectors."""
-    for i in range(6):
-        x = vzero3()
-        for j in range(n):
-            x += (factor * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
-        vst3(scratch, out + 24 * i, 8, x)
+def multiply_rows(tab, co, to, coupled, n, scratch, rows, out, green, so):
+    """Half of the weight times C times n vectors (those behind are zero); of strain set (2.2) C less the axial stress over the
+    stretch on its first three diagonal entries, theory.md (4.8). Six vectors of a coupled section, else n."""
+    half_w = 0.5 * vld(tab, to, 0)
+    if coupled:
+        for i in range(6):
+            x = vzero3()
+            for j in range(n):
+                x += (half_w * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
+            vst3(scratch, out + 24 * i, 8, x)
+        if green is None:
+            axial = -0.5 * vld(scratch, so, 0)
+            for i in range(3):
+                vadd3(scratch, out + 24 * i, 8, axial * vld3(scratch, rows + 24 * i, 8))
+    else:
+        first = 0
+        if green is None:
+            first = 3
+            axial = 0.5 * vld(scratch, so, 0)
+            for i in range(3):
+                vst3(scratch, out + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0) - axial) * vld3(scratch, rows + 24 * i, 8))
+        for i in range(first, n):
+            vst3(scratch, out + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, rows + 24 * i, 8))
 
 
 @kernel
@@ -256,7 +273,7 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
     vst_matrix(scratch, ko + 168, 48, 8, add_iso(krr, -1.0 * iso))
     # position against rotation, with the sums of stress times basis products
     ktr = vzerom()
-    h1 = vzero(); h2 = vzero(); h3 = vzero()
+    h2 = vzero(); h3 = vzero()
     for g in range(nq):
         t = to0 + pt * g + 8
         so = so0 + ps * g
@@ -264,18 +281,14 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
         ktr += pa * vldm(scratch, po0 + ps * g + 432 + 432 * b, 8)
         pn = pa * nb
         h2 += pn * vld(scratch, so + 8, 0); h3 += pn * vld(scratch, so + 16, 0)
-        if green is None:
-            h1 += pn * vld(scratch, so, 0)
-        else:
+        if green is not None:
             pd = pa * vld(tab, t + 24 * b + 16, 0)
             h2 -= pd * vld(scratch, so + 40, 0); h3 += pd * vld(scratch, so + 32, 0)
     v = h2 * b2 + h3 * b3
-    if green is None:
-        v += h1 * vld3(scratch, qb + 24, 8)
     vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
     # rotation against position
     krt = vzerom()
-    g1 = vzero(); g2 = vzero(); g3 = vzero()
+    g2 = vzero(); g3 = vzero()
     for g in range(nq):
         t = to0 + pt * g + 8
         so = so0 + ps * g
@@ -283,14 +296,10 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
         krt += pb * vldm(scratch, po0 + ps * g + 360 + 432 * a, 8)
         pn = na * pb
         g2 += pn * vld(scratch, so + 8, 0); g3 += pn * vld(scratch, so + 16, 0)
-        if green is None:
-            g1 += pn * vld(scratch, so, 0)
-        else:
+        if green is not None:
             dp = vld(tab, t + 24 * a + 16, 0) * pb
             g2 -= dp * vld(scratch, so + 40, 0); g3 += dp * vld(scratch, so + 32, 0)
     u = g2 * a2 + g3 * a3
-    if green is None:
-        u += g1 * vld3(scratch, qa + 24, 8)
     vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
     # position against position
     ktt = vzerom()
@@ -362,7 +371,7 @@ def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u
     inertia, reference strains; in scratch coordinates, second rates, forces, residual, tangent, points, spin rates, the line,
     forces of the tangent."""
     pt = 8 * (1 + 3 * nn)
-    ps = 8 * (6 + 9 + 54 * nn + 78)
+    ps = point_scratch_size(nn)
     for i in range(fo, fo + 96 * nn, 8):
         vst(scratch, i, 0, 0.0)
     if v is not None or u is not None:
@@ -380,8 +389,9 @@ def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u
         interpolate(tab, to, nn, scratch, qo, zm)
         interpolate(tab, to, nn, scratch, qo + 96, ze)
         room = zm + 720
-        mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room)
-        stresses(tab, co, to, coupled, scratch, eo, so)
+        ao = so + ps - 8 * AXIAL_LANES
+        mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room, ao)
+        stresses(tab, co, to, coupled, scratch, eo, so, green, ao)
         add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
         if mixed:
             zl = zm + 384
@@ -393,8 +403,8 @@ def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u
                 for i in range(0, 168, 8):
                     vst(scratch, zl + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
                     vst(scratch, zs + i, 0, 0.0)
-            unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room)
-            stresses(tab, co, to, coupled, scratch, eo, room)
+            unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room, ao)
+            stresses(tab, co, to, coupled, scratch, eo, room, green, ao)
             add_forces(tab, to, nn, scratch, zm, room, green, None, go)
             for i in range(0, 48, 8):
                 vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
@@ -451,7 +461,7 @@ def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spi
         ro = fo + 96 * nn
         ko = ro + 48 * nn
         so0 = ko + 288 * nn * nn
-        ps = 8 * (6 + 9 + 54 * nn + 78)
+        ps = point_scratch_size(nn)
         for a in range(nn):
             gather_ends(tables, no + 8 * a, q, dphi, line, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a)
         vo = so0 + nq * ps

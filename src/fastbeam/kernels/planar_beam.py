@@ -3,7 +3,8 @@
 A node has 4 coordinates: its position x, y in the plane and the director u = d1 in it. The other director of the plane is
 J u, u turned by a right angle, the third is the constant normal. The strains that remain are (theory.md 10)
 
-    stretch  f . u  or  1/2 f . f,     shear  u x f,     curvature  u x u'  or  f x u'          (f = phi', x: normal component)
+    stretch  sqrt(f . f - shear^2)  or  1/2 f . f,     shear  u x f,     curvature  u x u'  or  f x u'
+    (f = phi', x: normal component)
 
 where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
 director, columns with the spin at the end.
@@ -14,7 +15,7 @@ rhoA, rhoI; position masses nn*nn; director masses nn*nn. Reference strains, 3 p
 from __future__ import annotations
 
 from .._jit import kernel, one_variant
-from .algebra import component0, component1, cross2, dot, perp, vadd2, vld, vld2, vst, vst2, vzero, vzero2
+from .algebra import component0, component1, cross2, dot, perp, square_root, vadd2, vld, vld2, vst, vst2, vzero, vzero2
 from .inner import eliminate_inner
 from .rows import scatter_rows
 from .gather import gather_planar_ends, gather_planar_line
@@ -53,11 +54,19 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
     # mean strains: quadratic forms, so those of the midpoint plus those of half the increment
     df = fe - f; du = ue - u; dk = ke - k
     g = cross2(u, f) + cross2(du, df)
+    e = 0.5 * (dot(f, f) + dot(df, df))
     if green is None:
-        e = dot(f, u) + dot(df, du)
         c = cross2(u, k) + cross2(du, dk)
+        # the stretch is the root of a quadratic form, which at the start is twice its mean less that at the end
+        form_end = 0.5 * dot(fe, fe)
+        g_mean = g
+        g_end = cross2(ue, fe)
+        end = square_root(2.0 * form_end - g_end * g_end)
+        g_start = 2.0 * g - g_end
+        e = 0.5 * (end + square_root(4.0 * e - 2.0 * form_end - g_start * g_start))
+        over = 1.0 / e
+        over_end = 1.0 / end
     else:
-        e = 0.5 * (dot(f, f) + dot(df, df))
         c = cross2(f, k) + cross2(df, dk)
     w = vld(tab, to, 0)
     e -= vld(tab, e0, 0); g -= vld(tab, e0 + 8, 0); c -= vld(tab, e0 + 16, 0)
@@ -66,7 +75,11 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
     s1 = c00 * e + c01 * g + c02 * c
     s2 = c01 * e + c11 * g + c12 * c
     s3 = c02 * e + c12 * g + c22 * c
-    vst(scratch, po, 0, s1); vst(scratch, po + 8, 0, s2); vst(scratch, po + 16, 0, s3)
+    if green is None:
+        # what multiplies the derivatives of the quadratic forms, theory.md (4.7)
+        s1 = s1 * over
+        s2 = s2 - s1 * g_mean
+    t1s = s1; t2s = s2; t3s = s3
     if mixed:
         # what the mean strains, linear in the last increment, lack to them, theory.md (4.6)
         fl = vzero2(); ul = vzero2(); kl = vzero2(); fs = vzero2(); us = vzero2(); ks = vzero2()
@@ -81,11 +94,15 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
         else:
             fl = 2.0 * f - fe; ul = 2.0 * u - ue; kl = 2.0 * k - ke
         g = cross2(ul, fl) - cross2(us, fs) - cross2(ue, fe)
+        e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
         if green is None:
-            e = dot(fl, ul) - dot(fs, us) - dot(fe, ue)
             c = cross2(ul, kl) - cross2(us, ks) - cross2(ue, ke)
+            # the stretch at fl - fs, extrapolated to fl by its derivative there
+            fb = fl - fs
+            form = 0.5 * dot(fb, fb)
+            gb = cross2(ul - us, fb)
+            e = (form + e + form_end - gb * (g + g_end)) / square_root(2.0 * form - gb * gb) - end
         else:
-            e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
             c = cross2(fl, kl) - cross2(fs, ks) - cross2(fe, ke)
         share = 1.0
         if v is not None:
@@ -93,9 +110,12 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
         m1 = share * (c00 * e + c01 * g + c02 * c)
         m2 = share * (c01 * e + c11 * g + c12 * c)
         m3 = share * (c02 * e + c12 * g + c22 * c)
-        vst(scratch, po, 0, s1 + m1); vst(scratch, po + 8, 0, s2 + m2); vst(scratch, po + 16, 0, s3 + m3)
         if green is None:
-            x = m1 * f - m2 * perp(f) - m3 * perp(k)
+            m1 = m1 * over
+            m2 = m2 - m1 * g_mean
+        t1s = s1 + m1; t2s = s2 + m2; t3s = s3 + m3
+        if green is None:
+            x = vzero2() - m2 * perp(f) - m3 * perp(k)
             y = m3 * perp(u)
         else:
             x = vzero2() - m2 * perp(f)
@@ -104,16 +124,20 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
             t = to + 8 + 24 * a
             vadd2(scratch, lo + 80 * a + 64, 8, vld(tab, t + 8, 0) * x + vld(tab, t + 16, 0) * y)
     # rows of the position: t_i phi', of the midpoint and of the end
+    t2 = perp(u); t2e = perp(ue)
     if green is None:
-        t1 = u; t3 = vzero2(); t1e = ue; t3e = vzero2()
-        x1 = s1 * f - s2 * perp(f) - s3 * perp(k)
+        t1 = over * (f - g_mean * t2); t3 = vzero2(); t1e = over_end * (fe - g_end * t2e); t3e = vzero2()
+        x0 = s1 * f + s2 * t2
+        x1 = vzero2() - s2 * perp(f) - s3 * perp(k)
         y1 = s3 * perp(u)
+        # the material part less the axial stress over the stretch, theory.md (4.8)
+        c00 = c00 - t1s; c11 = c11 - t1s
     else:
         t1 = f; t3 = vzero2() - perp(k); t1e = fe; t3e = vzero2() - perp(ke)
+        x0 = s1 * t1 + s2 * t2 + s3 * t3
         x1 = vzero2() - s2 * perp(f)
         y1 = s3 * perp(f)
-    t2 = perp(u); t2e = perp(ue)
-    x0 = s1 * t1 + s2 * t2 + s3 * t3
+    vst(scratch, po, 0, t1s); vst(scratch, po + 8, 0, t2s); vst(scratch, po + 16, 0, t3s)
     # half the stiffness times the rows of the end, shared by all nodes
     v1 = 0.5 * (c00 * t1e + c01 * t2e + c02 * t3e)
     v2 = 0.5 * (c01 * t1e + c11 * t2e + c12 * t3e)
@@ -133,9 +157,9 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
         r2 = n * cross2(z, f)
         q2 = n * cross2(ze, fe)
         if green is None:
-            r1 = n * dot(z, f)
+            r1 = vzero() - (over * g_mean) * r2
             r3 = n * cross2(z, k) + dn * cross2(u, z)
-            q1 = n * dot(ze, fe)
+            q1 = vzero() - (over_end * g_end) * q2
             q3 = n * cross2(ze, ke) + dn * cross2(ue, ze)
         else:
             r1 = vzero(); q1 = vzero()
@@ -156,7 +180,7 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
     """The 3 x 3 block of nodes a, b."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
     rr = vzero(); rt = vzero2(); tr = vzero2()
-    h1 = vzero(); h2 = vzero(); g1 = vzero(); g2 = vzero(); e3 = vzero()
+    h2 = vzero(); g2 = vzero(); e3 = vzero()
     for g in range(nq):
         t = to0 + pt * g + 8
         po = po0 + ps * g
@@ -173,13 +197,13 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
         rr += vld(scratch, ba + 8, 0) * vld(scratch, bb + 32, 0)
         rr += vld(scratch, ba + 16, 0) * vld(scratch, bb + 40, 0)
         s1 = vld(scratch, po, 0); s2 = vld(scratch, po + 8, 0); s3 = vld(scratch, po + 16, 0)
+        iso = (0.5 * pp) * s1
+        t00 += iso; t11 += iso
         if green is None:
-            h1 += (pa * nb) * s1; h2 += (pa * nb) * s2
-            g1 += (na * pb) * s1; g2 += (na * pb) * s2
+            h2 += (pa * nb) * s2
+            g2 += (na * pb) * s2
             e3 += (na * db - da * nb) * s3
         else:
-            iso = (0.5 * pp) * s1
-            t00 += iso; t11 += iso
             h2 += pa * (nb * s2 - db * s3)
             g2 += pb * (na * s2 - da * s3)
     ua = vld2(scratch, 64 * a + 16, 8)
@@ -187,8 +211,6 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
     tr -= (0.5 * h2) * ub
     rt -= (0.5 * g2) * ua
     if green is None:
-        tr += (0.5 * h1) * perp(ub)
-        rt += (0.5 * g1) * perp(ua)
         rr += (0.5 * e3) * cross2(ua, ub)
     if rate is not None:
         m = rate * vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld(tab, mo, 0)
