@@ -68,8 +68,8 @@ def project(q_mid: Array, f: Array) -> Array:
 
 # ----------------------------------------------------------------------------------------------------------------- beams
 def quadratic_forms(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
-    """The six quadratic forms [..., 6] that the strains are made of, from phi' [..., 3], directors and their derivatives
-    [..., 3, 3]; theory.md (2.1), (2.4)."""
+    """The quadratic forms [..., 7] that the strains are made of, from phi' [..., 3], directors and their derivatives [..., 3, 3];
+    theory.md (2.1), (2.4)."""
     def dot(a: Array, b: Array) -> Array:
         return np.einsum("...c,...c->...", a, b)
 
@@ -80,7 +80,8 @@ def quadratic_forms(kind: str, phi_s: Array, d: Array, d_s: Array) -> Array:
         kappa2, kappa3 = 0.5 * (dot(d3_s, d1) - dot(d1_s, d3)), 0.5 * (dot(d1_s, d2) - dot(d2_s, d1))
     else:
         kappa2, kappa3 = dot(phi_s, d3_s), -dot(phi_s, d2_s)
-    return np.stack((0.5 * dot(phi_s, phi_s), dot(phi_s, d2), dot(phi_s, d3), kappa1, kappa2, kappa3), axis=-1)
+    squares = dot(d1, d1) + dot(d2, d2) + dot(d3, d3)
+    return np.stack((0.5 * dot(phi_s, phi_s), dot(phi_s, d2), dot(phi_s, d3), kappa1, kappa2, kappa3, squares), axis=-1)
 
 
 def stretch(forms: Array) -> Array:
@@ -88,14 +89,21 @@ def stretch(forms: Array) -> Array:
     return np.sqrt(2.0 * forms[..., 0] - forms[..., 1]**2 - forms[..., 2]**2)
 
 
+def length_factor(forms: Array) -> Array:
+    """c = 7/4 - (d1.d1 + d2.d2 + d3.d3)/4; theory.md (2.2)."""
+    return 1.75 - 0.25 * forms[..., 6]
+
+
 def strains_of(kind: str, forms: Array) -> Array:
     """The six strains [..., 6] from the quadratic forms; theory.md (2.1), (2.2)."""
-    axial = stretch(forms) - 1.0 if kind == "simo_reissner" else forms[..., 0] - 0.5
-    return np.concatenate((axial[..., None], forms[..., 1:]), axis=-1)
+    if kind == "simo_reissner":
+        return np.concatenate(((stretch(forms) - 1.0)[..., None], forms[..., 1:3], length_factor(forms)[..., None] * forms[..., 3:6]),
+                              axis=-1)
+    return np.concatenate(((forms[..., 0] - 0.5)[..., None], forms[..., 1:6]), axis=-1)
 
 
 def beam_forms(beam: Beam, q: Array) -> Array:
-    """Quadratic forms [..., e, nq, 6] at the quadrature points of all elements for coordinates [..., e, nn, 4, 3]; theory.md
+    """Quadratic forms [..., e, nq, 7] at the quadrature points of all elements for coordinates [..., e, nn, 4, 3]; theory.md
     (1.1)."""
     b = beam.basis
     phi_s = np.einsum("egn,...enc->...egc", b.phi_s, q[..., 0, :])
@@ -109,20 +117,22 @@ def beam_strains(beam: Beam, q: Array) -> Array:
 
 
 def form_matrix(beam: Beam, q_mid: Array) -> Array:
-    """B(qbar) of all elements, [12 nn, e, nq, 6]: exactly B(qbar) x = (Q(qbar + x) - Q(qbar - x)) / 2, as Q is quadratic."""
+    """B(qbar) of all elements, [12 nn, e, nq, 7]: exactly B(qbar) x = (Q(qbar + x) - Q(qbar - x)) / 2, as Q is quadratic."""
     nn = q_mid.shape[1]
     x = np.eye(12 * nn).reshape(-1, 1, nn, 4, 3)
     return 0.5 * (beam_forms(beam, q_mid + x) - beam_forms(beam, q_mid - x))
 
 
 def stresses_of_forms(kind: str, stress: Array, forms: tuple[Array, Array]) -> Array:
-    """What multiplies the derivatives of the quadratic forms, so that its work is that of the mean stress: s . DQ = Sbar . DE;
-    theory.md (4.7). `forms`: at both ends of the step."""
-    if kind != "simo_reissner":
-        return stress
-    s, mean = stress.copy(), 0.5 * (forms[0] + forms[1])
-    s[..., 0] /= 0.5 * (stretch(forms[0]) + stretch(forms[1]))
-    s[..., 1:3] -= s[..., :1] * mean[..., 1:3]
+    """What multiplies the derivatives of the quadratic forms [..., 7], so that its work is that of the mean stress:
+    s . DQ = Sbar . DE; theory.md (4.7). `forms`: at both ends of the step."""
+    s, mean = np.zeros(forms[0].shape), 0.5 * (forms[0] + forms[1])
+    s[..., :6] = stress
+    if kind == "simo_reissner":
+        s[..., 0] /= 0.5 * (stretch(forms[0]) + stretch(forms[1]))
+        s[..., 1:3] -= s[..., :1] * mean[..., 1:3]
+        s[..., 3:6] *= length_factor(mean)[..., None]
+        s[..., 6] = -0.25 * np.sum(stress[..., 3:] * mean[..., 3:6], axis=-1)
     return s
 
 

@@ -82,8 +82,9 @@ def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> 
     twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
     if elements.strain == "simo_reissner":
         stretch = np.sqrt(_dot(f, f) - _dot(f, d2)**2 - _dot(f, d3)**2)
-        e = [stretch, _dot(f, d2), _dot(f, d3), twist, 0.5 * (_dot(k3, d1) - _dot(k1, d3)),
-             0.5 * (_dot(k1, d2) - _dot(k2, d1))]
+        c = 1.75 - 0.25 * (_dot(d1, d1) + _dot(d2, d2) + _dot(d3, d3))
+        e = [stretch, _dot(f, d2), _dot(f, d3), c * twist, 0.5 * c * (_dot(k3, d1) - _dot(k1, d3)),
+             0.5 * c * (_dot(k1, d2) - _dot(k2, d1))]
     else:
         e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
     return np.stack(e, axis=-1)

@@ -34,7 +34,7 @@ from .algebra import pzerom as vzerom
 from .inner import eliminate_inner
 from .rows import gather_lanes, scatter_rows
 from .gather import gather_ends, gather_line
-from .strains import AXIAL_LANES, Q_LANES, interpolate, mean_strains, stresses, unused_strains
+from .strains import Q_LANES, SHAPE, SHAPES, STRESSES, interpolate, mean_strains, stresses, unused_strains
 from .work import FROM_START
 
 EIGHTEEN = (0,) * 18   # three columns for each of two directors, as `blocks.SIX`
@@ -68,59 +68,9 @@ def scratch_size(nn: int, nq: int) -> int:
 
 @one_variant
 def point_scratch_size(nn):
-    """Doubles of scratch of a point: stresses, matrix of the positions, four rows and matrices of every node, translation rows of
-    the midpoint and of the end, what the stretch needs."""
-    return 8 * (6 + 9 + 54 * nn + 18 + 18 + AXIAL_LANES)
-
-
-@kernel
-def translation_rows(scratch, z, green, ao, out):
-    """Derivatives of the six strains by phi': vectors t_i; (2.2) has only the first three. ao: shears and 1 / stretch."""
-    if green is None:
-        d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
-        axial = vld3(scratch, z, 8) - vld(scratch, ao, 0) * d2 - vld(scratch, ao + 8, 0) * d3
-        vst3(scratch, out, 8, vld(scratch, ao + 16, 0) * axial)
-        vst3(scratch, out + 24, 8, d2)
-        vst3(scratch, out + 48, 8, d3)
-    else:
-        vst3(scratch, out, 8, vld3(scratch, z, 8))
-        vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
-        vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
-        vst3(scratch, out + 72, 8, vzero3())
-        vst3(scratch, out + 96, 8, vld3(scratch, z + 144, 8))
-        vst3(scratch, out + 120, 8, -1.0 * vld3(scratch, z + 120, 8))
-
-
-@kernel
-def rotation_rows(scratch, z, q, n, dn, green, ao, out):
-    """Derivatives of the six strains by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi). ao: shears, 1 / stretch."""
-    f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
-    k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
-    y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
-    half_n = 0.5 * n; half_dn = 0.5 * dn
-    p2 = half_dn * d2 - half_n * k2
-    p3 = half_dn * d3 - half_n * k3
-    vst3(scratch, out + 72, 8, cross(y2, p3) - cross(y3, p2))
-    if green is None:
-        d1 = vld3(scratch, z + 24, 8); k1 = vld3(scratch, z + 96, 8); y1 = vld3(scratch, q + 24, 8)
-        p1 = half_dn * d1 - half_n * k1
-        nf = n * f
-        b2 = cross(y2, nf)
-        b3 = cross(y3, nf)
-        axial = vld(scratch, ao, 0) * b2 + vld(scratch, ao + 8, 0) * b3
-        vst3(scratch, out, 8, (-1.0 * vld(scratch, ao + 16, 0)) * axial)
-        vst3(scratch, out + 24, 8, b2)
-        vst3(scratch, out + 48, 8, b3)
-        vst3(scratch, out + 96, 8, cross(y3, p1) - cross(y1, p3))
-        vst3(scratch, out + 120, 8, cross(y1, p2) - cross(y2, p1))
-    else:
-        x2 = cross(y2, f)
-        x3 = cross(y3, f)
-        vst3(scratch, out, 8, vzero3())
-        vst3(scratch, out + 24, 8, n * x2)
-        vst3(scratch, out + 48, 8, n * x3)
-        vst3(scratch, out + 96, 8, dn * x3)
-        vst3(scratch, out + 120, 8, -1.0 * (dn * x2))
+    """Doubles of scratch of a point: stresses, matrix of the positions, rows and matrices of every node, what derivatives of the
+    strains need."""
+    return STRESSES + 8 * (9 + 54 * nn) + SHAPES
 
 
 @kernel
@@ -138,12 +88,13 @@ def add_forces(tab, to, nn, scratch, z, so, green, positions, fo):
     y3 = -1.0 * (s4 * d2)
     if green is None:
         s5 = 0.5 * vld(scratch, so + 32, 0); s6 = 0.5 * vld(scratch, so + 40, 0)
+        s7 = vld(scratch, so + 48, 0)
         x0 = s1 * f + s2 * d2 + s3 * d3
-        x1 = s5 * k3 - s6 * k2
+        x1 = s5 * k3 - s6 * k2 + s7 * d1
         y1 = s6 * d2 - s5 * d3
-        x2 += s6 * k1
+        x2 += s6 * k1 + s7 * d2
         y2 -= s6 * d1
-        x3 -= s5 * k1
+        x3 += s7 * d3 - s5 * k1
         y3 += s5 * d1
     else:
         s5 = vld(scratch, so + 32, 0); s6 = vld(scratch, so + 40, 0)
@@ -165,66 +116,185 @@ def add_forces(tab, to, nn, scratch, z, so, green, positions, fo):
 
 
 @kernel
-def point_stiffness(tab, co, to, nn, coupled, green, scratch, z_mid, z_end, qo, so, po):
-    """Everything of one point that the node pairs share, from po on: TT (9), per node rows of the midpoint (18), stiffness times
-    rows of the end (18), rotation-translation RT (9) and translation-rotation TR (9)."""
-    nt = 3 if green is None else 6
-    nc = 6 if coupled else nt
-    tm = po + 8 * (9 + 54 * nn)
-    te = tm + 144
-    ao = te + 144
-    # room behind z_mid and z_end: rows of the end of one node, stiffness times translation rows of the end
-    re = z_mid + 504
-    ct = re + 144
-    translation_rows(scratch, z_mid, green, ao, tm)
-    translation_rows(scratch, z_end, green, ao + 24, te)
-    multiply_rows(tab, co, to, coupled, nt, scratch, te, ct, green, so)
-    for a in range(nn):
-        t = to + 8 + 24 * a
-        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
-        b = po + 72 + 432 * a
-        cb = b + 144
-        rotation_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, green, ao, b)
-        rotation_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, green, ao + 24, re)
-        multiply_rows(tab, co, to, coupled, 6, scratch, re, cb, green, so)
-        tr = vzerom()
-        for i in range(nt):
-            tr += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, cb + 24 * i, 8))
-        vstm(scratch, b + 360, 8, tr)
-        rt = vzerom()
-        for i in range(nc):
-            rt += outer(vld3(scratch, b + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
-        vstm(scratch, b + 288, 8, rt)
-    tt = vzerom()
-    for i in range(nt):
-        tt += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
-    vstm(scratch, po, 8, add_iso(tt, 0.5 * vld(scratch, so, 0)))
+def form_rows(scratch, z, q, n, dn, out):
+    """Derivatives by the spin of one node of what strain set (2.2) is made of (2.4): shears, twist and curvatures, the factor c.
+    Six vectors b_i, delta Q_i = b_i . delta_phi; q: coordinates of the node."""
+    f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+    k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
+    y1 = vld3(scratch, q + 24, 8); y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
+    half_n = 0.5 * n; half_dn = 0.5 * dn
+    p1 = half_dn * d1 - half_n * k1
+    p2 = half_dn * d2 - half_n * k2
+    p3 = half_dn * d3 - half_n * k3
+    nf = n * f
+    vst3(scratch, out, 8, cross(y2, nf))
+    vst3(scratch, out + 24, 8, cross(y3, nf))
+    vst3(scratch, out + 48, 8, cross(y2, p3) - cross(y3, p2))
+    vst3(scratch, out + 72, 8, cross(y3, p1) - cross(y1, p3))
+    vst3(scratch, out + 96, 8, cross(y1, p2) - cross(y2, p1))
+    vst3(scratch, out + 120, 8, (-1.0 * half_n) * (cross(y1, d1) + cross(y2, d2) + cross(y3, d3)))
 
 
 @kernel
-def multiply_rows(tab, co, to, coupled, n, scratch, rows, out, green, so):
-    """Half of the weight times C times n vectors (those behind are zero); of strain set (2.2) C less the axial stress over the
-    stretch on its first three diagonal entries, theory.md (4.8). Six vectors of a coupled section, else n."""
+def times_section(tab, co, to, coupled, scratch, so, n, rows):
+    """Half the weight times C times n vectors at `rows` (those behind are zero), less half the axial stress over the stretch times
+    the first three, theory.md (4.8); in their place, six vectors if C is coupled."""
     half_w = 0.5 * vld(tab, to, 0)
+    axial = 0.5 * vld(scratch, so, 0)
     if coupled:
+        out = rows + 144
         for i in range(6):
             x = vzero3()
             for j in range(n):
                 x += (half_w * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
             vst3(scratch, out + 24 * i, 8, x)
-        if green is None:
-            axial = -0.5 * vld(scratch, so, 0)
-            for i in range(3):
-                vadd3(scratch, out + 24 * i, 8, axial * vld3(scratch, rows + 24 * i, 8))
+        for i in range(3):
+            vadd3(scratch, out + 24 * i, 8, (-1.0 * axial) * vld3(scratch, rows + 24 * i, 8))
+        for i in range(0, 144, 8):
+            vst(scratch, rows + i, 0, vld(scratch, out + i, 0))
     else:
-        first = 0
-        if green is None:
-            first = 3
-            axial = 0.5 * vld(scratch, so, 0)
-            for i in range(3):
-                vst3(scratch, out + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0) - axial) * vld3(scratch, rows + 24 * i, 8))
-        for i in range(first, n):
-            vst3(scratch, out + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, rows + 24 * i, 8))
+        for i in range(3):
+            vst3(scratch, rows + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0) - axial) * vld3(scratch, rows + 24 * i, 8))
+        for i in range(3, n):
+            vst3(scratch, rows + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, rows + 24 * i, 8))
+
+
+@kernel
+def point_stiffness(tab, co, to, nn, coupled, scratch, z_mid, z_end, qo, so, po, ao):
+    """Everything of one point that the node pairs share, of strain set (2.2), from po on: TT (9), per node rows of the midpoint
+    (18), what multiplies them (18), rotation-translation RT (9) and translation-rotation TR (9). Rows are derivatives of quadratic
+    forms; those of the strains are combinations of them, theory.md (4.8)."""
+    end = ao + SHAPE
+    # room behind the two shapes: vectors of the positions and of the spins of a node, then rows of the end of that node
+    ct = z_mid + 336
+    cr = ct + 168
+    re = cr + 312
+    g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); over = vld(scratch, ao + 16, 0); c = vld(scratch, ao + 48, 0)
+    f = vld3(scratch, z_mid, 8); d2 = vld3(scratch, z_mid + 48, 8); d3 = vld3(scratch, z_mid + 72, 8)
+    # positions: rows f, d2, d3 of the forms; strains at the end
+    x2 = vld3(scratch, z_end + 48, 8); x3 = vld3(scratch, z_end + 72, 8)
+    x1 = vld3(scratch, z_end, 8) - vld(scratch, end, 0) * x2 - vld(scratch, end + 8, 0) * x3
+    vst3(scratch, cr, 8, vld(scratch, end + 16, 0) * x1); vst3(scratch, cr + 24, 8, x2); vst3(scratch, cr + 48, 8, x3)
+    times_section(tab, co, to, coupled, scratch, so, 3, cr)
+    x1 = over * vld3(scratch, cr, 8)
+    x2 = vld3(scratch, cr + 24, 8) - g2 * x1
+    x3 = vld3(scratch, cr + 48, 8) - g3 * x1
+    vst3(scratch, ct, 8, x2); vst3(scratch, ct + 24, 8, x3)
+    vstm(scratch, po, 8, add_iso(outer(f, x1) + outer(d2, x2) + outer(d3, x3), 0.5 * vld(scratch, so, 0)))
+    nc = 2
+    if coupled:
+        nc = 6
+        x = vzero3()
+        for i in range(3):
+            y = vld3(scratch, cr + 72 + 24 * i, 8)
+            x += vld(scratch, ao + 24 + 8 * i, 0) * y
+            vst3(scratch, ct + 48 + 24 * i, 8, c * y)
+        vst3(scratch, ct + 120, 8, x)
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        b = po + 72 + 432 * a
+        form_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, b)
+        form_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, re)
+        # strains at the end
+        x2 = vld3(scratch, re, 8); x3 = vld3(scratch, re + 24, 8); xc = vld3(scratch, re + 120, 8)
+        x1 = vld(scratch, end, 0) * x2 + vld(scratch, end + 8, 0) * x3
+        vst3(scratch, cr, 8, (-1.0 * vld(scratch, end + 16, 0)) * x1); vst3(scratch, cr + 24, 8, x2); vst3(scratch, cr + 48, 8, x3)
+        c_end = vld(scratch, end + 48, 0)
+        for i in range(3):
+            y = c_end * vld3(scratch, re + 48 + 24 * i, 8) + vld(scratch, end + 24 + 8 * i, 0) * xc
+            vst3(scratch, cr + 72 + 24 * i, 8, y)
+        times_section(tab, co, to, coupled, scratch, so, 6, cr)
+        # to the forms in the middle
+        x1 = over * vld3(scratch, cr, 8)
+        x2 = vld3(scratch, cr + 24, 8) - g2 * x1
+        x3 = vld3(scratch, cr + 48, 8) - g3 * x1
+        vst3(scratch, b + 144, 8, x2); vst3(scratch, b + 168, 8, x3)
+        vstm(scratch, b + 360, 8, outer(f, x1) + outer(d2, x2) + outer(d3, x3))
+        x = vzero3()
+        for i in range(3):
+            y = vld3(scratch, cr + 72 + 24 * i, 8)
+            half_m = 0.5 * vld(scratch, so + 56 + 8 * i, 0)
+            x += vld(scratch, ao + 24 + 8 * i, 0) * y + half_m * vld3(scratch, re + 48 + 24 * i, 8)
+            vst3(scratch, b + 192 + 24 * i, 8, c * y + half_m * xc)
+        vst3(scratch, b + 264, 8, x)
+        rt = vzerom()
+        for i in range(nc):
+            rt += outer(vld3(scratch, b + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
+        vstm(scratch, b + 288, 8, rt)
+
+
+@kernel
+def green_rows(scratch, z, q, n, dn, out):
+    """Derivatives of the strains (2.1) by the spin of one node: vectors b_i (delta E_i = b_i . delta_phi)."""
+    f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+    k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
+    y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
+    half_n = 0.5 * n; half_dn = 0.5 * dn
+    p2 = half_dn * d2 - half_n * k2
+    p3 = half_dn * d3 - half_n * k3
+    x2 = cross(y2, f)
+    x3 = cross(y3, f)
+    vst3(scratch, out, 8, vzero3())
+    vst3(scratch, out + 24, 8, n * x2)
+    vst3(scratch, out + 48, 8, n * x3)
+    vst3(scratch, out + 72, 8, cross(y2, p3) - cross(y3, p2))
+    vst3(scratch, out + 96, 8, dn * x3)
+    vst3(scratch, out + 120, 8, -1.0 * (dn * x2))
+
+
+@kernel
+def green_position_rows(scratch, z, out):
+    """Derivatives of the strains (2.1) by phi': six vectors."""
+    vst3(scratch, out, 8, vld3(scratch, z, 8))
+    vst3(scratch, out + 24, 8, vld3(scratch, z + 48, 8))
+    vst3(scratch, out + 48, 8, vld3(scratch, z + 72, 8))
+    vst3(scratch, out + 72, 8, vzero3())
+    vst3(scratch, out + 96, 8, vld3(scratch, z + 144, 8))
+    vst3(scratch, out + 120, 8, -1.0 * vld3(scratch, z + 120, 8))
+
+
+@kernel
+def multiply_rows(tab, co, half_w, coupled, scratch, rows, out):
+    """half_w times C times six vectors."""
+    for i in range(6):
+        j0 = 0 if coupled else i
+        j1 = 6 if coupled else i + 1
+        x = vzero3()
+        for j in range(j0, j1):
+            x += (half_w * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
+        vst3(scratch, out + 24 * i, 8, x)
+
+
+@kernel
+def green_point_stiffness(tab, co, to, nn, coupled, scratch, z_mid, z_end, qo, so, po):
+    """The same of strain set (2.1); rows are those of the strains."""
+    # room behind the two shapes: rows of the end of one node, stiffness times rows of the positions, their rows in the middle
+    re = z_mid + 336
+    ct = re + 144
+    tm = ct + 144
+    half_w = 0.5 * vld(tab, to, 0)
+    green_position_rows(scratch, z_end, tm)
+    multiply_rows(tab, co, half_w, coupled, scratch, tm, ct)
+    green_position_rows(scratch, z_mid, tm)
+    for a in range(nn):
+        t = to + 8 + 24 * a
+        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
+        b = po + 72 + 432 * a
+        green_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, b)
+        green_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, re)
+        multiply_rows(tab, co, half_w, coupled, scratch, re, b + 144)
+        tr = vzerom()
+        rt = vzerom()
+        for i in range(6):
+            tr += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, b + 144 + 24 * i, 8))
+            rt += outer(vld3(scratch, b + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
+        vstm(scratch, b + 360, 8, tr)
+        vstm(scratch, b + 288, 8, rt)
+    tt = vzerom()
+    for i in range(6):
+        tt += outer(vld3(scratch, tm + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
+    vstm(scratch, po, 8, add_iso(tt, 0.5 * vld(scratch, so, 0)))
 
 
 @kernel
@@ -234,6 +304,23 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
     # a pass over the points for each quarter: more than 12 accumulators of 8 lanes and their factors do not stay in registers
     a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
     b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
+    # rotation against position
+    krt = vzerom()
+    g2 = vzero(); g3 = vzero(); e7 = vzero()
+    for g in range(nq):
+        t = to0 + pt * g + 8
+        so = so0 + ps * g
+        na = vld(tab, t + 24 * a + 8, 0); pb = vld(tab, t + 24 * b, 0)
+        krt += pb * vldm(scratch, po0 + ps * g + 360 + 432 * a, 8)
+        pn = na * pb
+        g2 += pn * vld(scratch, so + 8, 0); g3 += pn * vld(scratch, so + 16, 0)
+        if green is None:
+            e7 += (na * vld(tab, t + 24 * b + 8, 0)) * vld(scratch, so + 48, 0)
+        else:
+            dp = vld(tab, t + 24 * a + 16, 0) * pb
+            g2 -= dp * vld(scratch, so + 40, 0); g3 += dp * vld(scratch, so + 32, 0)
+    u = g2 * a2 + g3 * a3
+    vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
     krr = vzerom()
     e4 = vzero(); e5 = vzero(); e6 = vzero()
     for g in range(nq):
@@ -253,10 +340,10 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
     q4 = 0.25 * e4
     if green is None:
         a1 = vld3(scratch, qa + 24, 8); b1 = vld3(scratch, qb + 24, 8)
-        q5 = 0.25 * e5; q6 = 0.25 * e6
-        w1 = q6 * a2 - q5 * a3
-        w2 = q4 * a3 - q6 * a1
-        w3 = q5 * a1 - q4 * a2
+        q5 = 0.25 * e5; q6 = 0.25 * e6; q7 = 0.5 * e7
+        w1 = q6 * a2 - q5 * a3 - q7 * a1
+        w2 = q4 * a3 - q6 * a1 - q7 * a2
+        w3 = q5 * a1 - q4 * a2 - q7 * a3
         krr += outer(b1, w1)
         iso = dot(b1, w1)
     else:
@@ -286,21 +373,6 @@ def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, 
             h2 -= pd * vld(scratch, so + 40, 0); h3 += pd * vld(scratch, so + 32, 0)
     v = h2 * b2 + h3 * b3
     vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
-    # rotation against position
-    krt = vzerom()
-    g2 = vzero(); g3 = vzero()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        so = so0 + ps * g
-        na = vld(tab, t + 24 * a + 8, 0); pb = vld(tab, t + 24 * b, 0)
-        krt += pb * vldm(scratch, po0 + ps * g + 360 + 432 * a, 8)
-        pn = na * pb
-        g2 += pn * vld(scratch, so + 8, 0); g3 += pn * vld(scratch, so + 16, 0)
-        if green is not None:
-            dp = vld(tab, t + 24 * a + 16, 0) * pb
-            g2 -= dp * vld(scratch, so + 40, 0); g3 += dp * vld(scratch, so + 32, 0)
-    u = g2 * a2 + g3 * a3
-    vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
     # position against position
     ktt = vzerom()
     for g in range(nq):
@@ -381,21 +453,20 @@ def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u
     for g in range(nq):
         to = to0 + pt * g
         so = so0 + ps * g
-        po = so + 48
-        # z_mid and z_end share the room behind the rows of the point: t_mid 18, t_end 18, then 42
+        po = so + STRESSES
+        ao = so + ps - SHAPES
         zm = ko            # the tangent room is free until the pair loop
         ze = zm + 168
         eo = zm + 336
         interpolate(tab, to, nn, scratch, qo, zm)
         interpolate(tab, to, nn, scratch, qo + 96, ze)
-        room = zm + 720
-        ao = so + ps - 8 * AXIAL_LANES
+        room = zm + 728
         mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room, ao)
         stresses(tab, co, to, coupled, scratch, eo, so, green, ao)
         add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
         if mixed:
-            zl = zm + 384
-            zs = zm + 552
+            zl = zm + 392
+            zs = zm + 560
             if gathered:
                 interpolate(tab, to, nn, scratch, lo, zl)
                 interpolate(tab, to, nn, scratch, lo + 96, zs)
@@ -406,18 +477,21 @@ def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u
             unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room, ao)
             stresses(tab, co, to, coupled, scratch, eo, room, green, ao)
             add_forces(tab, to, nn, scratch, zm, room, green, None, go)
-            for i in range(0, 48, 8):
+            for i in range(0, STRESSES if green is None else 48, 8):
                 vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
-        point_stiffness(tab, co, to, nn, coupled, green, scratch, zm, ze if middle is None else zm, qo, so, po)
+        if green is None:
+            point_stiffness(tab, co, to, nn, coupled, scratch, zm, ze if middle is None else zm, qo, so, po, ao)
+        else:
+            green_point_stiffness(tab, co, to, nn, coupled, scratch, zm, ze if middle is None else zm, qo, so, po)
     for a in range(nn):
         for b in range(nn):
             kab = ko + 288 * (nn * a + b)
             if spin_rate is not None:
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, None, scratch, qo + Q_LANES * a,
+                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + STRESSES, mo, None, scratch, qo + Q_LANES * a,
                                qo + Q_LANES * b + 96, green, kab)
                 add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, qo + Q_LANES * a, vo + 144 * b, kab)
             else:
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + 48, mo, rate, scratch, qo + Q_LANES * a,
+                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + STRESSES, mo, rate, scratch, qo + Q_LANES * a,
                                qo + Q_LANES * b + 96, green, kab)
         project_node(scratch, qo + Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
 

@@ -84,8 +84,10 @@ def strain_energy(tables, n_rows, q, green, work):
                 work[3] = 0.5 * (dot(k2, d3) - dot(k3, d2))
                 if green is None:
                     work[0] = (dot(f, f) - work[1] * work[1] - work[2] * work[2])**0.5
-                    work[4] = 0.5 * (dot(k3, d1) - dot(k1, d3))
-                    work[5] = 0.5 * (dot(k1, d2) - dot(k2, d1))
+                    c = 1.75 - 0.25 * (dot(d1, d1) + dot(d2, d2) + dot(d3, d3))
+                    work[3] *= c
+                    work[4] = 0.5 * c * (dot(k3, d1) - dot(k1, d3))
+                    work[5] = 0.5 * c * (dot(k1, d2) - dot(k2, d1))
                 else:
                     work[0] = 0.5 * dot(f, f)
                     work[4] = dot(f, k3)

@@ -3,7 +3,7 @@
 A node has 4 coordinates: its position x, y in the plane and the director u = d1 in it. The other director of the plane is
 J u, u turned by a right angle, the third is the constant normal. The strains that remain are (theory.md 10)
 
-    stretch  sqrt(f . f - shear^2)  or  1/2 f . f,     shear  u x f,     curvature  u x u'  or  f x u'
+    stretch  sqrt(f . f - shear^2)  or  1/2 f . f,     shear  u x f,     curvature  c u x u',  c = (3 - u . u)/2,  or  f x u'
     (f = phi', x: normal component)
 
 where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
@@ -34,15 +34,15 @@ def planar_group_size(nn: int, nq: int) -> int:
 
 def planar_scratch_size(nn: int, nq: int) -> int:
     """Doubles of scratch that a group needs."""
-    return 8 * (nn * (8 + 4 + 4 + 3 + 10) + nn * nn * 9 + nq * (7 + 10 * nn))
+    return 8 * (nn * (8 + 4 + 4 + 3 + 10) + nn * nn * 9 + nq * (8 + 10 * nn))
 
 
 @kernel
 def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, green):
     """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
-    (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 3, TT 4,
-    then per node the three rotation rows of the midpoint, stiffness times those of the end, the columns rotation-translation 2
-    and translation-rotation 2."""
+    (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 4, TT 4,
+    then per node three rotation rows of the midpoint, what multiplies them, the columns rotation-translation 2 and
+    translation-rotation 2. Rows are derivatives of quadratic forms, theory.md (4.8); of set (2.1) they are the strains."""
     f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
     for a in range(nn):
         t = to + 8 + 24 * a
@@ -51,23 +51,25 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
         x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
         f += dp * vld2(scratch, q, 8); u += n * x; k += dn * x
         fe += dp * vld2(scratch, q + 32, 8); ue += n * y; ke += dn * y
-    # mean strains: quadratic forms, so those of the midpoint plus those of half the increment
-    df = fe - f; du = ue - u; dk = ke - k
-    g = cross2(u, f) + cross2(du, df)
-    e = 0.5 * (dot(f, f) + dot(df, df))
+    # shape at the start of the step
+    f0 = 2.0 * f - fe; u0 = 2.0 * u - ue; k0 = 2.0 * k - ke
+    g0 = cross2(u0, f0); ge = cross2(ue, fe)
+    g = 0.5 * (g0 + ge)
     if green is None:
-        c = cross2(u, k) + cross2(du, dk)
-        # the stretch is the root of a quadratic form, which at the start is twice its mean less that at the end
-        form_end = 0.5 * dot(fe, fe)
-        g_mean = g
-        g_end = cross2(ue, fe)
-        end = square_root(2.0 * form_end - g_end * g_end)
-        g_start = 2.0 * g - g_end
-        e = 0.5 * (end + square_root(4.0 * e - 2.0 * form_end - g_start * g_start))
-        over = 1.0 / e
-        over_end = 1.0 / end
+        r_end = square_root(dot(fe, fe) - ge * ge)
+        e = 0.5 * (square_root(dot(f0, f0) - g0 * g0) + r_end)
+        over = 1.0 / (e * r_end)
+        over_end = e * over
+        over = r_end * over
+        a0 = 1.5 - 0.5 * dot(u0, u0); ae = 1.5 - 0.5 * dot(ue, ue)
+        c0 = cross2(u0, k0); ce = cross2(ue, ke)
+        am = 0.5 * (a0 + ae)
+        cm = 0.5 * (c0 + ce)
+        gm = g
+        c = 0.5 * (a0 * c0 + ae * ce)
     else:
-        c = cross2(f, k) + cross2(df, dk)
+        e = 0.25 * (dot(f0, f0) + dot(fe, fe))
+        c = 0.5 * (cross2(f0, k0) + cross2(fe, ke))
     w = vld(tab, to, 0)
     e -= vld(tab, e0, 0); g -= vld(tab, e0 + 8, 0); c -= vld(tab, e0 + 16, 0)
     c00 = w * vld(tab, co, 0); c01 = w * vld(tab, co + 8, 0); c02 = w * vld(tab, co + 16, 0)
@@ -75,11 +77,7 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
     s1 = c00 * e + c01 * g + c02 * c
     s2 = c01 * e + c11 * g + c12 * c
     s3 = c02 * e + c12 * g + c22 * c
-    if green is None:
-        # what multiplies the derivatives of the quadratic forms, theory.md (4.7)
-        s1 = s1 * over
-        s2 = s2 - s1 * g_mean
-    t1s = s1; t2s = s2; t3s = s3
+    t1 = s1; t2 = s2; t3 = s3
     if mixed:
         # what the mean strains, linear in the last increment, lack to them, theory.md (4.6)
         fl = vzero2(); ul = vzero2(); kl = vzero2(); fs = vzero2(); us = vzero2(); ks = vzero2()
@@ -92,59 +90,72 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
                 fl += dp * vld2(scratch, q, 8); ul += n * x; kl += dn * x
                 fs += dp * vld2(scratch, q + 32, 8); us += n * y; ks += dn * y
         else:
-            fl = 2.0 * f - fe; ul = 2.0 * u - ue; kl = 2.0 * k - ke
-        g = cross2(ul, fl) - cross2(us, fs) - cross2(ue, fe)
-        e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
+            fl = f0; ul = u0; kl = k0
+        g = cross2(ul, fl) - cross2(us, fs)
         if green is None:
-            c = cross2(ul, kl) - cross2(us, ks) - cross2(ue, ke)
-            # the stretch at fl - fs, extrapolated to fl by its derivative there
-            fb = fl - fs
-            form = 0.5 * dot(fb, fb)
-            gb = cross2(ul - us, fb)
-            e = (form + e + form_end - gb * (g + g_end)) / square_root(2.0 * form - gb * gb) - end
+            # quadratic forms at fl - fs, and where they go in a straight line
+            fb = fl - fs; ub = ul - us; kb = kl - ks
+            gb = cross2(ub, fb); cb = cross2(ub, kb); ab = 1.5 - 0.5 * dot(ub, ub)
+            e = 0.5 * (dot(fb, fb) + dot(fl, fl) - dot(fs, fs)) - gb * g
+            e = e / square_root(dot(fb, fb) - gb * gb) - r_end
+            c = ab * (cross2(ul, kl) - cross2(us, ks)) + (1.5 - 0.5 * (dot(ul, ul) - dot(us, us)) - ab) * cb - ae * ce
         else:
+            e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
             c = cross2(fl, kl) - cross2(fs, ks) - cross2(fe, ke)
+        g -= ge
         share = 1.0
         if v is not None:
             share = 0.5    # the start of the step stays as it is
         m1 = share * (c00 * e + c01 * g + c02 * c)
         m2 = share * (c01 * e + c11 * g + c12 * c)
         m3 = share * (c02 * e + c12 * g + c22 * c)
+        t1 = s1 + m1; t2 = s2 + m2; t3 = s3 + m3
         if green is None:
-            m1 = m1 * over
-            m2 = m2 - m1 * g_mean
-        t1s = s1 + m1; t2s = s2 + m2; t3s = s3 + m3
-        if green is None:
-            x = vzero2() - m2 * perp(f) - m3 * perp(k)
-            y = m3 * perp(u)
+            m1 = over * m1
+            m2 -= gm * m1
+            x = vzero2() - m2 * perp(f) - am * (m3 * perp(k)) - (m3 * cm) * u
+            y = am * (m3 * perp(u))
         else:
             x = vzero2() - m2 * perp(f)
             y = m3 * perp(f)
         for a in range(nn):
             t = to + 8 + 24 * a
             vadd2(scratch, lo + 80 * a + 64, 8, vld(tab, t + 8, 0) * x + vld(tab, t + 16, 0) * y)
-    # rows of the position: t_i phi', of the midpoint and of the end
-    t2 = perp(u); t2e = perp(ue)
+    # forces; stresses of the tangent for the pairs; stiffness times the rows of the positions at the end, ct
+    n2 = perp(u); n2e = perp(ue)
     if green is None:
-        t1 = over * (f - g_mean * t2); t3 = vzero2(); t1e = over_end * (fe - g_end * t2e); t3e = vzero2()
-        x0 = s1 * f + s2 * t2
-        x1 = vzero2() - s2 * perp(f) - s3 * perp(k)
-        y1 = s3 * perp(u)
-        # the material part less the axial stress over the stretch, theory.md (4.8)
-        c00 = c00 - t1s; c11 = c11 - t1s
+        # what multiplies the derivatives of the quadratic forms, theory.md (4.7)
+        s1 = over * s1
+        s2 -= gm * s1
+        x0 = s1 * f + s2 * n2
+        x1 = vzero2() - s2 * perp(f) - am * (s3 * perp(k)) - (s3 * cm) * u
+        y1 = am * (s3 * n2)
+        n = over * t1
+        half_m = 0.5 * t3
+        vst(scratch, po, 0, n); vst(scratch, po + 8, 0, t2 - gm * n); vst(scratch, po + 16, 0, am * t3)
+        vst(scratch, po + 24, 0, vzero() - cm * t3)
+        # half the stiffness, less the axial stress over the stretch, (4.8); strains at the end
+        c00 = 0.5 * (c00 - n); c11 = 0.5 * (c11 - n); c01 = 0.5 * c01; c02 = 0.5 * c02; c12 = 0.5 * c12; c22 = 0.5 * c22
+        x = over_end * (fe - ge * n2e)
+        v1 = over * (c00 * x + c01 * n2e)
+        v2 = c01 * x + c11 * n2e - gm * v1
+        v3 = c02 * x + c12 * n2e
+        tt0 = component0(v1) * f + component0(v2) * n2
+        tt1 = component1(v1) * f + component1(v2) * n2
+        v4 = cm * v3
+        v3 = am * v3
     else:
-        t1 = f; t3 = vzero2() - perp(k); t1e = fe; t3e = vzero2() - perp(ke)
-        x0 = s1 * t1 + s2 * t2 + s3 * t3
+        vst(scratch, po, 0, t1); vst(scratch, po + 8, 0, t2); vst(scratch, po + 16, 0, t3)
+        n3 = vzero2() - perp(k); n3e = vzero2() - perp(ke)
+        x0 = s1 * f + s2 * n2 + s3 * n3
         x1 = vzero2() - s2 * perp(f)
         y1 = s3 * perp(f)
-    vst(scratch, po, 0, t1s); vst(scratch, po + 8, 0, t2s); vst(scratch, po + 16, 0, t3s)
-    # half the stiffness times the rows of the end, shared by all nodes
-    v1 = 0.5 * (c00 * t1e + c01 * t2e + c02 * t3e)
-    v2 = 0.5 * (c01 * t1e + c11 * t2e + c12 * t3e)
-    v3 = 0.5 * (c02 * t1e + c12 * t2e + c22 * t3e)
-    # TT by columns: sum_i t_i v_i^T
-    vst2(scratch, po + 24, 8, component0(v1) * t1 + component0(v2) * t2 + component0(v3) * t3)
-    vst2(scratch, po + 40, 8, component1(v1) * t1 + component1(v2) * t2 + component1(v3) * t3)
+        v1 = 0.5 * (c00 * fe + c01 * n2e + c02 * n3e)
+        v2 = 0.5 * (c01 * fe + c11 * n2e + c12 * n3e)
+        v3 = 0.5 * (c02 * fe + c12 * n2e + c22 * n3e)
+        tt0 = component0(v1) * f + component0(v2) * n2 + component0(v3) * n3
+        tt1 = component1(v1) * f + component1(v2) * n2 + component1(v3) * n3
+    vst2(scratch, po + 32, 8, tt0); vst2(scratch, po + 48, 8, tt1)
     for a in range(nn):
         t = to + 8 + 24 * a
         q = 64 * a
@@ -154,25 +165,38 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
         vadd2(scratch, o + 16, 8, n * x1 + dn * y1)
         # rotation rows: a node's director moves with J u
         z = perp(vld2(scratch, q + 16, 8)); ze = perp(vld2(scratch, q + 48, 8))
-        r2 = n * cross2(z, f)
-        q2 = n * cross2(ze, fe)
+        b = po + 64 + 80 * a
         if green is None:
-            r1 = vzero() - (over * g_mean) * r2
-            r3 = n * cross2(z, k) + dn * cross2(u, z)
-            q1 = vzero() - (over_end * g_end) * q2
-            q3 = n * cross2(ze, ke) + dn * cross2(ue, ze)
+            # of shear, of the form of the curvature, of its factor; strains at the end; back to the forms in the middle
+            r1 = n * cross2(z, f)
+            r2 = n * cross2(z, k) + dn * cross2(u, z)
+            r3 = vzero() - n * dot(u, z)
+            q2 = n * cross2(ze, fe)
+            qk = n * cross2(ze, ke) + dn * cross2(ue, ze)
+            qa = vzero() - n * dot(ue, ze)
+            q1 = vzero() - (over_end * ge) * q2
+            q3 = ae * qk + ce * qa
+            p0 = over * (c00 * q1 + c01 * q2 + c02 * q3)
+            p1 = c01 * q1 + c11 * q2 + c12 * q3 - gm * p0
+            p3 = c02 * q1 + c12 * q2 + c22 * q3
+            p2 = am * p3 + half_m * qa
+            p3 = cm * p3 + half_m * qk
+            vst2(scratch, b + 48, 8, r1 * v2 + r2 * v3 + r3 * v4)
+            vst2(scratch, b + 64, 8, p0 * f + p1 * n2)
         else:
-            r1 = vzero(); q1 = vzero()
-            r3 = dn * cross2(f, z)
+            r1 = n * cross2(z, f)
+            r2 = dn * cross2(f, z)
+            r3 = vzero()
+            q2 = n * cross2(ze, fe)
             q3 = dn * cross2(fe, ze)
-        p1 = 0.5 * (c00 * q1 + c01 * q2 + c02 * q3)
-        p2 = 0.5 * (c01 * q1 + c11 * q2 + c12 * q3)
-        p3 = 0.5 * (c02 * q1 + c12 * q2 + c22 * q3)
-        b = po + 56 + 80 * a
+            p0 = 0.5 * (c01 * q2 + c02 * q3)
+            p1 = 0.5 * (c11 * q2 + c12 * q3)
+            p2 = 0.5 * (c12 * q2 + c22 * q3)
+            p3 = vzero()
+            vst2(scratch, b + 48, 8, r1 * v2 + r2 * v3)
+            vst2(scratch, b + 64, 8, p0 * f + p1 * n2 + p2 * n3)
         vst(scratch, b, 0, r1); vst(scratch, b + 8, 0, r2); vst(scratch, b + 16, 0, r3)
         vst(scratch, b + 24, 0, p1); vst(scratch, b + 32, 0, p2); vst(scratch, b + 40, 0, p3)
-        vst2(scratch, b + 48, 8, r1 * v1 + r2 * v2 + r3 * v3)
-        vst2(scratch, b + 64, 8, p1 * t1 + p2 * t2 + p3 * t3)
 
 
 @kernel
@@ -180,17 +204,17 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
     """The 3 x 3 block of nodes a, b."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
     rr = vzero(); rt = vzero2(); tr = vzero2()
-    h2 = vzero(); g2 = vzero(); e3 = vzero()
+    h2 = vzero(); g2 = vzero(); e3 = vzero(); e4 = vzero()
     for g in range(nq):
         t = to0 + pt * g + 8
         po = po0 + ps * g
-        ba = po + 56 + 80 * a
-        bb = po + 56 + 80 * b
+        ba = po + 64 + 80 * a
+        bb = po + 64 + 80 * b
         pa = vld(tab, t + 24 * a, 0); na = vld(tab, t + 24 * a + 8, 0); da = vld(tab, t + 24 * a + 16, 0)
         pb = vld(tab, t + 24 * b, 0); nb = vld(tab, t + 24 * b + 8, 0); db = vld(tab, t + 24 * b + 16, 0)
         pp = pa * pb
-        t00 += pp * vld(scratch, po + 24, 0); t10 += pp * vld(scratch, po + 32, 0)
-        t01 += pp * vld(scratch, po + 40, 0); t11 += pp * vld(scratch, po + 48, 0)
+        t00 += pp * vld(scratch, po + 32, 0); t10 += pp * vld(scratch, po + 40, 0)
+        t01 += pp * vld(scratch, po + 48, 0); t11 += pp * vld(scratch, po + 56, 0)
         rt += pb * vld2(scratch, ba + 48, 8)
         tr += pa * vld2(scratch, bb + 64, 8)
         rr += vld(scratch, ba, 0) * vld(scratch, bb + 24, 0)
@@ -203,6 +227,7 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
             h2 += (pa * nb) * s2
             g2 += (na * pb) * s2
             e3 += (na * db - da * nb) * s3
+            e4 += (na * nb) * vld(scratch, po + 24, 0)
         else:
             h2 += pa * (nb * s2 - db * s3)
             g2 += pb * (na * s2 - da * s3)
@@ -211,7 +236,7 @@ def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, k
     tr -= (0.5 * h2) * ub
     rt -= (0.5 * g2) * ua
     if green is None:
-        rr += (0.5 * e3) * cross2(ua, ub)
+        rr += (0.5 * e3) * cross2(ua, ub) + (0.5 * e4) * dot(ua, ub)
     if rate is not None:
         m = rate * vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld(tab, mo, 0)
         md = rate * vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld(tab, mo + 8, 0)
@@ -251,7 +276,7 @@ def planar_groups(tables, first, last, inner, q, dphi, v, line, h, rate, green, 
         ro = fo + 32 * nn
         ko = ro + 24 * nn
         po0 = ko + 72 * nn * nn
-        ps = 8 * (7 + 10 * nn)
+        ps = 8 * (8 + 10 * nn)
         lo = po0 + nq * ps
         for a in range(nn):
             gather_planar_ends(tables, no + 8 * a, q, dphi, line, v, h, scratch, 64 * a, uo + 32 * a)

@@ -12,7 +12,13 @@ from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 
 Q_LANES = 24 * 8     # two sets of coordinates of a node
-AXIAL_LANES = 7      # see `put_stretch`
+# doubles of a quadrature point in scratch: six stresses that multiply derivatives of quadratic forms, that of the directors'
+# lengths, and the three moments, theory.md (4.7)
+STRESSES = 10 * 8
+# what derivatives of the strains (2.2) need of one shape: shears, 1 / stretch, the forms of twist and curvatures, the factor c;
+# then the same of the end of the step, and its stretch
+SHAPE = 7 * 8
+SHAPES = 2 * SHAPE + 8
 
 
 @kernel
@@ -32,80 +38,96 @@ def interpolate(tab, to, nn, scratch, qo, zo):
 
 
 @kernel
-def quadratic_forms(scratch, z, green, eo, add):
-    """The six quadratic forms of z that the strains are made of, theory.md (2.1), (2.4); added to what stands there if `add`."""
+def quadratic_forms(scratch, z, green, eo):
+    """The quadratic forms of z that strains are made of, theory.md (2.1), (2.4): phi'.phi'/2, two shears, twist, two curvatures;
+    of strain set (2.2) a seventh, c - 7/4."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
-    e1 = 0.5 * dot(f, f)
-    e4 = 0.5 * (dot(k2, d3) - dot(k3, d2))
+    vst(scratch, eo, 0, 0.5 * dot(f, f)); vst(scratch, eo + 8, 0, dot(f, d2)); vst(scratch, eo + 16, 0, dot(f, d3))
+    vst(scratch, eo + 24, 0, 0.5 * (dot(k2, d3) - dot(k3, d2)))
     if green is None:
-        e5 = 0.5 * (dot(k3, d1) - dot(k1, d3))
-        e6 = 0.5 * (dot(k1, d2) - dot(k2, d1))
+        vst(scratch, eo + 32, 0, 0.5 * (dot(k3, d1) - dot(k1, d3)))
+        vst(scratch, eo + 40, 0, 0.5 * (dot(k1, d2) - dot(k2, d1)))
+        vst(scratch, eo + 48, 0, -0.25 * (dot(d1, d1) + dot(d2, d2) + dot(d3, d3)))
     else:
-        e5 = dot(f, k3)
-        e6 = -1.0 * dot(f, k2)
-    e2 = dot(f, d2)
-    e3 = dot(f, d3)
-    if add:
-        e1 += vld(scratch, eo, 0); e2 += vld(scratch, eo + 8, 0); e3 += vld(scratch, eo + 16, 0)
-        e4 += vld(scratch, eo + 24, 0); e5 += vld(scratch, eo + 32, 0); e6 += vld(scratch, eo + 40, 0)
-    vst(scratch, eo, 0, e1); vst(scratch, eo + 8, 0, e2); vst(scratch, eo + 16, 0, e3)
-    vst(scratch, eo + 24, 0, e4); vst(scratch, eo + 32, 0, e5); vst(scratch, eo + 40, 0, e6)
+        vst(scratch, eo + 32, 0, dot(f, k3)); vst(scratch, eo + 40, 0, -1.0 * dot(f, k2))
 
 
 @kernel
-def stretch(form, shear2, shear3):
-    """Length of the axis per arc length without what shear adds to it, theory.md (2.2)."""
-    return square_root(2.0 * form - shear2 * shear2 - shear3 * shear3)
+def stretch(scratch, eo):
+    """Length of phi' without its part in the section, from the forms at eo; theory.md (2.2)."""
+    g2 = vld(scratch, eo + 8, 0); g3 = vld(scratch, eo + 16, 0)
+    return square_root(2.0 * vld(scratch, eo, 0) - g2 * g2 - g3 * g3)
 
 
 @kernel
-def put_stretch(scratch, ze, middle, eo, ao):
-    """The mean stretch of both ends of the step in place of the mean of f.f/2 at eo. Into AXIAL_LANES lanes at ao what its
-    derivatives need: the mean shears and 1 / mean stretch, then shears, 1 / stretch and stretch at the end."""
-    form = vld(scratch, eo, 0); g2 = vld(scratch, eo + 8, 0); g3 = vld(scratch, eo + 16, 0)
-    if middle is None:
-        f = vld3(scratch, ze, 8)
-        form_end = 0.5 * dot(f, f)
-        g2_end = dot(f, vld3(scratch, ze + 48, 8)); g3_end = dot(f, vld3(scratch, ze + 72, 8))
-        end = stretch(form_end, g2_end, g3_end)
-        # a quadratic form at the start is twice its mean less that at the end
-        mean = 0.5 * (end + stretch(2.0 * form - form_end, 2.0 * g2 - g2_end, 2.0 * g3 - g3_end))
-    else:
-        g2_end = g2; g3_end = g3
-        end = stretch(form, g2, g3)
-        mean = end
-    vst(scratch, eo, 0, mean)
-    vst(scratch, ao, 0, g2); vst(scratch, ao + 8, 0, g3); vst(scratch, ao + 16, 0, 1.0 / mean)
-    vst(scratch, ao + 24, 0, g2_end); vst(scratch, ao + 32, 0, g3_end); vst(scratch, ao + 40, 0, 1.0 / end)
-    vst(scratch, ao + 48, 0, end)
+def put_shape(scratch, eo, over_stretch, ao):
+    """What derivatives of the strains (2.2) need, from the forms at eo."""
+    vst(scratch, ao, 0, vld(scratch, eo + 8, 0)); vst(scratch, ao + 8, 0, vld(scratch, eo + 16, 0))
+    vst(scratch, ao + 16, 0, over_stretch)
+    for i in range(24, 48, 8):
+        vst(scratch, ao + i, 0, vld(scratch, eo + i, 0))
+    vst(scratch, ao + 48, 0, 1.75 + vld(scratch, eo + 48, 0))
 
 
 @kernel
 def mean_strains(tab, e0, scratch, zm, ze, green, middle, eo, room, ao):
-    """(E_n + E_n+1)/2 - E0. The mean of a quadratic form is that of z_mid and that of z_end - z_mid. `middle`: only E(z_mid).
-    e0: where E0 stands; ao: see `put_stretch`."""
-    quadratic_forms(scratch, zm, green, eo, False)
+    """(E_n + E_n+1)/2 - E0, from the shapes in the middle and at the end of the step. `middle`: only E(z_mid). e0: where E0
+    stands; ao: room for SHAPES."""
+    end = room
     if middle is None:
         for i in range(0, 168, 8):
-            vst(scratch, room + i, 0, vld(scratch, ze + i, 0) - vld(scratch, zm + i, 0))
-        quadratic_forms(scratch, room, green, eo, True)
+            vst(scratch, room + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
+        quadratic_forms(scratch, room, green, eo)
+        quadratic_forms(scratch, ze, green, end)
+    else:
+        quadratic_forms(scratch, zm, green, eo)
+        end = eo
     if green is None:
-        put_stretch(scratch, ze, middle, eo, ao)
+        r_end = stretch(scratch, end)
+        r = 0.5 * (stretch(scratch, eo) + r_end)
+        over = 1.0 / (r * r_end)
+        c = 1.75 + vld(scratch, eo + 48, 0)
+        c_end = 1.75 + vld(scratch, end + 48, 0)
+        put_shape(scratch, end, r * over, ao + SHAPE)
+        vst(scratch, ao + 2 * SHAPE, 0, r_end)
+        mean_c = 0.5 * (c + c_end)
+        vst(scratch, ao + 16, 0, r_end * over); vst(scratch, ao + 48, 0, mean_c)
+        vst(scratch, eo, 0, r)
+        for i in range(8, 24, 8):
+            g = 0.5 * (vld(scratch, eo + i, 0) + vld(scratch, end + i, 0))
+            vst(scratch, eo + i, 0, g); vst(scratch, ao + i - 8, 0, g)
+        for i in range(24, 48, 8):
+            k = vld(scratch, eo + i, 0); k_end = vld(scratch, end + i, 0)
+            vst(scratch, eo + i, 0, 0.5 * (c * k + c_end * k_end)); vst(scratch, ao + i, 0, 0.5 * (k + k_end))
+    else:
+        for i in range(0, 48, 8):
+            vst(scratch, eo + i, 0, 0.5 * (vld(scratch, eo + i, 0) + vld(scratch, end + i, 0)))
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) - vld(tab, e0 + i, 0))
 
 
 @kernel
-def linear_stretch(scratch, zl, zs):
-    """The stretch at zl, extrapolated in a straight line from zl - zs with its derivative there."""
-    fl = vld3(scratch, zl, 8); fs = vld3(scratch, zs, 8); f = fl - fs
-    l2 = vld3(scratch, zl + 48, 8); s2 = vld3(scratch, zs + 48, 8)
-    l3 = vld3(scratch, zl + 72, 8); s3 = vld3(scratch, zs + 72, 8)
-    form = 0.5 * dot(f, f); g2 = dot(f, l2 - s2); g3 = dot(f, l3 - s3)
-    # r + (dQ - g2 dg2 - g3 dg3)/r, where Q + dQ of a quadratic form is Q(zl) - Q(zs)
-    along = form + 0.5 * (dot(fl, fl) - dot(fs, fs)) - g2 * (dot(fl, l2) - dot(fs, s2)) - g3 * (dot(fl, l3) - dot(fs, s3))
-    return along / stretch(form, g2, g3)
+def extrapolated_strains(scratch, zl, zs, green, eo, room):
+    """The strains at zl - zs and along zs from there in a straight line, into six lanes at `room`. A quadratic form Q changes by
+    Q(zl) - Q(zs) - Q(zl - zs). zs and the seven lanes at eo are overwritten."""
+    quadratic_forms(scratch, zl, green, room)
+    quadratic_forms(scratch, zs, green, eo)
+    for i in range(0, 48 if green is not None else 56, 8):
+        vst(scratch, room + i, 0, vld(scratch, room + i, 0) - vld(scratch, eo + i, 0))
+    if green is None:
+        for i in range(0, 168, 8):
+            vst(scratch, zs + i, 0, vld(scratch, zl + i, 0) - vld(scratch, zs + i, 0))
+        quadratic_forms(scratch, zs, green, eo)
+        # r + (dQ - g2 dg2 - g3 dg3)/r = (2 Q + dQ - g2 (g2 + dg2) - g3 (g3 + dg3))/r
+        r = vld(scratch, eo, 0) + vld(scratch, room, 0)
+        r -= vld(scratch, eo + 8, 0) * vld(scratch, room + 8, 0) + vld(scratch, eo + 16, 0) * vld(scratch, room + 16, 0)
+        vst(scratch, room, 0, r / stretch(scratch, eo))
+        # c K + c dK + dc K
+        c = 1.75 + vld(scratch, eo + 48, 0)
+        dc = vld(scratch, room + 48, 0) - vld(scratch, eo + 48, 0)
+        for i in range(24, 48, 8):
+            vst(scratch, room + i, 0, c * vld(scratch, room + i, 0) + dc * vld(scratch, eo + i, 0))
 
 
 @kernel
@@ -116,12 +138,16 @@ def unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, 
         for i in range(0, 168, 8):
             vst(scratch, zl + i, 0, vld(scratch, zm + i, 0) + 0.5 * (vld(scratch, zl + i, 0) - vld(scratch, ze + i, 0)))
             vst(scratch, zs + i, 0, 0.5 * vld(scratch, zs + i, 0))
-    quadratic_forms(scratch, zs, green, eo, False)
-    quadratic_forms(scratch, zm if middle is not None else ze, green, eo, True)
-    quadratic_forms(scratch, zl, green, room, False)
+    extrapolated_strains(scratch, zl, zs, green, eo, room)
     if green is None:
-        vst(scratch, room, 0, linear_stretch(scratch, zl, zs))
-        vst(scratch, eo, 0, vld(scratch, ao + 48, 0))
+        end = ao + SHAPE
+        c = vld(scratch, end + 48, 0)
+        vst(scratch, eo, 0, vld(scratch, ao + 2 * SHAPE, 0))
+        vst(scratch, eo + 8, 0, vld(scratch, end, 0)); vst(scratch, eo + 16, 0, vld(scratch, end + 8, 0))
+        for i in range(24, 48, 8):
+            vst(scratch, eo + i, 0, c * vld(scratch, end + i, 0))
+    else:
+        quadratic_forms(scratch, zm if middle is not None else ze, green, eo)
     # the start of a conserving step stays as it is
     share = 0.5
     if middle is not None or dphi is None or spin_rate is not None:
@@ -132,8 +158,8 @@ def unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, 
 
 @kernel
 def stresses(tab, co, to, coupled, scratch, eo, so, green, ao):
-    """weight times C times the strains at `eo` into the six lanes at `so`; of strain set (2.2) what then multiplies the derivatives
-    of the quadratic forms, theory.md (4.7)."""
+    """weight times C times the strains at `eo` into the lanes at `so`; of strain set (2.2) what then multiplies the derivatives
+    of the quadratic forms, theory.md (4.7), and the moments behind. ao: SHAPES."""
     w = vld(tab, to, 0)
     for i in range(6):
         j0 = 0 if coupled else i
@@ -147,3 +173,10 @@ def stresses(tab, co, to, coupled, scratch, eo, so, green, ao):
         vst(scratch, so, 0, n)
         vst(scratch, so + 8, 0, vld(scratch, so + 8, 0) - n * vld(scratch, ao, 0))
         vst(scratch, so + 16, 0, vld(scratch, so + 16, 0) - n * vld(scratch, ao + 8, 0))
+        c = vld(scratch, ao + 48, 0)
+        x = vzero()
+        for i in range(24, 48, 8):
+            m = vld(scratch, so + i, 0)
+            x += m * vld(scratch, ao + i, 0)
+            vst(scratch, so + i, 0, c * m); vst(scratch, so + 32 + i, 0, m)
+        vst(scratch, so + 48, 0, -0.5 * x)
