@@ -136,88 +136,135 @@ def form_rows(scratch, z, q, n, dn, out):
 
 
 @kernel
-def times_section(tab, co, to, coupled, scratch, so, n, rows):
-    """Half the weight times C times n vectors at `rows` (those behind are zero), less half the axial stress over the stretch times
-    the first three, theory.md (4.8); in their place, six vectors if C is coupled."""
+def form_stiffness(tab, co, to, scratch, so, ao, out):
+    """How what multiplies the quadratic forms at the middle changes with the forms at the end: 7 x 7 lanes by rows, theory.md (4.8),
+    of a section that is not coupled: only the block of the first three forms and the last four rows and columns are filled."""
+    end = ao + SHAPE
     half_w = 0.5 * vld(tab, to, 0)
     axial = 0.5 * vld(scratch, so, 0)
-    if coupled:
-        out = rows + 144
-        for i in range(6):
-            x = vzero3()
-            for j in range(n):
-                x += (half_w * vld(tab, co + 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
-            vst3(scratch, out + 24 * i, 8, x)
-        for i in range(3):
-            vadd3(scratch, out + 24 * i, 8, (-1.0 * axial) * vld3(scratch, rows + 24 * i, 8))
-        for i in range(0, 144, 8):
-            vst(scratch, rows + i, 0, vld(scratch, out + i, 0))
-    else:
-        for i in range(3):
-            vst3(scratch, rows + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0) - axial) * vld3(scratch, rows + 24 * i, 8))
-        for i in range(3, n):
-            vst3(scratch, rows + 24 * i, 8, (half_w * vld(tab, co + 56 * i, 0)) * vld3(scratch, rows + 24 * i, 8))
+    g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); over = vld(scratch, ao + 16, 0)
+    h2 = vld(scratch, end, 0); h3 = vld(scratch, end + 8, 0); over_end = vld(scratch, end + 16, 0)
+    y = over * over_end * (half_w * vld(tab, co, 0) - axial)
+    y2 = vzero() - y * h2; y3 = vzero() - y * h3
+    vst(scratch, out, 0, y); vst(scratch, out + 8, 0, y2); vst(scratch, out + 16, 0, y3)
+    vst(scratch, out + 56, 0, vzero() - g2 * y); vst(scratch, out + 112, 0, vzero() - g3 * y)
+    vst(scratch, out + 64, 0, half_w * vld(tab, co + 56, 0) - axial - g2 * y2); vst(scratch, out + 72, 0, vzero() - g2 * y3)
+    vst(scratch, out + 120, 0, vzero() - g3 * y2); vst(scratch, out + 128, 0, half_w * vld(tab, co + 112, 0) - axial - g3 * y3)
+    c = vld(scratch, ao + 48, 0); c_end = vld(scratch, end + 48, 0)
+    x = vzero()
+    for i in range(3):
+        y = half_w * vld(tab, co + 168 + 56 * i, 0)
+        half_m = 0.5 * vld(scratch, so + 56 + 8 * i, 0)
+        k = vld(scratch, ao + 24 + 8 * i, 0); k_end = vld(scratch, end + 24 + 8 * i, 0)
+        vst(scratch, out + 192 + 64 * i, 0, c * c_end * y)
+        vst(scratch, out + 216 + 56 * i, 0, c * k_end * y + half_m)
+        vst(scratch, out + 360 + 8 * i, 0, c_end * k * y + half_m)
+        x += k * k_end * y
+    vst(scratch, out + 384, 0, x)
+
+
+@kernel
+def coupled_form_stiffness(tab, co, to, scratch, so, ao, out):
+    """The same of any section, all 7 x 7 lanes."""
+    end = ao + SHAPE
+    half_w = 0.5 * vld(tab, to, 0)
+    axial = 0.5 * vld(scratch, so, 0)
+    # C times the derivatives of the strains at the end
+    over = vld(scratch, end + 16, 0); g2 = vld(scratch, end, 0); g3 = vld(scratch, end + 8, 0); c = vld(scratch, end + 48, 0)
+    for i in range(6):
+        o = out + 56 * i
+        for j in range(6):
+            vst(scratch, o + 8 * j, 0, half_w * vld(tab, co + 48 * i + 8 * j, 0))
+        if i < 3:
+            vst(scratch, o + 8 * i, 0, vld(scratch, o + 8 * i, 0) - axial)
+        x = over * vld(scratch, o, 0)
+        vst(scratch, o, 0, x)
+        vst(scratch, o + 8, 0, vld(scratch, o + 8, 0) - g2 * x)
+        vst(scratch, o + 16, 0, vld(scratch, o + 16, 0) - g3 * x)
+        x = vzero()
+        for j in range(24, 48, 8):
+            y = vld(scratch, o + j, 0)
+            x += y * vld(scratch, end + j, 0)
+            vst(scratch, o + j, 0, c * y)
+        vst(scratch, o + 48, 0, x)
+    # times those in the middle, and the change of those
+    over = vld(scratch, ao + 16, 0); g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); c = vld(scratch, ao + 48, 0)
+    for o in range(out, out + 56, 8):
+        x = over * vld(scratch, o, 0)
+        vst(scratch, o, 0, x)
+        vst(scratch, o + 56, 0, vld(scratch, o + 56, 0) - g2 * x)
+        vst(scratch, o + 112, 0, vld(scratch, o + 112, 0) - g3 * x)
+        x = vzero()
+        for j in range(3):
+            y = vld(scratch, o + 168 + 56 * j, 0)
+            x += vld(scratch, ao + 24 + 8 * j, 0) * y
+            vst(scratch, o + 168 + 56 * j, 0, c * y)
+        vst(scratch, o + 336, 0, x)
+    for j in range(3):
+        half_m = 0.5 * vld(scratch, so + 56 + 8 * j, 0)
+        for o in (out + 216 + 56 * j, out + 360 + 8 * j):
+            vst(scratch, o, 0, vld(scratch, o, 0) + half_m)
+
+
+@kernel
+def times_forms(scratch, do, first, last, rows):
+    """Of the entries `first` to before `last` of a row of `form_stiffness`, times vectors at rows."""
+    x = vzero3()
+    for k in range(first, last):
+        x += vld(scratch, do + 8 * k, 0) * vld3(scratch, rows + 24 * k, 8)
+    return x
 
 
 @kernel
 def point_stiffness(tab, co, to, nn, coupled, scratch, z_mid, z_end, qo, so, po, ao):
     """Everything of one point that the node pairs share, of strain set (2.2), from po on: TT (9), per node rows of the midpoint
-    (18), what multiplies them (18), rotation-translation RT (9) and translation-rotation TR (9). Rows are derivatives of quadratic
-    forms; those of the strains are combinations of them, theory.md (4.8)."""
-    end = ao + SHAPE
-    # room behind the two shapes: vectors of the positions and of the spins of a node, then rows of the end of that node
-    ct = z_mid + 336
-    cr = ct + 168
-    re = cr + 312
-    g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); over = vld(scratch, ao + 16, 0); c = vld(scratch, ao + 48, 0)
-    f = vld3(scratch, z_mid, 8); d2 = vld3(scratch, z_mid + 48, 8); d3 = vld3(scratch, z_mid + 72, 8)
-    # positions: rows f, d2, d3 of the forms; strains at the end
-    x2 = vld3(scratch, z_end + 48, 8); x3 = vld3(scratch, z_end + 72, 8)
-    x1 = vld3(scratch, z_end, 8) - vld(scratch, end, 0) * x2 - vld(scratch, end + 8, 0) * x3
-    vst3(scratch, cr, 8, vld(scratch, end + 16, 0) * x1); vst3(scratch, cr + 24, 8, x2); vst3(scratch, cr + 48, 8, x3)
-    times_section(tab, co, to, coupled, scratch, so, 3, cr)
-    x1 = over * vld3(scratch, cr, 8)
-    x2 = vld3(scratch, cr + 24, 8) - g2 * x1
-    x3 = vld3(scratch, cr + 48, 8) - g3 * x1
-    vst3(scratch, ct, 8, x2); vst3(scratch, ct + 24, 8, x3)
-    vstm(scratch, po, 8, add_iso(outer(f, x1) + outer(d2, x2) + outer(d3, x3), 0.5 * vld(scratch, so, 0)))
-    nc = 2
+    (18), what multiplies them (18), rotation-translation RT (9) and translation-rotation TR (9). Rows are derivatives of the
+    quadratic forms, theory.md (4.8)."""
+    # room behind the two shapes: 7 x 7 lanes, vectors of the positions at the end, products with them, rows of the end of a node
+    do = z_mid + 336
+    te = do + 392
+    ct = te + 72
+    re = ct + 144
     if coupled:
-        nc = 6
-        x = vzero3()
-        for i in range(3):
-            y = vld3(scratch, cr + 72 + 24 * i, 8)
-            x += vld(scratch, ao + 24 + 8 * i, 0) * y
-            vst3(scratch, ct + 48 + 24 * i, 8, c * y)
-        vst3(scratch, ct + 120, 8, x)
+        coupled_form_stiffness(tab, co, to, scratch, so, ao, do)
+    else:
+        form_stiffness(tab, co, to, scratch, so, ao, do)
+    f = vld3(scratch, z_mid, 8); d2 = vld3(scratch, z_mid + 48, 8); d3 = vld3(scratch, z_mid + 72, 8)
+    # positions have the rows phi', d2, d3
+    vst3(scratch, te, 8, vld3(scratch, z_end, 8))
+    vst3(scratch, te + 24, 8, vld3(scratch, z_end + 48, 8)); vst3(scratch, te + 48, 8, vld3(scratch, z_end + 72, 8))
+    tt = outer(f, times_forms(scratch, do, 0, 3, te))
+    nc = 6 if coupled else 2
+    for i in range(nc):
+        vst3(scratch, ct + 24 * i, 8, times_forms(scratch, do + 56 + 56 * i, 0, 3, te))
+    tt += outer(d2, vld3(scratch, ct, 8)) + outer(d3, vld3(scratch, ct + 24, 8))
+    vstm(scratch, po, 8, add_iso(tt, 0.5 * vld(scratch, so, 0)))
     for a in range(nn):
         t = to + 8 + 24 * a
         n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
         b = po + 72 + 432 * a
         form_rows(scratch, z_mid, qo + Q_LANES * a, n, dn, b)
         form_rows(scratch, z_end, qo + Q_LANES * a + 96, n, dn, re)
-        # strains at the end
-        x2 = vld3(scratch, re, 8); x3 = vld3(scratch, re + 24, 8); xc = vld3(scratch, re + 120, 8)
-        x1 = vld(scratch, end, 0) * x2 + vld(scratch, end + 8, 0) * x3
-        vst3(scratch, cr, 8, (-1.0 * vld(scratch, end + 16, 0)) * x1); vst3(scratch, cr + 24, 8, x2); vst3(scratch, cr + 48, 8, x3)
-        c_end = vld(scratch, end + 48, 0)
-        for i in range(3):
-            y = c_end * vld3(scratch, re + 48 + 24 * i, 8) + vld(scratch, end + 24 + 8 * i, 0) * xc
-            vst3(scratch, cr + 72 + 24 * i, 8, y)
-        times_section(tab, co, to, coupled, scratch, so, 6, cr)
-        # to the forms in the middle
-        x1 = over * vld3(scratch, cr, 8)
-        x2 = vld3(scratch, cr + 24, 8) - g2 * x1
-        x3 = vld3(scratch, cr + 48, 8) - g3 * x1
-        vst3(scratch, b + 144, 8, x2); vst3(scratch, b + 168, 8, x3)
-        vstm(scratch, b + 360, 8, outer(f, x1) + outer(d2, x2) + outer(d3, x3))
-        x = vzero3()
-        for i in range(3):
-            y = vld3(scratch, cr + 72 + 24 * i, 8)
-            half_m = 0.5 * vld(scratch, so + 56 + 8 * i, 0)
-            x += vld(scratch, ao + 24 + 8 * i, 0) * y + half_m * vld3(scratch, re + 48 + 24 * i, 8)
-            vst3(scratch, b + 192 + 24 * i, 8, c * y + half_m * xc)
-        vst3(scratch, b + 264, 8, x)
+        # spins have no row of the first form
+        y = re - 24
+        if coupled:
+            x1 = times_forms(scratch, do, 1, 7, y)
+            for i in range(6):
+                vst3(scratch, b + 144 + 24 * i, 8, times_forms(scratch, do + 56 + 56 * i, 1, 7, y))
+        else:
+            x1 = times_forms(scratch, do, 1, 3, y)
+            vst3(scratch, b + 144, 8, times_forms(scratch, do + 56, 1, 3, y))
+            vst3(scratch, b + 168, 8, times_forms(scratch, do + 112, 1, 3, y))
+            xc = vld3(scratch, re + 120, 8)
+            x = vld(scratch, do + 384, 0) * xc
+            for i in range(3):
+                z = vld3(scratch, re + 48 + 24 * i, 8)
+                x += vld(scratch, do + 360 + 8 * i, 0) * z
+                o = do + 168 + 56 * i
+                vst3(scratch, b + 192 + 24 * i, 8, vld(scratch, o + 24 + 8 * i, 0) * z + vld(scratch, o + 48, 0) * xc)
+            vst3(scratch, b + 264, 8, x)
+        tr = outer(f, x1) + outer(d2, vld3(scratch, b + 144, 8)) + outer(d3, vld3(scratch, b + 168, 8))
+        vstm(scratch, b + 360, 8, tr)
         rt = vzerom()
         for i in range(nc):
             rt += outer(vld3(scratch, b + 24 * i, 8), vld3(scratch, ct + 24 * i, 8))
@@ -440,7 +487,7 @@ def project_node(scratch, q, fo, go, ro, ko):
 def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u, rate, spin_rate, green, middle, scratch, qo, uo,
              fo, ro, ko, so0, vo, lo, go):
     """Residual and tangent of a part of a group, whose coordinates stand in scratch. Offsets of its first lane: in tab C, points,
-    inertia, reference strains; in scratch coordinates, second rates, forces, residual, tangent, points, spin rates, the line,
+    inertia, reference strains; in scratch coordinates, second rates, forces, residual, tangent, points, spin rates, the last increment,
     forces of the tangent."""
     pt = 8 * (1 + 3 * nn)
     ps = point_scratch_size(nn)
@@ -465,16 +512,12 @@ def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u
         stresses(tab, co, to, coupled, scratch, eo, so, green, ao)
         add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
         if mixed:
-            zl = zm + 392
-            zs = zm + 560
+            zb = zm + 392
+            zx = zm + 560
             if gathered:
-                interpolate(tab, to, nn, scratch, lo, zl)
-                interpolate(tab, to, nn, scratch, lo + 96, zs)
-            else:
-                for i in range(0, 168, 8):
-                    vst(scratch, zl + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0))
-                    vst(scratch, zs + i, 0, 0.0)
-            unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room, ao)
+                interpolate(tab, to, nn, scratch, lo, zb)
+                interpolate(tab, to, nn, scratch, lo + 96, zx)
+            unused_strains(tab, eo0 + 48 * g, scratch, zm, ze, gathered, zb, zx, dphi, spin_rate, green, middle, eo, room, ao)
             stresses(tab, co, to, coupled, scratch, eo, room, green, ao)
             add_forces(tab, to, nn, scratch, zm, room, green, None, go)
             for i in range(0, STRESSES if green is None else 48, 8):

@@ -74,8 +74,9 @@ def gather_planar_ends(tables, at, q, dphi, line, v, h, scratch, qo, uo):
 
 @kernel
 def gather_line(tables, at, q, spin_rate, line, off, scratch, end, lo):
-    """Where the last increment led 8 nodes in a straight line, 12 lanes at lo, and the way there behind; from their coordinates
-    at `end`. With spin_rate, before the first increment, the start of the step. off: as in `work.Line`."""
+    """Coordinates of 8 nodes before the last increment, 12 lanes at lo, and behind them that increment, along which a straight line
+    leads; from their coordinates at `end`. With spin_rate, before the first increment, the start of the step and nothing. off: as
+    in `work.Line`."""
     s = lo + 96
     if spin_rate is not None:
         if line.use[0] == FROM_START:
@@ -90,14 +91,13 @@ def gather_line(tables, at, q, spin_rate, line, off, scratch, end, lo):
     if off is not None:
         gather_lanes(off, tables.nodes, at, 3, scratch, lo, THREE)
         position = position - vld3(scratch, lo, 8)
-    vst3(scratch, lo, 8, position)
+    vst3(scratch, lo, 8, position - vld3(scratch, s, 8))
     for i in range(24, 96, 24):
         d = vld3(scratch, end + i, 8)
         x = cross(spin, d)
         d += g * (0.5 * cross(spin, x) - y * x)
-        way = cross(spin, d)
-        vst3(scratch, s + i, 8, way)
-        vst3(scratch, lo + i, 8, d + way)
+        vst3(scratch, s + i, 8, cross(spin, d))
+        vst3(scratch, lo + i, 8, d)
 
 
 @kernel
@@ -112,9 +112,8 @@ def gather_planar_line(tables, at, line, off, scratch, end, lo):
     if off is not None:
         gather_lanes(off, tables.nodes, at, 2, scratch, lo, TWO)
         position = position - vld2(scratch, lo, 8)
-    vst2(scratch, lo, 8, position)
+    vst2(scratch, lo, 8, position - vld2(scratch, s, 8))
     d = vld2(scratch, end + 16, 8)
     d -= (g * spin) * (y * perp(d) + (0.5 * spin) * d)
-    way = spin * perp(d)
-    vst2(scratch, s + 16, 8, way)
-    vst2(scratch, lo + 16, 8, d + way)
+    vst2(scratch, s + 16, 8, spin * perp(d))
+    vst2(scratch, lo + 16, 8, d)

@@ -57,7 +57,8 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
     g = 0.5 * (g0 + ge)
     if green is None:
         r_end = square_root(dot(fe, fe) - ge * ge)
-        e = 0.5 * (square_root(dot(f0, f0) - g0 * g0) + r_end)
+        r0 = square_root(dot(f0, f0) - g0 * g0)
+        e = 0.5 * (r0 + r_end)
         over = 1.0 / (e * r_end)
         over_end = e * over
         over = r_end * over
@@ -80,29 +81,40 @@ def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, g
     t1 = s1; t2 = s2; t3 = s3
     if mixed:
         # what the mean strains, linear in the last increment, lack to them, theory.md (4.6)
-        fl = vzero2(); ul = vzero2(); kl = vzero2(); fs = vzero2(); us = vzero2(); ks = vzero2()
         if gathered:
+            # shape before the last increment, and that increment
+            fb = vzero2(); ub = vzero2(); kb = vzero2(); fx = vzero2(); ux = vzero2(); kx = vzero2()
             for a in range(nn):
                 t = to + 8 + 24 * a
                 q = lo + 80 * a
                 dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
                 x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
-                fl += dp * vld2(scratch, q, 8); ul += n * x; kl += dn * x
-                fs += dp * vld2(scratch, q + 32, 8); us += n * y; ks += dn * y
+                fb += dp * vld2(scratch, q, 8); ub += n * x; kb += dn * x
+                fx += dp * vld2(scratch, q + 32, 8); ux += n * y; kx += dn * y
+            gb = cross2(ub, fb)
+            g = gb + cross2(ux, fb) + cross2(ub, fx)
+            if green is None:
+                e = (dot(fb, fb + fx) - gb * g) / square_root(dot(fb, fb) - gb * gb)
+                cb = cross2(ub, kb); ab = 1.5 - 0.5 * dot(ub, ub)
+                c = ab * (cb + cross2(ux, kb) + cross2(ub, kx)) - dot(ub, ux) * cb
+            else:
+                e = 0.5 * dot(fb, fb) + dot(fb, fx)
+                c = cross2(fb, kb) + cross2(fx, kb) + cross2(fb, kx)
         else:
-            fl = f0; ul = u0; kl = k0
-        g = cross2(ul, fl) - cross2(us, fs)
-        if green is None:
-            # quadratic forms at fl - fs, and where they go in a straight line
-            fb = fl - fs; ub = ul - us; kb = kl - ks
-            gb = cross2(ub, fb); cb = cross2(ub, kb); ab = 1.5 - 0.5 * dot(ub, ub)
-            e = 0.5 * (dot(fb, fb) + dot(fl, fl) - dot(fs, fs)) - gb * g
-            e = e / square_root(dot(fb, fb) - gb * gb) - r_end
-            c = ab * (cross2(ul, kl) - cross2(us, ks)) + (1.5 - 0.5 * (dot(ul, ul) - dot(us, us)) - ab) * cb - ae * ce
-        else:
-            e = 0.5 * (dot(fl, fl) - dot(fs, fs) - dot(fe, fe))
-            c = cross2(fl, kl) - cross2(fs, ks) - cross2(fe, ke)
+            g = g0
+            if green is None:
+                e = r0
+                c = a0 * c0
+            else:
+                e = 0.5 * dot(f0, f0)
+                c = cross2(f0, k0)
         g -= ge
+        if green is None:
+            e -= r_end
+            c -= ae * ce
+        else:
+            e -= 0.5 * dot(fe, fe)
+            c -= cross2(fe, ke)
         share = 1.0
         if v is not None:
             share = 0.5    # the start of the step stays as it is

@@ -108,52 +108,79 @@ def mean_strains(tab, e0, scratch, zm, ze, green, middle, eo, room, ao):
 
 
 @kernel
-def extrapolated_strains(scratch, zl, zs, green, eo, room):
-    """The strains at zl - zs and along zs from there in a straight line, into six lanes at `room`. A quadratic form Q changes by
-    Q(zl) - Q(zs) - Q(zl - zs). zs and the seven lanes at eo are overwritten."""
-    quadratic_forms(scratch, zl, green, room)
-    quadratic_forms(scratch, zs, green, eo)
-    for i in range(0, 48 if green is not None else 56, 8):
-        vst(scratch, room + i, 0, vld(scratch, room + i, 0) - vld(scratch, eo + i, 0))
+def form_changes(scratch, z, x, green, eo):
+    """Derivatives of the forms of `quadratic_forms` at z along x."""
+    f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
+    k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
+    g = vld3(scratch, x, 8); x1 = vld3(scratch, x + 24, 8); x2 = vld3(scratch, x + 48, 8); x3 = vld3(scratch, x + 72, 8)
+    y1 = vld3(scratch, x + 96, 8); y2 = vld3(scratch, x + 120, 8); y3 = vld3(scratch, x + 144, 8)
+    vst(scratch, eo, 0, dot(f, g))
+    vst(scratch, eo + 8, 0, dot(f, x2) + dot(g, d2)); vst(scratch, eo + 16, 0, dot(f, x3) + dot(g, d3))
+    vst(scratch, eo + 24, 0, 0.5 * (dot(y2, d3) + dot(k2, x3) - dot(y3, d2) - dot(k3, x2)))
     if green is None:
-        for i in range(0, 168, 8):
-            vst(scratch, zs + i, 0, vld(scratch, zl + i, 0) - vld(scratch, zs + i, 0))
-        quadratic_forms(scratch, zs, green, eo)
-        # r + (dQ - g2 dg2 - g3 dg3)/r = (2 Q + dQ - g2 (g2 + dg2) - g3 (g3 + dg3))/r
-        r = vld(scratch, eo, 0) + vld(scratch, room, 0)
-        r -= vld(scratch, eo + 8, 0) * vld(scratch, room + 8, 0) + vld(scratch, eo + 16, 0) * vld(scratch, room + 16, 0)
-        vst(scratch, room, 0, r / stretch(scratch, eo))
-        # c K + c dK + dc K
-        c = 1.75 + vld(scratch, eo + 48, 0)
-        dc = vld(scratch, room + 48, 0) - vld(scratch, eo + 48, 0)
-        for i in range(24, 48, 8):
-            vst(scratch, room + i, 0, c * vld(scratch, room + i, 0) + dc * vld(scratch, eo + i, 0))
+        vst(scratch, eo + 32, 0, 0.5 * (dot(y3, d1) + dot(k3, x1) - dot(y1, d3) - dot(k1, x3)))
+        vst(scratch, eo + 40, 0, 0.5 * (dot(y1, d2) + dot(k1, x2) - dot(y2, d1) - dot(k2, x1)))
+        vst(scratch, eo + 48, 0, -0.5 * (dot(d1, x1) + dot(d2, x2) + dot(d3, x3)))
+    else:
+        vst(scratch, eo + 32, 0, dot(f, y3) + dot(g, k3)); vst(scratch, eo + 40, 0, -1.0 * (dot(f, y2) + dot(g, k2)))
 
 
 @kernel
-def unused_strains(scratch, zm, ze, zl, zs, dphi, spin_rate, green, middle, eo, room, ao):
-    """What the mean strains, linear in the last increment, lack to those of the present shape: what the tangent must not use,
-    theory.md (4.6). zl: the shape to which the last increment leads in a straight line, zs: that increment."""
-    if middle is not None:
-        for i in range(0, 168, 8):
-            vst(scratch, zl + i, 0, vld(scratch, zm + i, 0) + 0.5 * (vld(scratch, zl + i, 0) - vld(scratch, ze + i, 0)))
-            vst(scratch, zs + i, 0, 0.5 * vld(scratch, zs + i, 0))
-    extrapolated_strains(scratch, zl, zs, green, eo, room)
+def extrapolated_strains(scratch, z, x, green, eo, room):
+    """The strains at z and their change along x in a straight line, into six lanes at eo."""
+    quadratic_forms(scratch, z, green, eo)
+    form_changes(scratch, z, x, green, room)
+    if green is None:
+        # r + (dQ - g2 dg2 - g3 dg3)/r
+        r = stretch(scratch, eo)
+        g2 = vld(scratch, eo + 8, 0); g3 = vld(scratch, eo + 16, 0)
+        dr = vld(scratch, room, 0) - g2 * vld(scratch, room + 8, 0) - g3 * vld(scratch, room + 16, 0)
+        vst(scratch, eo, 0, r + dr / r)
+        for i in range(8, 24, 8):
+            vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, room + i, 0))
+        c = 1.75 + vld(scratch, eo + 48, 0)
+        dc = vld(scratch, room + 48, 0)
+        for i in range(24, 48, 8):
+            vst(scratch, eo + i, 0, (c + dc) * vld(scratch, eo + i, 0) + c * vld(scratch, room + i, 0))
+    else:
+        for i in range(0, 48, 8):
+            vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, room + i, 0))
+
+
+@kernel
+def unused_strains(tab, e0, scratch, zm, ze, gathered, zb, zx, dphi, spin_rate, green, middle, eo, room, ao):
+    """What the mean strains at eo, linear in the last increment, lack to those of the present shape: what the tangent must not use,
+    theory.md (4.6); in their place. zb: the shape before that increment, zx: the increment; unless `gathered` none was made, and
+    the shape before is that of the start."""
     if green is None:
         end = ao + SHAPE
         c = vld(scratch, end + 48, 0)
-        vst(scratch, eo, 0, vld(scratch, ao + 2 * SHAPE, 0))
-        vst(scratch, eo + 8, 0, vld(scratch, end, 0)); vst(scratch, eo + 16, 0, vld(scratch, end + 8, 0))
+        vst(scratch, room, 0, vld(scratch, ao + 2 * SHAPE, 0))
+        vst(scratch, room + 8, 0, vld(scratch, end, 0)); vst(scratch, room + 16, 0, vld(scratch, end + 8, 0))
         for i in range(24, 48, 8):
-            vst(scratch, eo + i, 0, c * vld(scratch, end + i, 0))
+            vst(scratch, room + i, 0, c * vld(scratch, end + i, 0))
     else:
-        quadratic_forms(scratch, zm if middle is not None else ze, green, eo)
+        quadratic_forms(scratch, zm if middle is not None else ze, green, room)
     # the start of a conserving step stays as it is
     share = 0.5
     if middle is not None or dphi is None or spin_rate is not None:
         share = 1.0
+    if middle is not None:
+        for i in range(0, 168, 8):
+            if not gathered:
+                vst(scratch, zb + i, 0, 2.0 * vld(scratch, zm + i, 0) - vld(scratch, ze + i, 0)); vst(scratch, zx + i, 0, 0.0)
+            # of the shape in the middle
+            vst(scratch, zb + i, 0, vld(scratch, zm + i, 0) + 0.5 * (vld(scratch, zb + i, 0) - vld(scratch, ze + i, 0)))
+            vst(scratch, zx + i, 0, 0.5 * vld(scratch, zx + i, 0))
+    if gathered or middle is not None:
+        extrapolated_strains(scratch, zb, zx, green, eo, room + 56)
+    else:
+        # the start, from the mean and the end
+        for i in range(0, 48, 8):
+            mean = vld(scratch, eo + i, 0) + vld(tab, e0 + i, 0)
+            vst(scratch, eo + i, 0, 2.0 * mean - vld(scratch, room + i, 0))
     for i in range(0, 48, 8):
-        vst(scratch, eo + i, 0, share * (vld(scratch, room + i, 0) - vld(scratch, eo + i, 0)))
+        vst(scratch, eo + i, 0, share * (vld(scratch, eo + i, 0) - vld(scratch, room + i, 0)))
 
 
 @kernel
