@@ -16,14 +16,14 @@ except ImportError:
     from scipy.sparse.linalg import spsolve
 
 Array = np.ndarray
-# strains are 1/2 z^T A_i z over the vectors z = (phi', d1, d2, d3, d1', d2', d3')
-PAIRS = (((0, 1, 1.0),), ((0, 2, 1.0),), ((0, 3, 1.0),), ((5, 3, 0.5), (6, 2, -0.5)), ((6, 1, 0.5), (4, 3, -0.5)),
-         ((4, 2, 0.5), (5, 1, -0.5)))
+# the quadratic forms (2.4) are 1/2 z^T A_i z over the vectors z = (phi', d1, d2, d3, d1', d2', d3'), the last but for 7/4
+PAIRS = (((0, 0, 0.5),), ((0, 2, 1.0),), ((0, 3, 1.0),), ((5, 3, 0.5), (6, 2, -0.5)), ((6, 1, 0.5), (4, 3, -0.5)),
+         ((4, 2, 0.5), (5, 1, -0.5)), ((1, 1, -0.25), (2, 2, -0.25), (3, 3, -0.25)))
 
 
-def strain_forms() -> Array:
-    """A [6, 7, 7], symmetric."""
-    a = np.zeros((6, 7, 7))
+def quadratic_forms() -> Array:
+    """A [7, 7, 7], symmetric."""
+    a = np.zeros((7, 7, 7))
     for i, pairs in enumerate(PAIRS):
         for x, y, c in pairs:
             a[i, x, y] += c
@@ -38,6 +38,26 @@ def skew(x: Array) -> Array:
                      np.stack((-x[..., 1], x[..., 0], o), -1)), -2)
 
 
+def stretch(q: Array) -> Array:
+    """sqrt(phi'.phi' - Gamma_2^2 - Gamma_3^2) from the forms; (2.2)."""
+    return np.sqrt(2.0 * q[..., 0] - q[..., 1]**2 - q[..., 2]**2)
+
+
+def strains(q: Array) -> Array:
+    """The strains (2.2) [..., 6] but for the constant 1 from the forms [..., 7]."""
+    return np.concatenate((stretch(q)[..., None], q[..., 1:3], (1.75 + q[..., 6:]) * q[..., 3:6]), axis=-1)
+
+
+def strain_changes(q: Array, r: Array) -> Array:
+    """Derivatives of the strains by the forms [..., 6, 7], with the stretch r [...]; (4.7)."""
+    m = np.zeros((*q.shape[:-1], 6, 7))
+    m[..., 0, 0], m[..., 0, 1], m[..., 0, 2] = 1.0 / r, -q[..., 1] / r, -q[..., 2] / r
+    m[..., 1, 1] = m[..., 2, 2] = 1.0
+    for i in (3, 4, 5):
+        m[..., i, i], m[..., i, 6] = 1.75 + q[..., 6], q[..., i]
+    return m
+
+
 class PlainBeam:
     """Steps of one free beam; `q`, `v` [N, 4, 3] are the coordinates and their rates."""
 
@@ -48,7 +68,7 @@ class PlainBeam:
         self.nodes = basis.element_nodes
         ne, nn = self.nodes.shape
         nq = basis.weight.shape[1]
-        self.weight, self.C, self.A = basis.weight, beam.section.C, strain_forms()
+        self.weight, self.C, self.A = basis.weight, beam.section.C, quadratic_forms()
         # z = sum_b G_b q_b, [ne, nq, 7, nn, 4]
         g = np.zeros((ne, nq, 7, nn, 4))
         g[:, :, 0, :, 0] = basis.phi_s
@@ -57,7 +77,7 @@ class PlainBeam:
             g[:, :, 3 + i, :, i] = basis.dir_s
         self.G = g.reshape(ne, nq, 7, 4 * nn)
         self.G3 = np.einsum("egxk,cd->egxckd", self.G, np.eye(3)).reshape(ne, nq, 21, 12 * nn)
-        self.e0 = self.strains(self.points(q))
+        self.e0 = strains(self.forms(self.points(q)))
         rho_a, rho_i2, rho_i3 = beam.section.inertia
         m = np.zeros((ne, nn, 4, nn, 4))
         m[:, :, 0, :, 0] = rho_a * basis.mass_phi
@@ -76,15 +96,15 @@ class PlainBeam:
         ne, nn = self.nodes.shape
         return self.G @ q[self.nodes].reshape(ne, 1, 4 * nn, 3)
 
-    def strains(self, z: Array) -> Array:
-        """Quadratic parts [ne, nq, 6]; (2.2)."""
+    def forms(self, z: Array) -> Array:
+        """Quadratic forms [ne, nq, 7]; (2.4)."""
         return 0.5 * np.einsum("egxc,ixy,egyc->egi", z, self.A, z, optimize=True)
 
-    def rows_of_strains(self, z: Array) -> Array:
-        """A_i z over the coordinates of the element, [ne, nq, 6, 12 nn]."""
+    def rows_of_forms(self, z: Array) -> Array:
+        """A_i z over the coordinates of the element, [ne, nq, 7, 12 nn]."""
         ne, nq = z.shape[:2]
         t = np.tensordot(z, self.A, axes=((2,), (2,))).transpose(0, 1, 3, 4, 2)
-        return t.reshape(ne, nq, 6, 21) @ self.G3
+        return t.reshape(ne, nq, 7, 21) @ self.G3
 
     def projection(self, d: Array) -> Array:
         """P [ne, nn, 12, 6] = [I, 0; 0, -skew(d_i)] of directors [ne, nn, 3, 3]; (4.2)."""
@@ -98,14 +118,25 @@ class PlainBeam:
         ne, nn = self.nodes.shape
         q_mid, q_end = self.q + 0.5 * dq, self.q + dq
         z_mid, z_end = self.points(q_mid), self.points(q_end)
-        mean = 0.5 * (self.strains(2.0 * z_mid - z_end) + self.strains(z_end)) - self.e0
-        stress = (mean @ self.C) * self.weight[:, :, None]
-        b_mid, b_end = self.rows_of_strains(z_mid), self.rows_of_strains(z_end)
+        start, end = self.forms(2.0 * z_mid - z_end), self.forms(z_end)
+        r = 0.5 * (stretch(start) + stretch(end))
+        to_middle, to_end = strain_changes(0.5 * (start + end), r), strain_changes(end, stretch(end))
+        mean = ((0.5 * (strains(start) + strains(end)) - self.e0) @ self.C) * self.weight[:, :, None]
+        stress = (mean[:, :, None] @ to_middle)[:, :, 0]
+        section = self.weight[:, :, None, None] * self.C
+        axial = mean[:, :, 0] / r
+        for i in range(3):
+            section[:, :, i, i] -= axial
+        section = 0.5 * to_middle.transpose(0, 1, 3, 2) @ section @ to_end
+        for i in (3, 4, 5):
+            section[:, :, i, 6] += 0.5 * mean[:, :, i]
+            section[:, :, 6, i] += 0.5 * mean[:, :, i]
+        b_mid, b_end = self.rows_of_forms(z_mid), self.rows_of_forms(z_end)
         u = (2.0 / h**2) * (dq - h * self.v)
         f = (stress[:, :, None] @ b_mid)[:, :, 0].sum(axis=1)
         f += (self.M @ u[self.nodes].reshape(ne, 4 * nn, 3)).reshape(ne, 12 * nn)
         # material, geometric and inertial part over the 12 coordinates of a node
-        k = (b_mid.transpose(0, 1, 3, 2) @ (0.5 * self.weight[:, :, None, None] * (self.C @ b_end))).sum(axis=1)
+        k = (b_mid.transpose(0, 1, 3, 2) @ (section @ b_end)).sum(axis=1)
         form = 0.5 * np.tensordot(stress, self.A, axes=1)
         shape = (self.G.transpose(0, 1, 3, 2) @ form @ self.G).sum(axis=1)
         k = k.reshape(ne, 4 * nn, 3, 4 * nn, 3)

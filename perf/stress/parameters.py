@@ -15,9 +15,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 import fastbeam as fb
-from fastbeam.kernels import step as kernels
-from fastbeam.kernels.blocks import SIX
-from fastbeam.newton import Stepper
+from matrices import matrices
 from small_scenes import bent
 from table import Row
 
@@ -180,29 +178,9 @@ def heavy_and_light() -> Iterator[Row]:
 
 # -------------------------------------------------------------------------------------------------------------- step size, turns
 def shortest_period(scene: fb.Scene) -> float:
-    """Of small vibrations about the initial shape, of the mesh: from the matrices of two steps of different size."""
-    model = fb.compile_scene(scene, solver="sparse", eliminate_inner=False, planar=False)
-    n = model.pattern.n
-
-    def matrix(h: float) -> Array:
-        stepper = Stepper(model, np.ones(1), backend="superlu")
-        stepper.state.v[:] = 0.0
-        work = stepper.work
-        kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, stepper.contact, model.spinless, None,
-                           stepper.state, work, h)
-        kernels.assemble_step(SIX, None, model.simo, model.green, None, model.bodies, model.ties, model.held, model.curves,
-                              model.sliders, stepper.contact, None, None, model.pattern.row_of, stepper.state, work, h)
-        blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)
-        return stepper.linear.superlu.matrix(blocks).toarray()
-
-    # A(h) = 2 M/h^2 + K/2
-    a, b = matrix(1e-3), matrix(2e-3)
-    mass = (a - b) / (2e6 - 0.5e6)
-    stiffness = 2.0 * (a - 2e6 * mass)
-    point = [model.pattern.row_of[k] for k in range(n) if model.numbers.rank[k] == 9]
-    keep = np.setdiff1d(np.arange(6 * n), [6 * k + c for k in point for c in (3, 4, 5)])
-    pair = [0.5 * (x + x.T)[np.ix_(keep, keep)] for x in (stiffness, mass)]
-    return float(2.0 * np.pi / np.sqrt(eigh(*pair, eigvals_only=True)[-1]))
+    """Of small vibrations about the initial shape, of the mesh."""
+    stiffness, mass, _ = matrices(fb.compile_scene(scene, solver="sparse", eliminate_inner=False, planar=False))
+    return float(2.0 * np.pi / np.sqrt(eigh(stiffness, mass, eigvals_only=True)[-1]))
 
 
 def steps(decades: Array) -> Iterator[Row]:

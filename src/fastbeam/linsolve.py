@@ -31,8 +31,10 @@ SMALL = 5000
 HALVES_FROM = 8000
 # slender beams: round-off of their stiff directions may leave this relative residual, in a solution that is as good as can be
 ILL_CONDITIONED = 1e-2
-# a pivot below this share of its diagonal entry is round-off
-ZERO_PIVOT = 1e-14
+# eigenvalues of a matrix scaled to a diagonal of 1: smaller ones are round-off
+ZERO_EIGENVALUE = 1e-13
+# where all pivots lie above this share of their diagonal entries no eigenvalue is zero
+CLEAR_PIVOT = 1e-6
 
 
 def load_mkl() -> Any | None:
@@ -179,21 +181,29 @@ class SuperLU:
 
     def signs(self, blocks: Array) -> tuple[int, int] | None:
         """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
-        (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count."""
-        from scipy.sparse.linalg import splu
+        (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count.
+
+        Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal. Where
+        a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap next to
+        those that vanish."""
+        from scipy import sparse
         matrix = self.matrix(blocks)
         if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
             return None
-        try:
-            factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        except RuntimeError:
-            return 0, 1
-        if not np.array_equal(factors.perm_r, factors.perm_c):
+        diagonal = np.abs(matrix.diagonal())
+        pivots = _pivots(matrix)
+        if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
+            return int(np.sum(pivots < 0.0)), 0
+        scale = sparse.diags(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), format="csc")
+        scaled = scale @ (0.5 * (matrix + matrix.T)) @ scale
+        near = _nearest_to_zero(scaled)
+        if near is None:
             return None
-        # perm_c[j] is where column j went
-        pivots = factors.U.diagonal()[factors.perm_c]
-        zero = np.abs(pivots) <= ZERO_PIVOT * np.abs(matrix.diagonal())
-        return int(np.sum(pivots[~zero] < 0.0)), int(np.sum(zero))
+        zero = np.abs(near) <= ZERO_EIGENVALUE
+        next_one = np.min(np.abs(near[~zero]), initial=1.0)
+        shift = np.sqrt(ZERO_EIGENVALUE * next_one)
+        pivots = _pivots((scaled + shift * sparse.identity(scaled.shape[0], format="csc")).tocsc())
+        return None if pivots is None else (int(np.sum(pivots < 0.0)), int(np.sum(zero)))
 
     def matrix(self, blocks: Array) -> Any:
         """The matrix of blocks [n_blocks, size, 8] by columns."""
@@ -214,6 +224,37 @@ class SuperLU:
         size = np.linalg.norm(b, axis=1)
         worst = float(np.max(np.linalg.norm(b - (matrix @ x.T).T, axis=1) / np.where(size > 0.0, size, 1.0)))
         return worst if np.isfinite(worst) else np.inf
+
+
+def _pivots(matrix: Any) -> Array | None:
+    """Pivots of a symmetric matrix in the order of its rows; None where the matrix is singular or rows were exchanged."""
+    from scipy.sparse.linalg import splu
+    try:
+        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:
+        return None
+    # perm_c[j] is where column j went
+    return factors.U.diagonal()[factors.perm_c] if np.array_equal(factors.perm_r, factors.perm_c) else None
+
+
+def _nearest_to_zero(matrix: Any) -> Array | None:
+    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None where
+    they cannot be found."""
+    from scipy.sparse.linalg import ArpackError, eigsh
+    n = matrix.shape[0]
+    if n <= 100:
+        return np.linalg.eigvalsh(matrix.toarray())
+    count = 4
+    while count < n // 2:
+        try:
+            # about a point beside zero, where the matrix is not singular
+            near = eigsh(matrix, count, sigma=-1e-11, v0=np.ones(n), return_eigenvectors=False)
+        except (ArpackError, RuntimeError):
+            return None
+        if np.any(np.abs(near) > ZERO_EIGENVALUE):
+            return near
+        count *= 4
+    return None
 
 
 class LinearSystem:
