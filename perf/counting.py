@@ -134,7 +134,7 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         "vzero": value(1), "vzero2": value(2), "vzero3": value(3), "vzerom": value(9), "zero2": value(2), "zero3": value(3),
         "zerom": value(9), "vst": nothing, "vst2": nothing, "vst3": nothing, "vstm": nothing, "vst_matrix": nothing,
         "st2": nothing, "st3": nothing, "vadd3": adds(3), "vadd_matrix": adds(9), "add3": adds(3), "add_matrix": adds(9),
-        "dot": dot, "root": value(1, 1), "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3),
+        "dot": dot, "root": value(1, 1), "square_root": value(1, 1), "cross": value(3, 9), "outer": value(9, 9), "add_iso": value(9, 3),
         "add_skew": value(9, 6),
         "gather_lanes": nothing, "put_first": nothing, "put_rows": nothing, "flush_rows": nothing,
         "flush_column": nothing, "scatter_rows": of_size(lambda n: n), "lu_lanes": of_size(lu, True),

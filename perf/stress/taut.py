@@ -95,8 +95,8 @@ def contact_wire(spans: int = 3, span: float = 60.0, elements: int = 20, tension
 
 def elevator(eyes: int = 25, radius: float = 1.0, leg: float = 6.0, elements: int = 40, heavy: float = 1000.0,
              light: float = 900.0) -> fb.Scene:
-    """A car and its counterweight on a rope over a sheave, here a half circle of fixed eyes through which the rope slides. The stress
-    in the rope that goes around costs nothing: its reference shape is the same everywhere but for the half circle."""
+    """A car and its counterweight on a rope over a sheave, here a half circle of fixed eyes through which the rope slides. The
+    stress in the rope that goes around costs nothing: its reference shape is the same everywhere but for the half circle."""
     section = fb.Section.circle(radius=0.008, E=1e10, rho=5000.0)
     length = 2.0 * leg + np.pi * radius
 

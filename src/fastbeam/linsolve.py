@@ -183,9 +183,9 @@ class SuperLU:
         """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
         (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count.
 
-        Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal. Where
-        a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap next to
-        those that vanish."""
+        Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal.
+        Where a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap
+        next to those that vanish."""
         from scipy import sparse
         matrix = self.matrix(blocks)
         if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
@@ -238,8 +238,8 @@ def _pivots(matrix: Any) -> Array | None:
 
 
 def _nearest_to_zero(matrix: Any) -> Array | None:
-    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None where
-    they cannot be found."""
+    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None
+    where they cannot be found."""
     from scipy.sparse.linalg import ArpackError, eigsh
     n = matrix.shape[0]
     if n <= 100:
