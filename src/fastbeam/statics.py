@@ -37,7 +37,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     Parameters
     ----------
     model : Model
-        Without sliders: a sliding point has no static equilibrium of its own here, let it come to rest by `simulate`.
+        Without sliders: a sliding point has no static equilibrium of its own here. Find that of the scene without the slider and
+        go on from it in the whole scene, `simulate(whole, start=result.state_for(whole), ...)`.
     load_step, smallest_step : float
         First and smallest increment of the load factor, which runs from 0 to 1.
     at_time : float
@@ -68,8 +69,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     """
     check_model("solve_static", model)
     if model.n_sliders:
-        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders; find their rest position with simulate, or take "
-                         "them out of the scene")
+        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders, which it cannot bring to rest; leave the "
+                         "sliders and what hangs on them out, solve that scene, and start the whole one from there: "
+                         "fb.simulate(model, start=result.state_for(model), ...)")
     load_step, smallest_step = number("load_step", load_step), number("smallest_step", smallest_step)
     at_time = None if at_time is None else number("at_time", at_time)
     max_iterations = count("max_iterations", max_iterations)
