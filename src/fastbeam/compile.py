@@ -118,7 +118,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
-    state = initial_state(scene, nodes, joints, elements)
+    state, projected = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves,
@@ -127,7 +127,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected)
     # the same numbers need no second place
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]

@@ -62,6 +62,8 @@ class Model:
         Makes the model of the same scene in space, whose beams are not condensed.
     massless : tuple of str
         Beams without rotary inertia whose triads nothing holds.
+    projected : str
+        What a projection of the initial velocities changed; empty where there was none.
     """
 
     scene_name: str
@@ -101,6 +103,7 @@ class Model:
     plain: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
+    projected: str = ""
 
     @property
     def held_mask(self) -> Array:

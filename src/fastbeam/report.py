@@ -57,6 +57,8 @@ def describe(scene: Scene, model: Model) -> str:
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
+    if model.projected:
+        lines.append(f"  start              {model.projected}")
     if model.sliders is not None:
         c1 = sum(s.curve == "c1" for s in scene.sliders)
         lines.append(f"  sliding contact    {_plural(model.n_sliders, 'slider')}, discrete gradient"

@@ -149,6 +149,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
                       threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
+    run.notes = [("projected", model.projected)] if start is None and model.projected else []
     return run.go(every)
 
 
@@ -179,6 +180,8 @@ class _Run:
         self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
+        # kind and text of what is to be said of the start
+        self.notes: list[tuple[str, str]] = []
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def open_row(self, t: float, iterations: int, size: float) -> None:
@@ -262,6 +265,8 @@ class _Run:
         # the first row compiles the kernels of its quantities
         self.stepper.begin_compilation()
         self.open_row(self.t_start, 0, 0.0)
+        for kind, text in self.notes:
+            self.event({"kind": kind, "time": self.t_start, "text": text})
         for beam in self.model.massless if self.stepper.plane is None else ():
             self.event({"kind": "massless", "time": self.t_start,
                         "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
