@@ -12,7 +12,7 @@ import numpy as np
 
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
-from .initial import initial_state
+from .initial import initial_state, place_points
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.ties import Ties
@@ -71,6 +71,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise SceneError(f"compile_scene: condense must be 'auto', True or False, got {condense!r}")
     scene.check()
     nodes = NodeList(scene)
+    place_points(scene, nodes)
     n = len(nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0

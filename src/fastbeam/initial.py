@@ -1,8 +1,6 @@
 """The initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from .connections import ARM, TRIAD, Connections
@@ -22,13 +20,11 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     Raises
     ------
     SceneError
-        A slider's point off the discrete curve, or velocities that a connection, a support or a slider does not allow, unless
-        the scene asks for their projection and there is one.
+        Velocities that a connection, a support or a slider does not allow, unless the scene asks for their projection and there
+        is one.
     """
     n = len(nodes)
     lines = _contact_lines(scene, nodes)
-    for slider, line in zip(scene.sliders, lines):
-        _place(scene, nodes, slider, line)
     v, omega = _given_velocities(scene, nodes)
     _follow_sliders(scene, nodes, v, lines)
     tied = joints.tied
@@ -93,18 +89,32 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     return out
 
 
-def _place(scene: Scene, nodes: NodeList, slider: Any, line: tuple[Array, Array, Array, int]) -> None:
-    """Point masses move onto the discrete curve; anything else has to lie on it."""
-    number, values, _, point = line
-    curve = values @ nodes.phi[number]
-    gap = float(np.linalg.norm(nodes.phi[point] - curve))
-    if isinstance(slider.point.owner, PointMass) and slider.point.owner.position is None:
+def place_points(scene: Scene, nodes: NodeList) -> None:
+    """Move what slides onto its discrete curve, before anything is made of its position: a mass without position all the way,
+    anything else by what the digits of its position lack. A gap would close in the first step, and that blow would stay in the
+    motion for ever.
+
+    Raises
+    ------
+    SceneError
+        A point lies further off its curve, or two sliders want it at different places.
+    """
+    lines = _contact_lines(scene, nodes)
+    for slider, line in zip(scene.sliders, lines):
+        point, mass = line[3], slider.point.owner
+        curve = line[1] @ nodes.phi[line[0]]
+        gap = float(np.linalg.norm(nodes.phi[point] - curve))
+        if not (isinstance(mass, PointMass) and mass.position is None) and gap > 1e-9 * slider.beam.length:
+            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
+                             f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the "
+                             "nodes only; start at a node, use more elements or a higher degree, or slide a PointMass without "
+                             "position")
         nodes.phi[point] = curve
-    elif gap > 1e-9 * slider.beam.length:
-        raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
-                         f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the "
-                         "nodes only; start at a node, use more elements or a higher degree, or slide a PointMass without "
-                         "position")
+    for slider, (number, values, _, point) in zip(scene.sliders, lines):
+        gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
+        if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
+            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} at={slider.at:.6g} "
+                             "where another slider puts it; give positions and at= with all digits, at nodes of curved beams")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
