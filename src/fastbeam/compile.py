@@ -128,7 +128,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected)
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes))
     # the same numbers need no second place
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
@@ -407,6 +407,17 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_of: Arra
             # nodes may share a row
             vectors[k].reshape(n + 1, 8)[:, c] = np.bincount(row_of, vector[:, c], minlength=n + 1)
     return vectors, [time for time, _ in groups], weight, constant
+
+
+def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:
+    """Names of the joints at every node that has some; those at points of a body also at its centre."""
+    out: dict[int, list[str]] = {}
+    for joint in [*scene.rigid, *scene.balls]:
+        for node in (joint.a, joint.b):
+            out.setdefault(nodes.number(node), []).append(str(joint.name))
+    for body, arm in nodes.arm_owner:
+        out.setdefault(body, []).extend(out.get(arm, []))
+    return out
 
 
 def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:

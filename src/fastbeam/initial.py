@@ -43,8 +43,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines))
             if size > 1e-9 * scale:
-                raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} m/s "
-                                 "remain; change the rate of a slider or leave a support out")
+                raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
+                                 "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
     # what is held stands still exactly, also after a projection: no step would correct it
     v[~tied & (joints.held & 7 != 0)] = 0.0
@@ -113,8 +113,8 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
     for slider, (number, values, _, point) in zip(scene.sliders, lines):
         gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
         if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
-            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} at={slider.at:.6g} "
-                             "where another slider puts it; give positions and at= with all digits, at nodes of curved beams")
+            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
+                             f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes of curved beams")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

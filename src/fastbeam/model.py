@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
@@ -20,6 +20,7 @@ from .kernels.slider import Contact, Curves, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
+from .mapping import state_for
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -64,6 +65,8 @@ class Model:
         Beams without rotary inertia whose triads nothing holds.
     projected : str
         What a projection of the initial velocities changed; empty where there was none.
+    joints : dict
+        Names of the joints at a node.
     """
 
     scene_name: str
@@ -104,6 +107,7 @@ class Model:
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
     projected: str = ""
+    joints: dict[int, list[str]] = field(default_factory=dict)
 
     @property
     def held_mask(self) -> Array:
@@ -205,6 +209,10 @@ class Model:
     def state(self) -> State:
         """A fresh copy of the initial state."""
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.dim * self.n_sliders))
+
+    def state_for(self, names: dict[str, list[Any]], state: State) -> State:
+        """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
+        return state_for(self, names, state)
 
     @cached_property
     def _scratch(self) -> int:

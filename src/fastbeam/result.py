@@ -271,6 +271,26 @@ class Result:
             lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
         return "\n".join(lines)
 
+    def state_for(self, model: Any) -> Any:
+        """The state at the end of this run as one of another model, to start from: `simulate(model, start=run.state_for(model))`.
+
+        Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
+        place. Parts that only the other model has take those of its initial state, moved with what they are joined to or slide
+        on; parts that it does not have are left out.
+
+        Raises
+        ------
+        SceneError
+            The result was read from a file, which holds no state; a part has other nodes than its namesake.
+        """
+        state = getattr(self, "state", None)
+        if state is None:
+            raise SceneError("state_for: this result holds no state, files do not keep it; use the result of the run itself, or "
+                             "a checkpoint to go on in the same model")
+        if not hasattr(model, "state_for"):
+            raise SceneError(f"state_for: needs a compiled model, got {model!r:.60}; model = fb.compile_scene(scene)")
+        return model.state_for(self.names, state)
+
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the result to an HDF5 file; `fastbeam.load_result(path)` gives it back.
 

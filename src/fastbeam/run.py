@@ -22,6 +22,7 @@ from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
 from .result import Result, ResultBuffer
+from .starting import check_start
 
 Array = np.ndarray
 # relative drift of an invariant beyond which round-off cannot be all
@@ -35,7 +36,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
-             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None) -> Result:
+             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None,
+             mend_start: bool = False) -> Result:
     """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
     With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
@@ -56,7 +58,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Spectral radius at infinity of generalized alpha, default 0.8.
     start, t_start : State or Checkpoint, float
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
-        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time.
+        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
+        sliders do not allow is refused; a support holds its node where the state has it.
     observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
         What is recorded; `()` computes none of it.
     points : mapping
@@ -88,6 +91,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         every 2000 elements. Results are the same for any number, to the last bit.
     progress : bool
         Progress bar; default: on anything longer than a second.
+    mend_start : bool
+        Start from the nearest state that joints, supports and sliders allow, where `start` misses it by less than a hundredth of
+        the size of the scene.
 
     Returns
     -------
@@ -121,6 +127,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
     if not t_end > clock.now:
         raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    notes = [("projected", model.projected)] if start is None and model.projected else []
+    if state is not None:
+        state, notes = check_start(model, state, step, mend_start)
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True)
     checkpoint_every = number("checkpoint_every", checkpoint_every)
@@ -149,7 +158,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
                       threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
-    run.notes = [("projected", model.projected)] if start is None and model.projected else []
+    run.notes = notes
     return run.go(every)
 
 

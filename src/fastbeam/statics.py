@@ -19,6 +19,7 @@ from .newton import Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
 from .result import Result, ResultBuffer
+from .starting import check_start
 
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
@@ -31,7 +32,8 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
 
 def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
                  start: State | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
-                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None) -> Result:
+                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None,
+                 mend_start: bool = False) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -44,13 +46,15 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     at_time : float
         Where time functions of loads are evaluated, s; needed when the scene has some.
     start : State
-        Begin from this shape instead of the reference.
+        Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
         As in `simulate`; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
     threads : int
+        As in `simulate`.
+    mend_start : bool
         As in `simulate`.
 
     Returns
@@ -82,6 +86,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         raise SceneError("solve_static: loads have time functions; say with at_time=... where to evaluate them")
     check_supports(model)
     factors = np.array([1.0 if t is None else float(t(at_time)) for t in model.load_times])
+    notes: list[Any] = []
+    if start is not None:
+        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver = _StaticSolver(model, start, max_iterations, backend, threads)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
     observer = Observer(model, ("energy",) if "energy" in observe else (), points)
@@ -101,6 +108,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         return result
 
     bar = Progress(1.0, f"{model.scene_name}: load")
+    for kind, text in notes:
+        buffer.event({"kind": kind, "time": 0.0, "text": text})
     record(0.0, 0, 0.0)
     reached, step = 0.0, load_step
     while reached < 1.0:
