@@ -42,7 +42,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines))
-            if size > 1e-9 * scale:
+            if size > 1e-7 * scale:
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)

@@ -8,6 +8,8 @@ import numpy as np
 Array = np.ndarray
 # share of its own inertia, or of that around it, that holds every unknown to its value in one solution; the next takes it back
 HOLD = 1e-8
+# the same of multipliers, so small that constraints which almost say the same count
+GIVE = 1e-14
 SOLUTIONS = 30
 
 
@@ -40,7 +42,7 @@ def nearest(mass: Any, matrix: Any, right: Array, given: Array, spin: Array) -> 
     rows = sparse.diags(1.0 / size) @ rows
     weight = unit @ mass @ unit
     exact = sparse.bmat([[weight, rows.T], [rows, None]]).tocsr()
-    held = exact + sparse.diags(np.concatenate((np.full(n, HOLD), np.full(m, -HOLD))))
+    held = exact + sparse.diags(np.concatenate((np.full(n, HOLD), np.full(m, -GIVE))))
     factors = splu(held.tocsc())
     start = given * np.sqrt(scale)
     goal = np.concatenate((weight @ start, right / size))

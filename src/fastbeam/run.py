@@ -12,6 +12,7 @@ import numpy as np
 
 from .arguments import count, number
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
+from .contact_force import ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
 from .kernels.step import OK, SLIDER_END
@@ -191,6 +192,9 @@ class _Run:
         self.iterations = self.steps = 0
         # kind and text of what is to be said of the start
         self.notes: list[tuple[str, str]] = []
+        at_end = stepper.method.at_end
+        self.forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
+        self.first_force: Array | None = None
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def open_row(self, t: float, iterations: int, size: float) -> None:
@@ -201,17 +205,25 @@ class _Run:
             while self.next_shape <= t + 1e-9 * self.shape_gap:
                 self.next_shape += self.shape_gap
 
-    def close_row(self, before: Array | None, after: Array | None) -> None:
-        """Finish the waiting row with the contact forces of the steps before and after it."""
+    def close_row(self, t: float = 0.0, size: float = 0.0, after: Array | None = None, steps: int = 0) -> None:
+        """Finish the waiting row, now that so many steps of this size, with mean forces `after` in the first, led to time t; or
+        that the run ends."""
         if self.pending is None:
             return
-        (t, row), self.pending = self.pending, None
+        (time_of_row, row), self.pending = self.pending, None
         if self.observer.slider:
-            # forces at the end of a step are those of its time; otherwise the mean of the steps around it (4.5)
-            around = (before if before is not None else after,) if self.stepper.method.at_end else (before, after)
-            known = [f for f in around if f is not None]
-            row["contact_force"] = (np.mean(known, axis=0) if known else np.zeros(3 * self.model.n_sliders)).reshape(-1, 3)
-        self.feed("append", row, t)
+            if self.forces is None:
+                # forces at the end of a step are those of its time
+                force = self.clock.before
+            elif self.first_force is not None:
+                force, self.first_force = self.first_force, None
+            elif after is not None:
+                force = self.forces.between(self.clock, t, size, after, steps)
+            else:
+                # an error on its way out does not wait for steps
+                force = self.forces.unknown if sys.exc_info()[0] else self.forces.last(self.clock)
+            row["contact_force"] = np.asarray(force).reshape(-1, 3)
+        self.feed("append", row, time_of_row)
 
     def shape(self, t: float) -> None:
         q = self.stepper.state.q.reshape(-1, 4, 3)
@@ -274,6 +286,8 @@ class _Run:
         # the first row compiles the kernels of its quantities
         self.stepper.begin_compilation()
         self.open_row(self.t_start, 0, 0.0)
+        if self.forces is not None:
+            self.first_force = self.forces.first(clock)
         for kind, text in self.notes:
             self.event({"kind": kind, "time": self.t_start, "text": text})
         for beam in self.model.massless if self.stepper.plane is None else ():
@@ -285,8 +299,8 @@ class _Run:
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
                 if outcome.steps:
-                    self.close_row(clock.before, outcome.force[0])
-                    clock.before = outcome.force[1]
+                    self.close_row(t, size, outcome.force[0], outcome.steps)
+                    clock.before, clock.before_size = outcome.force[1], size
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
@@ -301,7 +315,7 @@ class _Run:
             error = failed
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
         finally:
-            self.close_row(clock.before, None)
+            self.close_row()
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,
