@@ -128,7 +128,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes))
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes),
+        load_names=[_timed_by(scene, time) for time in times])
     # the same numbers need no second place
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
@@ -407,6 +408,14 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_of: Arra
             # nodes may share a row
             vectors[k].reshape(n + 1, 8)[:, c] = np.bincount(row_of, vector[:, c], minlength=n + 1)
     return vectors, [time for time, _ in groups], weight, constant
+
+
+def _timed_by(scene: Scene, time: Any) -> str:
+    """What has this time function, for messages."""
+    names = ["gravity"] * (scene.gravity_time is time)
+    names += [f"{load.kind} {load.name!r}" for load in [*scene.loads, *scene.distributed] if load.time is time]
+    names += [f"the loads of {net.label}" for net in scene.nets if net.loads is not None and net.time is time]
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

@@ -47,8 +47,8 @@ class ContactForces:
         return self._at(clock.now, clock.size)
 
     def between(self, clock: Clock, t: float, size: float, after: Array, steps: int) -> Array:
-        """The force [3 S] at the last row; size, after: of the steps that followed, mean forces of the first [3 S]; t: the present
-        time, their end."""
+        """The force [3 S] at the last row; size, after: of the steps that followed, mean forces of the first [3 S]; t: the
+        present time, their end."""
         before, step = clock.before, clock.before_size
         assert before is not None and step is not None
         if is_equal(step, size):
@@ -66,8 +66,8 @@ class ContactForces:
         return self._at(clock.now, -step)
 
     def _at(self, t: float, step: float, *, back: float = 0.0) -> Array:
-        """The force [3 S] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run, negative
-        to look back. Leaves no trace."""
+        """The force [3 S] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run,
+        negative to look back. Leaves no trace."""
         stepper = self.stepper
         saved, fallbacks = stepper.save(), stepper.linear.fallbacks
         # loads are not asked for where the run does not go

@@ -114,7 +114,8 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
         gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
         if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
             raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
-                             f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes of curved beams")
+                             f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes "
+                             "of curved beams")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

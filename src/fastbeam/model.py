@@ -67,6 +67,8 @@ class Model:
         What a projection of the initial velocities changed; empty where there was none.
     joints : dict
         Names of the joints at a node.
+    load_names : list of str
+        What each time function belongs to.
     """
 
     scene_name: str
@@ -108,6 +110,7 @@ class Model:
     massless: tuple[str, ...] = ()
     projected: str = ""
     joints: dict[int, list[str]] = field(default_factory=dict)
+    load_names: list[str] = field(default_factory=list)
 
     @property
     def held_mask(self) -> Array:

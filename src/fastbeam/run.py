@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import count, number
+from .callback import Callback
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
 from .contact_force import ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
@@ -75,7 +76,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Keep a checkpoint in this file, renewed at the first row that many seconds after the last one (0: at every row) and when
         the run ends. An older checkpoint of that name is replaced.
     callback : callable
-        Called with (t, state) at every row; returning True ends the run there.
+        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space that
+        cannot be written to. It may watch and record; where it changes what a load's time function returns, the load acts a step
+        late: an event says so, and step control refuses it.
     tolerance : float
         Step control: local error of a position per step, relative to the size of the scene.
     min_step, max_step : float
@@ -171,7 +174,8 @@ class _Run:
                  progress: bool | None, checkpoint: Any, checkpoint_every: float) -> None:
         self.model, self.stepper, self.observer, self.clock = model, stepper, observer, clock
         self.t_start, self.t_end, self.step, self.order = clock.now, t_end, clock.step, order
-        self.callback, self.control = callback, control
+        self.callback = None if callback is None else Callback(model, callback, t_end)
+        self.control = control
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
@@ -276,6 +280,18 @@ class _Run:
                                         "run; use a smaller step, bring the scene near the origin and at rest, and compare "
                                         "with solver='sparse', eliminate_inner=False"})
 
+    def call_back(self, t: float, size: float) -> bool:
+        """Call the user's function; whether the run ends here. Loads that it changes are lagging."""
+        known = self.callback.found
+        stop = self.callback(t, size, self.stepper.copy_state())
+        if self.callback.found != known:
+            text = f"{self.callback.found}. A load that a callback sets acts a step late, so that errors are of first order"
+            if self.control is not None:
+                raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, or make loads functions of "
+                                       "time alone", step=self.steps, time=t, state=self.stepper.copy_state())
+            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
+        return stop
+
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         begin = time.perf_counter()
@@ -305,7 +321,7 @@ class _Run:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch_turns(t, size)
-                    if self.callback is not None and self.callback(t, self.stepper.state):
+                    if self.callback is not None and self.call_back(t, size):
                         self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
                         break
                     self.keep_checkpoint()

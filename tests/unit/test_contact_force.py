@@ -1,5 +1,5 @@
-"""Contact forces in rows: of second order also in the first and last row and beside a shorter step; looking ahead and back leaves no
-trace."""
+"""Contact forces in rows: of second order also in the first and last row and beside a shorter step; looking ahead and back
+leaves no trace."""
 from __future__ import annotations
 
 import sys
