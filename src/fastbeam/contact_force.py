@@ -10,6 +10,10 @@ from .newton import Stepper
 Array = np.ndarray
 # steps ahead and back are this share of the others: their forces are as good as the state
 PART = 0.25
+# what rows hold, for the result
+AT_ROWS = ("mean of the steps before and after a row; from short steps ahead or back at both ends of the run and beside a "
+           "shorter step; second order; NaN where these fail")
+AT_END = "at the time of the row"
 # sizes of steps that are equal
 EQUAL = 1e-9
 

@@ -13,7 +13,7 @@ import numpy as np
 from .arguments import count, number
 from .callback import Callback
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
-from .contact_force import ContactForces
+from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
 from .kernels.step import OK, SLIDER_END
@@ -92,7 +92,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
     threads : int
         Of large nets and long beams, which are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for
-        every 2000 elements. Results are the same for any number, to the last bit.
+        every 2000 elements. Results are the same for any number, to the last bit, where beams are condensed; elsewhere PARDISO
+        rounds differently on another number from 5000 unknowns on.
     progress : bool
         Progress bar; default: on anything longer than a second.
     mend_start : bool
@@ -180,6 +181,8 @@ class _Run:
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
             "conserved": _conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
+        if observer.slider:
+            self.info["contact_force"] = AT_END if stepper.method.at_end else AT_ROWS
         header = observer.header(self.info)
         self.memory = ResultBuffer(header)
         self.writer: Any = None
