@@ -116,6 +116,15 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
             raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
                              f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes "
                              "of curved beams")
+    moved = {line[3] for line in lines}
+    for ball in scene.balls:
+        a, b = nodes.number(ball.a), nodes.number(ball.b)
+        gap = float(np.linalg.norm(nodes.phi[a] - nodes.phi[b]))
+        round_off = 32.0 * float(np.finfo(float).eps * np.max(np.abs(nodes.phi)))
+        if {a, b} & moved and gap > 4e-9 * _size(nodes) + round_off:
+            raise SceneError(f"{ball.name}: the slider of {nodes.labels[a if a in moved else b]} puts it {gap:.3g} m away "
+                             "from the other side, on the discrete curve of a beam, which meets its shape at the nodes only; "
+                             "join there, or use more elements or a higher degree")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import Twin  # noqa: E402
-from small_scenes import drifts, straight  # noqa: E402
+from small_scenes import SECTION, drifts, straight  # noqa: E402
 
 Array = np.ndarray
 
@@ -93,6 +93,16 @@ def test_a_point_given_by_nine_digits_slides_without_a_force(what: str) -> None:
     # round-off of positions over h^2, times 5 kg; it was 0.2 to 2.5 N
     assert np.max(np.abs(result.slider("s")["force"])) < 1e-6
     assert result.drift("total") < 1e-13 and np.max(result.series["gap"]) < 1e-14
+
+
+def test_a_ball_joint_that_a_slider_opens_is_refused() -> None:
+    # both say where the mass is, by the shape of the arch; but it slides on a chord
+    arch = fb.Beam.arc("arch", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=1.5, section=SECTION, elements=3, degree=1)
+    at = arch.reference(0.3)[0][0]
+    post, hook = straight("post", tuple(at), tuple(at + (0, 0, 1))), fb.PointMass("hook", mass=1.0)
+    refused(fb.Scene(arch, post, hook, fb.Slider("s", hook, arch, at=0.3), fb.BallJoint(post.start, hook, name="ball")),
+            "ball: the slider of point mass 'hook' puts it 0.0133 m away from the other side, on the discrete curve")
+    fb.compile_scene(fb.Scene(arch, post, hook, fb.Slider("s", hook, arch, at=0.3)))
 
 
 def test_two_sliders_that_want_a_point_at_two_places_are_refused() -> None:
