@@ -202,6 +202,7 @@ class _Run:
         at_end = stepper.method.at_end
         self.forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
         self.first_force: Array | None = None
+        self.broken_off = True
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def open_row(self, t: float, iterations: int, size: float) -> None:
@@ -228,7 +229,7 @@ class _Run:
                 force = self.forces.between(self.clock, t, size, after, steps)
             else:
                 # an error on its way out does not wait for steps
-                force = self.forces.unknown if sys.exc_info()[0] else self.forces.last(self.clock)
+                force = self.forces.unknown if self.broken_off else self.forces.last(self.clock)
             row["contact_force"] = np.asarray(force).reshape(-1, 3)
         self.feed("append", row, time_of_row)
 
@@ -330,8 +331,9 @@ class _Run:
                     self.keep_checkpoint()
                 if self.file_error is not None:
                     break
+            self.broken_off = False
         except ConvergenceError as failed:
-            error = failed
+            error, self.broken_off = failed, False
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
         finally:
             self.close_row()

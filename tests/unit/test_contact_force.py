@@ -108,13 +108,33 @@ def test_rows_at_the_end_of_a_beam() -> None:
         assert np.linalg.norm(force[k] - expected) < 0.1 * size
 
 
-def test_a_row_without_steps_around_it_has_no_force() -> None:
+def test_a_row_without_steps_around_it_has_no_force(tmp_path: Path) -> None:
     model = fb.compile_scene(bead())
     with pytest.raises(fb.ConvergenceError) as caught:
         fb.simulate(model, t_end=1.0, step=0.5, max_iterations=1)
     assert np.isnan(caught.value.result.series["contact_force"]).all()
-    # pictures leave it out
+    # pictures leave it out, files keep it
     fb.plot_slider(caught.value.result)
+    caught.value.result.save(tmp_path / "run.h5")
+    assert np.isnan(fb.load_result(tmp_path / "run.h5").series["contact_force"]).all()
+
+
+def test_a_run_that_an_error_breaks_off_takes_no_steps_back(tmp_path: Path) -> None:
+    def stop(t: float, state: Any) -> None:
+        if t > 0.0045:
+            raise KeyError("mine")
+
+    model = fb.compile_scene(bead())
+    run = {"t_end": 0.01, "step": 1e-3, "every": 1}
+    with pytest.raises(KeyError):
+        fb.simulate(model, callback=stop, file=tmp_path / "run.h5", **run)
+    kept = fb.load_result(tmp_path / "run.h5").series["contact_force"]
+    assert len(kept) == 6 and np.isnan(kept[-1]).all() and np.isfinite(kept[:-1]).all()
+    # an error that is being handled around a run is none of it
+    try:
+        raise KeyError
+    except KeyError:
+        assert np.isfinite(fb.simulate(model, **run).series["contact_force"]).all()
 
 
 def test_loads_are_asked_for_within_the_run_only() -> None:
