@@ -135,6 +135,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     notes = [("projected", model.projected)] if start is None and model.projected else []
     if state is not None:
         state, notes = check_start(model, state, step, mend_start)
+    if isinstance(start, Checkpoint):
+        # it goes on as if it had never stopped
+        notes = []
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True)
     checkpoint_every = number("checkpoint_every", checkpoint_every)

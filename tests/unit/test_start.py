@@ -145,6 +145,16 @@ def test_states_of_runs_pass_bit_for_bit(planar: str | bool, h: float) -> None:
                 np.testing.assert_array_equal(begin.directors[0], q[:, 1:])
 
 
+def test_a_slider_that_goes_sideways_is_told_unless_the_run_goes_on() -> None:
+    model = fb.compile_scene(bead())
+    coarse = fb.simulate(model, t_end=2.0, step=0.1)
+    (event,) = [e for e in fb.simulate(model, start=coarse.state, t_end=0.1, step=H).events if e["kind"] == "start"]
+    assert "slider 'run': the velocity of its point across the beam is" in event["text"]
+    assert not [e for e in fb.simulate(model, start=coarse.checkpoint, t_end=2.2, step=0.1).events if e["kind"] == "start"]
+    mended = fb.simulate(model, start=coarse.state, t_end=0.1, step=H, mend_start=True)
+    assert mended.events[0]["kind"] == "mended"
+
+
 @pytest.mark.slow
 def test_round_off_of_a_million_steps_passes() -> None:
     model = fb.compile_scene(mechanism(sliding=False))
