@@ -52,6 +52,8 @@ class Checkpoint:
         Contact forces of the last step, half of what the next row records; None before the first step.
     scene, fingerprint : str
         Name and hash of the model.
+    last_step : float or None
+        Size of the last step, s, that mean_force belongs to.
     memory : float64 or None
         What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
         the first guess of the next, the newest as increments.
@@ -67,6 +69,7 @@ class Checkpoint:
     scene: str
     fingerprint: str
     memory: Array | None = None
+    last_step: float | None = None
 
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write to a file in one piece: after a kill at any moment the file is the old one or the new one.
@@ -78,7 +81,8 @@ class Checkpoint:
             be written.
         """
         path = check_target(path, overwrite)
-        head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint")}
+        head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint",
+                                                   "last_step")}
         extra = [() if x is None else x for x in (self.mean_force, self.memory)]
         arrays = [np.asarray(x, dtype="<f8") for x in (*self.state, *extra)]
         head["sizes"] = {name: x.size for name, x in zip(ARRAYS, arrays)}
@@ -126,6 +130,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         sizes = [int(head["sizes"][name]) for name in ARRAYS]
         times = {name: number(name, head[name]) for name in ("t", "step", "t_start")}
         next_step = None if head["next_step"] is None else number("next_step", head["next_step"])
+        last_step = None if head.get("last_step") is None else number("last_step", head["last_step"])
         steps, scene, fingerprint = int(head["steps"]), str(head["scene"]), str(head["fingerprint"])
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
@@ -133,14 +138,14 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
     if sizes[0] != sizes[1] or sizes[3] != 3 * sizes[2] or sizes[4] not in (0, sizes[3]) or sizes[0] % 12:
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
-    if not times["step"] > 0.0 or steps < 0 or not (next_step is None or next_step > 0.0):
+    if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
         raise refuse("damaged, a step is not > 0")
     numbers = np.frombuffer(body[:-DIGEST], dtype="<f8").astype(np.float64)
     if not np.isfinite(numbers).all():
         raise refuse("holds values that are not finite")
     *state, force, memory = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
     return Checkpoint(State(*state), **times, steps=steps, next_step=next_step, mean_force=force if force.size else None,
-                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None)
+                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None, last_step=last_step)
 
 
 def check_target(path: str | PathLike[str], overwrite: bool) -> Path:
@@ -197,8 +202,8 @@ class Clock:
     now : float
     size : float
         Of the next step; with a fixed step the same all the time.
-    before : float64 [3 S] or None
-        Mean contact force of the last step.
+    before, before_size : float64 [3 S] or None, float or None
+        Mean contact force of the last step, and its size.
     """
 
     origin: float
@@ -207,6 +212,7 @@ class Clock:
     size: float
     done: int = 0
     before: Array | None = None
+    before_size: float | None = None
     on_grid: bool = True
 
     def count(self, steps: int) -> float:
@@ -228,7 +234,7 @@ class Clock:
             origin, done = now, 0
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
-                          model.fingerprint, memory)
+                          model.fingerprint, memory, self.before_size)
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
@@ -250,7 +256,7 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
                          "another machine; compile the same scene, or go on at your own risk with "
                          "start=checkpoint.state, t_start=checkpoint.t")
     before = None if start.mean_force is None else start.mean_force.copy()
-    clock = Clock(start.t, start.t, step, step, before=before)
+    clock = Clock(start.t, start.t, step, step, before=before, before_size=start.last_step)
     if controlled and start.next_step is not None:
         clock.origin, clock.size = start.t_start, start.next_step
     elif not controlled and start.next_step is None and start.step == step:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
-from .initial import initial_state
+from .initial import initial_state, place_points
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.ties import Ties
@@ -71,6 +71,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise SceneError(f"compile_scene: condense must be 'auto', True or False, got {condense!r}")
     scene.check()
     nodes = NodeList(scene)
+    place_points(scene, nodes)
     n = len(nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
@@ -118,7 +119,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
-    state = initial_state(scene, nodes, joints, elements)
+    state, projected = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves,
@@ -127,7 +128,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes),
+        load_names=[_timed_by(scene, time) for time in times])
     # the same numbers need no second place
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
@@ -406,6 +408,25 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_of: Arra
             # nodes may share a row
             vectors[k].reshape(n + 1, 8)[:, c] = np.bincount(row_of, vector[:, c], minlength=n + 1)
     return vectors, [time for time, _ in groups], weight, constant
+
+
+def _timed_by(scene: Scene, time: Any) -> str:
+    """What has this time function, for messages."""
+    names = ["gravity"] * (scene.gravity_time is time)
+    names += [f"{load.kind} {load.name!r}" for load in [*scene.loads, *scene.distributed] if load.time is time]
+    names += [f"the loads of {net.label}" for net in scene.nets if net.loads is not None and net.time is time]
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+
+
+def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:
+    """Names of the joints at every node that has some; those at points of a body also at its centre."""
+    out: dict[int, list[str]] = {}
+    for joint in [*scene.rigid, *scene.balls]:
+        for node in (joint.a, joint.b):
+            out.setdefault(nodes.number(node), []).append(str(joint.name))
+    for body, arm in nodes.arm_owner:
+        out.setdefault(body, []).extend(out.get(arm, []))
+    return out
 
 
 def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:

@@ -63,7 +63,9 @@ def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
         if max(outcome.sizes) > 0.1:
             # far from any solution that says nothing about the scene
             return cause, smaller
-        return f"{cause}: {others} it already", "Leave out one of what holds it."
+        # whether the parts that it joins can move towards each other is all that is known
+        return (f"{cause}: no force of it moves anything, as where {others} it already",
+                "Leave out one of what holds it, or give what it joins mass and room to move.")
     last = [x for x in outcome.sizes if x > 0.0][-1:]
     if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
         k = int(np.argmax(contact.remaining))

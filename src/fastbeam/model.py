@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
@@ -20,6 +20,7 @@ from .kernels.slider import Contact, Curves, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
+from .mapping import state_for
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -62,6 +63,12 @@ class Model:
         Makes the model of the same scene in space, whose beams are not condensed.
     massless : tuple of str
         Beams without rotary inertia whose triads nothing holds.
+    projected : str
+        What a projection of the initial velocities changed; empty where there was none.
+    joints : dict
+        Names of the joints at a node.
+    load_names : list of str
+        What each time function belongs to.
     """
 
     scene_name: str
@@ -101,6 +108,9 @@ class Model:
     plain: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
+    projected: str = ""
+    joints: dict[int, list[str]] = field(default_factory=dict)
+    load_names: list[str] = field(default_factory=list)
 
     @property
     def held_mask(self) -> Array:
@@ -202,6 +212,10 @@ class Model:
     def state(self) -> State:
         """A fresh copy of the initial state."""
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.dim * self.n_sliders))
+
+    def state_for(self, names: dict[str, list[Any]], state: State) -> State:
+        """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
+        return state_for(self, names, state)
 
     @cached_property
     def _scratch(self) -> int:

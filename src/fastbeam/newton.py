@@ -15,11 +15,12 @@ from .iteration import Iteration
 from .kernels import step as kernels
 from .kernels.blocks import SIX, THREE
 from .kernels.space import assemble_rest
-from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
 from .model import Model
+from .starting import own_state
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -100,7 +101,7 @@ class Stepper:
         if compared and model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
         self.model = model
-        start = None if state is None else _own_state(model, state)
+        start = None if state is None else own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
         if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
             raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
@@ -381,24 +382,3 @@ class Stepper:
         r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.size)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(of.model.pattern.row_of == row)[0]), float(r[row])
-
-
-def _own_state(model: Model, state: State) -> State:
-    """A copy of a state that fits the model; compiled code reads it without bounds."""
-    if not isinstance(state, State):
-        raise SceneError(f"start: must be a State (result.state, model.state()), got {state!r:.60}")
-    for name, x, mine in zip(State._fields, state, model.state()):
-        if np.shape(x) != mine.shape:
-            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "
-                             "a state of the same model")
-        if not np.isfinite(x).all():
-            raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
-    own = State(*(np.array(x, dtype=float) for x in state))
-    triads = own.q.reshape(-1, 4, 3)[:, 1:]
-    skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
-    if skew > 1e-6:
-        raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
-        if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
-            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
-    return own

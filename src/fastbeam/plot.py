@@ -235,6 +235,11 @@ def _draw_energies(axes: Any, result: Result) -> None:
     for name, colour in ENERGIES:
         if parts[name] is not None and name not in hidden:
             axes.plot(result.t, parts[name], color=colour, label=name, lw=2.0 if name == "total" else 1.6)
+    if both and parts["potential"] is not None:
+        loads = parts["potential"] - parts["strain"] - parts["gravity"]
+        # what is left of round-off is no load
+        if np.nanmax(np.abs(loads), initial=0.0) > 1e-9 * np.nanmax(np.abs(parts["potential"]), initial=0.0):
+            axes.plot(result.t, loads, color=COLOURS[3], label="loads", lw=1.6)
     _finish(axes, "Energies", "energy [J]")
 
 

@@ -182,8 +182,9 @@ class Result:
         Times of the rows, s.
     series : dict of ndarray
         'kinetic', 'potential', 'strain', 'gravity', 'total' [n] (J); 'lin_mom' (kg m/s), 'ang_mom' (kg m^2/s) [n, 3];
-        'gap', 's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N); 'points', 'slider_position'
-        [n, ..., 3] (m); 'iterations', 'step_size' [n]. Only what was recorded is present.
+        'gap', 's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N; info['contact_force'] says which it is,
+        NaN where no steps tell it); 'points', 'slider_position' [n, ..., 3] (m); 'iterations', 'step_size' [n]. Only what was
+        recorded is present.
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
     events : list of dict
@@ -222,7 +223,8 @@ class Result:
         return self._series("points")[:, self._index("points", "point", name)]
 
     def slider(self, name: str) -> dict[str, np.ndarray]:
-        """Of one slider: s [n] (m), force [n, 3] (N, on the slider), gap [n] (m); position [n, 3] (m) where recorded."""
+        """Of one slider: s [n] (m), force [n, 3] (N, on the slider; NaN where no steps tell it), gap [n] (m); position [n, 3] (m)
+        where recorded."""
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
                "gap": self._series("gap")[:, k]}
@@ -270,6 +272,26 @@ class Result:
             drift = f"{self.drift(name):14.2e}" if self.is_conserved(name) else f"{'-':>14}"
             lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
         return "\n".join(lines)
+
+    def state_for(self, model: Any) -> Any:
+        """The state at the end of this run as one of another model, to start from: `simulate(model, start=run.state_for(model))`.
+
+        Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
+        place. Parts that only the other model has take those of its initial state, moved with what they are joined to or slide
+        on; parts that it does not have are left out.
+
+        Raises
+        ------
+        SceneError
+            The result was read from a file, which holds no state; a part has other nodes than its namesake.
+        """
+        state = getattr(self, "state", None)
+        if state is None:
+            raise SceneError("state_for: this result holds no state, files do not keep it; use the result of the run itself, or "
+                             "a checkpoint to go on in the same model")
+        if not hasattr(model, "state_for"):
+            raise SceneError(f"state_for: needs a compiled model, got {model!r:.60}; model = fb.compile_scene(scene)")
+        return model.state_for(self.names, state)
 
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the result to an HDF5 file; `fastbeam.load_result(path)` gives it back.

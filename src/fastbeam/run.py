@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 from .arguments import count, number
+from .callback import Callback
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
+from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
 from .kernels.step import OK, SLIDER_END
@@ -22,6 +24,7 @@ from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
 from .result import Result, ResultBuffer
+from .starting import check_start
 
 Array = np.ndarray
 # relative drift of an invariant beyond which round-off cannot be all
@@ -35,7 +38,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
-             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None) -> Result:
+             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None,
+             mend_start: bool = False) -> Result:
     """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
     With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
@@ -56,7 +60,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Spectral radius at infinity of generalized alpha, default 0.8.
     start, t_start : State or Checkpoint, float
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
-        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time.
+        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
+        sliders do not allow is refused; a support holds its node where the state has it.
     observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
         What is recorded; `()` computes none of it.
     points : mapping
@@ -71,7 +76,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Keep a checkpoint in this file, renewed at the first row that many seconds after the last one (0: at every row) and when
         the run ends. An older checkpoint of that name is replaced.
     callback : callable
-        Called with (t, state) at every row; returning True ends the run there.
+        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space that
+        cannot be written to. It may watch and record; where it changes what a load's time function returns, the load acts a step
+        late: an event says so, and step control refuses it.
     tolerance : float
         Step control: local error of a position per step, relative to the size of the scene.
     min_step, max_step : float
@@ -85,9 +92,13 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
     threads : int
         Of large nets and long beams, which are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for
-        every 2000 elements. Results are the same for any number, to the last bit.
+        every 2000 elements. Results are the same for any number, to the last bit, where beams are condensed; elsewhere PARDISO
+        rounds differently on another number from 5000 unknowns on.
     progress : bool
         Progress bar; default: on anything longer than a second.
+    mend_start : bool
+        Start from the nearest state that joints, supports and sliders allow, where `start` misses it by less than a hundredth of
+        the size of the scene.
 
     Returns
     -------
@@ -121,6 +132,12 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
     if not t_end > clock.now:
         raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    notes = [("projected", model.projected)] if start is None and model.projected else []
+    if state is not None:
+        state, notes = check_start(model, state, step, mend_start)
+    if isinstance(start, Checkpoint):
+        # it goes on as if it had never stopped
+        notes = []
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True)
     checkpoint_every = number("checkpoint_every", checkpoint_every)
@@ -149,6 +166,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
                       threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
+    run.notes = notes
     return run.go(every)
 
 
@@ -160,11 +178,14 @@ class _Run:
                  progress: bool | None, checkpoint: Any, checkpoint_every: float) -> None:
         self.model, self.stepper, self.observer, self.clock = model, stepper, observer, clock
         self.t_start, self.t_end, self.step, self.order = clock.now, t_end, clock.step, order
-        self.callback, self.control = callback, control
+        self.callback = None if callback is None else Callback(model, callback, t_end)
+        self.control = control
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
             "conserved": _conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
+        if observer.slider:
+            self.info["contact_force"] = AT_END if stepper.method.at_end else AT_ROWS
         header = observer.header(self.info)
         self.memory = ResultBuffer(header)
         self.writer: Any = None
@@ -179,6 +200,12 @@ class _Run:
         self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
+        # kind and text of what is to be said of the start
+        self.notes: list[tuple[str, str]] = []
+        at_end = stepper.method.at_end
+        self.forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
+        self.first_force: Array | None = None
+        self.broken_off = True
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def open_row(self, t: float, iterations: int, size: float) -> None:
@@ -189,17 +216,25 @@ class _Run:
             while self.next_shape <= t + 1e-9 * self.shape_gap:
                 self.next_shape += self.shape_gap
 
-    def close_row(self, before: Array | None, after: Array | None) -> None:
-        """Finish the waiting row with the contact forces of the steps before and after it."""
+    def close_row(self, t: float = 0.0, size: float = 0.0, after: Array | None = None, steps: int = 0) -> None:
+        """Finish the waiting row, now that so many steps of this size, with mean forces `after` in the first, led to time t; or
+        that the run ends."""
         if self.pending is None:
             return
-        (t, row), self.pending = self.pending, None
+        (time_of_row, row), self.pending = self.pending, None
         if self.observer.slider:
-            # forces at the end of a step are those of its time; otherwise the mean of the steps around it (4.5)
-            around = (before if before is not None else after,) if self.stepper.method.at_end else (before, after)
-            known = [f for f in around if f is not None]
-            row["contact_force"] = (np.mean(known, axis=0) if known else np.zeros(3 * self.model.n_sliders)).reshape(-1, 3)
-        self.feed("append", row, t)
+            if self.forces is None:
+                # forces at the end of a step are those of its time
+                force = self.clock.before
+            elif self.first_force is not None:
+                force, self.first_force = self.first_force, None
+            elif after is not None:
+                force = self.forces.between(self.clock, t, size, after, steps)
+            else:
+                # an error on its way out does not wait for steps
+                force = self.forces.unknown if self.broken_off else self.forces.last(self.clock)
+            row["contact_force"] = np.asarray(force).reshape(-1, 3)
+        self.feed("append", row, time_of_row)
 
     def shape(self, t: float) -> None:
         q = self.stepper.state.q.reshape(-1, 4, 3)
@@ -252,6 +287,18 @@ class _Run:
                                         "run; use a smaller step, bring the scene near the origin and at rest, and compare "
                                         "with solver='sparse', eliminate_inner=False"})
 
+    def call_back(self, t: float, size: float) -> bool:
+        """Call the user's function; whether the run ends here. Loads that it changes are lagging."""
+        known = self.callback.found
+        stop = self.callback(t, size, self.stepper.copy_state())
+        if self.callback.found != known:
+            text = f"{self.callback.found}. A load that a callback sets acts a step late, so that errors are of first order"
+            if self.control is not None:
+                raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, or make loads functions of "
+                                       "time alone", step=self.steps, time=t, state=self.stepper.copy_state())
+            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
+        return stop
+
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         begin = time.perf_counter()
@@ -262,6 +309,10 @@ class _Run:
         # the first row compiles the kernels of its quantities
         self.stepper.begin_compilation()
         self.open_row(self.t_start, 0, 0.0)
+        if self.forces is not None:
+            self.first_force = self.forces.first(clock)
+        for kind, text in self.notes:
+            self.event({"kind": kind, "time": self.t_start, "text": text})
         for beam in self.model.massless if self.stepper.plane is None else ():
             self.event({"kind": "massless", "time": self.t_start,
                         "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
@@ -271,23 +322,24 @@ class _Run:
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
                 if outcome.steps:
-                    self.close_row(clock.before, outcome.force[0])
-                    clock.before = outcome.force[1]
+                    self.close_row(t, size, outcome.force[0], outcome.steps)
+                    clock.before, clock.before_size = outcome.force[1], size
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch_turns(t, size)
-                    if self.callback is not None and self.callback(t, self.stepper.state):
+                    if self.callback is not None and self.call_back(t, size):
                         self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
                         break
                     self.keep_checkpoint()
                 if self.file_error is not None:
                     break
+            self.broken_off = False
         except ConvergenceError as failed:
-            error = failed
+            error, self.broken_off = failed, False
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
         finally:
-            self.close_row(clock.before, None)
+            self.close_row()
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,

@@ -19,6 +19,7 @@ from .newton import Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
 from .result import Result, ResultBuffer
+from .starting import check_start
 
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
@@ -31,25 +32,29 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
 
 def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
                  start: State | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
-                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None) -> Result:
+                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None,
+                 mend_start: bool = False) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
     ----------
     model : Model
-        Without sliders: a sliding point has no static equilibrium of its own here, let it come to rest by `simulate`.
+        Without sliders: a sliding point has no static equilibrium of its own here. Find that of the scene without the slider and
+        go on from it in the whole scene, `simulate(whole, start=result.state_for(whole), ...)`.
     load_step, smallest_step : float
         First and smallest increment of the load factor, which runs from 0 to 1.
     at_time : float
         Where time functions of loads are evaluated, s; needed when the scene has some.
     start : State
-        Begin from this shape instead of the reference.
+        Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
         As in `simulate`; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
     threads : int
+        As in `simulate`.
+    mend_start : bool
         As in `simulate`.
 
     Returns
@@ -68,8 +73,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     """
     check_model("solve_static", model)
     if model.n_sliders:
-        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders; find their rest position with simulate, or take "
-                         "them out of the scene")
+        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders, which it cannot bring to rest; leave the "
+                         "sliders and what hangs on them out, solve that scene, and start the whole one from there: "
+                         "fb.simulate(model, start=result.state_for(model), ...)")
     load_step, smallest_step = number("load_step", load_step), number("smallest_step", smallest_step)
     at_time = None if at_time is None else number("at_time", at_time)
     max_iterations = count("max_iterations", max_iterations)
@@ -80,6 +86,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         raise SceneError("solve_static: loads have time functions; say with at_time=... where to evaluate them")
     check_supports(model)
     factors = np.array([1.0 if t is None else float(t(at_time)) for t in model.load_times])
+    notes: list[Any] = []
+    if start is not None:
+        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver = _StaticSolver(model, start, max_iterations, backend, threads)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
     observer = Observer(model, ("energy",) if "energy" in observe else (), points)
@@ -99,6 +108,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         return result
 
     bar = Progress(1.0, f"{model.scene_name}: load")
+    for kind, text in notes:
+        buffer.event({"kind": kind, "time": 0.0, "text": text})
     record(0.0, 0, 0.0)
     reached, step = 0.0, load_step
     while reached < 1.0:

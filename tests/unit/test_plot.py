@@ -64,6 +64,18 @@ def test_invariants_show_energies_and_deviations_above_the_floor() -> None:
     assert min(np.min(line.get_ydata()) for line in lower.get_lines()) == 1e-17
 
 
+def test_energies_that_are_drawn_add_up_to_the_total() -> None:
+    run = swing()
+    strain, gravity, loads = 0.5 * run.t, 2.0 * run.t**2, -3.0 * run.t
+    run.series |= {"strain": strain, "gravity": gravity, "potential": strain + gravity + loads}
+    run.series["total"] = run.series["kinetic"] + run.series["potential"]
+    lines = {line.get_label(): line.get_ydata() for line in plot_invariants(run).axes[0].get_lines()}
+    np.testing.assert_allclose(sum(y for name, y in lines.items() if name != "total"), lines["total"], rtol=1e-12)
+    assert set(lines) == {"kinetic", "strain", "gravity", "loads", "total"}
+    run.series["potential"] = strain + gravity
+    assert "loads" not in [line.get_label() for line in plot_invariants(run).axes[0].get_lines()]
+
+
 def test_series_that_are_not_conserved_have_no_deviation_curve() -> None:
     run = swing()
     run.info["conserved"] = ["total"]

@@ -198,6 +198,16 @@ def test_missing_node_is_an_error(index):
         straight(degree=2).node(index)
 
 
+@pytest.mark.parametrize("index", [9, -1, 10**6, 1.0, None])
+def test_a_node_that_the_beam_does_not_have_is_refused_also_without_the_beam(index: object) -> None:
+    boom = Beam.straight("boom", (0, 0, 0), (1, 0, 0), section=Section.circle(radius=0.01, E=1e9, rho=1e3), elements=4, degree=2)
+    assert NodeRef(boom, 8) == boom.end
+    with pytest.raises(SceneError, match=r"beam 'boom': node .* does not exist, nodes run from 0 to 8"):
+        NodeRef(boom, index)
+    with pytest.raises(SceneError, match="beam 'boom': a node of a beam takes no offset"):
+        NodeRef(boom, 0, (0, 0, 1))
+
+
 def test_arc_length_between_nodes_lists_the_neighbours():
     with pytest.raises(SceneError, match=r"beam 'boom': no node at s=0\.6, the nearest nodes lie at s = 0\.5 and 0\.75 m"):
         straight(degree=2).at(0.6)

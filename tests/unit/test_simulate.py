@@ -1,6 +1,7 @@
 """Running a model: arguments that are refused, events, step control, failures, and what the run leaves behind."""
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -223,6 +224,64 @@ def test_callback_sees_every_row_and_ends_the_run() -> None:
     assert result.t.tolist() == [0.0, *seen]
     assert [event["kind"] for event in result.events] == ["stopped"]
     assert result.info["steps"] == 6
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_callbacks_see_a_copy_that_cannot_be_written_to(planar: bool | str) -> None:
+    scene = fb.Scene(straight("rod", (0, 0, 0), (2, 0, 0)), fb.RigidMotion(spin=(0, 0, 2)))
+    model = fb.compile_scene(scene, planar=planar)
+    kept: list[Any] = []
+    result = fb.simulate(model, t_end=0.05, step=0.01, every=1, callback=lambda t, state: kept.append(state))
+    # what is kept stays as it was, in a plane and in space
+    assert len({state.q.tobytes() for state in kept}) == 5
+    np.testing.assert_array_equal(kept[-1].q, result.state.q)
+    for name in ("q", "v", "s", "force"):
+        def write(t: float, state: Any, name: str = name) -> None:
+            getattr(state, name)[...] = 0.0
+
+        with pytest.raises(ValueError, match="read-only"):
+            fb.simulate(model, t_end=0.05, step=0.01, every=1, callback=write)
+    # and is a start like any other
+    again = fb.simulate(model, start=kept[2], t_start=0.03, t_end=0.05, step=0.01)
+    np.testing.assert_allclose(again.state.q, result.state.q, atol=1e-13)
+
+
+def lagging(**options: Any) -> fb.Result:
+    """A spring of the user's own: a load whose size a callback sets."""
+    force = [0.0]
+    beam = straight("beam", (0, 0, 0), (3, 0, 0))
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("spring", beam.end, force=(0, 0, 1), time=lambda t: force[0]),
+                     fb.Load("pull", beam.end, force=(0, 1, 0), time=np.cos), gravity=(0, 0, -1))
+
+    def pull(t: float, state: Any) -> None:
+        force[0] = -50.0 * state.q.reshape(-1, 12)[-1, 2]
+
+    return fb.simulate(fb.compile_scene(scene), t_end=0.1, step=0.01, every=1, callback=pull, **options)
+
+
+def test_a_load_that_a_callback_sets_is_told_and_refused_by_step_control() -> None:
+    says = r"the callback at t = 0\.\d+ s changed load 'spring': its time function gave .* at t = .* s before the call and .* aft"
+    (event,) = lagging().events
+    assert event["kind"] == "lagging load" and re.match(says, event["text"]) and "halve the step" in event["text"]
+    with pytest.raises(fb.ConvergenceError, match=says + ".*step control cannot see; use a fixed step") as caught:
+        lagging(tolerance=1e-6)
+    assert caught.value.result.state is not None and len(caught.value.result.t) >= 2
+
+
+def test_callbacks_that_leave_loads_alone_are_left_alone() -> None:
+    beam = straight("beam", (0, 0, 0), (3, 0, 0))
+    times: list[float] = []
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("pull", beam.end, force=(0, 1, 0), time=np.cos), gravity=(0, 0, -1),
+                     gravity_time=lambda t: float("nan") if t > 9.0 else 1.0)
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.1, step=0.01, callback=lambda t, state: times.append(t), tolerance=1e-4)
+    assert times and not result.events
+
+
+def test_a_load_that_is_no_function_of_time_is_told() -> None:
+    beam, rng = straight("beam", (0, 0, 0), (3, 0, 0)), np.random.default_rng(1)
+    scene = fb.Scene(beam, fb.Clamp(beam.start), fb.Load("wind", beam.end, force=(0, 0, 1), time=lambda t: rng.random()))
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.02, step=0.01, callback=lambda t, state: None)
+    assert "load 'wind': its time function gives different values at the same time" in result.events[0]["text"]
 
 
 def test_error_in_a_callback_reaches_the_caller_and_closes_the_file(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_what_is_not_compiled_is_refused(what: Any, shown: str) -> None:
 
 
 def test_sliders_are_refused() -> None:
-    with pytest.raises(fb.SceneError, match="scene 'bead' has sliders; find their rest position with simulate"):
+    with pytest.raises(fb.SceneError, match="scene 'bead' has sliders, which it cannot bring to rest; leave the sliders"):
         solve(bead())
 
 

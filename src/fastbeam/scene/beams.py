@@ -34,11 +34,30 @@ class NodeRef:
         Node of the beam, counted from 0; 0 for bodies and masses.
     offset : ndarray (3,)
         Position relative to the centre in the body triad, m; zero except for bodies.
+
+    Raises
+    ------
+    SceneError
+        The beam has no such node, or the offset is not 3 finite numbers.
     """
 
     owner: Any
     index: int = 0
     offset: Array = field(default_factory=lambda: checks.constant(np.zeros(3)))
+
+    def __post_init__(self) -> None:
+        # anything else that is no owner is refused, with a better message, by the part that gets the node
+        n = self.owner.n_nodes if isinstance(self.owner, Beam) else 1
+        who, index = getattr(self.owner, "label", "node"), _whole(self.index)
+        if index is None or not 0 <= index < n:
+            raise SceneError(f"{who}: node {self.index!r} does not exist, nodes run from 0 to {n - 1}"
+                             + (f"; use its node({self.index!r}) to count from the end" if index is not None and -n <= index < 0
+                                else ""))
+        offset = checks.vector(who, "offset", self.offset)
+        if isinstance(self.owner, Beam) and np.any(offset):
+            raise SceneError(f"{who}: a node of a beam takes no offset, got {checks.shown(offset)}; join a RigidBody "
+                             "there with a RigidConnection and use its point(offset)")
+        checks.fill(self, index=index, offset=offset)
 
     @property
     def is_center(self) -> bool:

@@ -152,7 +152,7 @@ def as_beam(who: str, value: Any) -> Beam:
     return value
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
 
@@ -160,6 +160,18 @@ class _Support:
 
     at: NodeRef
     name: str | None = None
+
+    def __init__(self, at: Any = None, name: str | None = None, *more: Any) -> None:
+        noun = type(self).__name__
+        extra = [x for x in (name, *more) if isinstance(x, (NodeRef, RigidBody, PointMass, Beam, Net))]
+        if extra or more:
+            raise SceneError(f"{self.kind}: takes one node and a name, got {2 + len(more)} arguments; write one {noun}(node) for "
+                             "every node")
+        if at is None:
+            raise SceneError(f"{self.kind}: at must be a node, got nothing; write {noun}(beam.start), {noun}(body) or "
+                             f"{noun}(mass)")
+        checks.fill(self, at=at, name=name)
+        self.__post_init__()
 
     def __post_init__(self) -> None:
         who = self.kind if self.name is None else checks.label(self.kind, self.name)
@@ -359,7 +371,7 @@ class RigidMotion:
     Raises
     ------
     SceneError
-        An object is of another kind, or a vector is not 3 finite numbers.
+        An object is of another kind, there is none in a list, or a vector is not 3 finite numbers.
     """
 
     kind: ClassVar[str] = "rigid motion"
@@ -377,6 +389,9 @@ class RigidMotion:
             for item in objects:
                 if not isinstance(item, (Beam, Net, RigidBody, PointMass)):
                     raise SceneError(f"{self.kind}: objects must be beams, nets, bodies and point masses, got {item!r}")
+            if not objects:
+                raise SceneError(f"{self.kind}: objects is empty, so it would move nothing; name the parts that move, or leave "
+                                 "objects out to move everything")
         checks.fill(self, objects=objects, **{key: checks.vector(self.kind, key, getattr(self, key))
                                               for key in ("velocity", "spin", "about")})
 
