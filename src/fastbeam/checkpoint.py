@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from dataclasses import dataclass
 from os import PathLike
@@ -30,6 +31,10 @@ VERSION = 2
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
 ARRAYS = (*State._fields, "mean_force", "memory")
+# shares of a step: an end this near to a whole number of steps is one; a last step shorter than that is added to the one before
+WHOLE, SLIVER = 1e-9, 0.01
+# a step is at least this many times the distance of doubles at its time
+RESOLVED = 4.0
 
 
 @dataclass(frozen=True)
@@ -215,6 +220,19 @@ class Clock:
         self.now = self.origin + self.step * self.done
         return self.now
 
+    def plan(self, t_end: float) -> tuple[int, float]:
+        """(whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a hundredth
+        longer where it would be shorter than a hundredth of them."""
+        steps = (t_end - self.origin) / self.step
+        n = round(steps)
+        # times that are whole numbers of steps are so up to the rounding of t_end
+        if n > self.done and abs(steps - n) <= _unclear(self.origin, t_end, self.step):
+            return n - self.done, 0.0
+        n = math.floor(steps)
+        if steps - n < SLIVER and n > self.done:
+            n -= 1
+        return n - self.done, t_end - (self.origin + self.step * n)
+
     def leave_grid(self, t: float) -> None:
         """Go to a time that is no whole number of steps away."""
         self.now, self.on_grid = t, False
@@ -229,6 +247,30 @@ class Clock:
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
                           model.fingerprint, memory)
+
+
+def _unclear(a: float, b: float, step: float) -> float:
+    """Share of a step below which differences between times mean nothing."""
+    return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
+
+
+def check_times(now: float, t_end: float, step: float, name: str = "step") -> None:
+    """Refuse runs whose times doubles cannot tell apart.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not t_end > now:
+        raise SceneError(f"t_end: must lie after t_start = {now:g} s, got {t_end:g}")
+    if t_end - now <= _unclear(now, t_end, step) * step:
+        raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, which is next to nothing of a step of {step:g} "
+                         "s; give a later t_end, or a smaller step")
+    far = max(abs(now), abs(t_end))
+    apart = float(np.spacing(far))
+    if not step >= RESOLVED * apart:
+        raise SceneError(f"{name}: must be at least {RESOLVED * apart:.3g} s, got {step:g}, because times near {far:g} s are "
+                         f"doubles {apart:.3g} s apart; count time from the start of the run (t_start=0), or take larger steps")
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:

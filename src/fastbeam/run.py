@@ -1,6 +1,7 @@
 """Runs a model in time and records what was asked for."""
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from .arguments import count, number
-from .checkpoint import Checkpoint, Clock, check_target, start_clock
+from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
-from .errors import ConvergenceError, ResultFileError, SceneError
+from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
+from .interrupt import Calls, Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
@@ -26,6 +28,8 @@ from .result import Result, ResultBuffer
 Array = np.ndarray
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
+# events of one kind that name a part each
+MOST_NAMED = 100
 
 
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
@@ -119,8 +123,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     if not step > 0.0:
         raise SceneError(f"step: must be > 0 s, got {step:g}")
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
-    if not t_end > clock.now:
-        raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    check_times(clock.now, t_end, step)
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True)
     checkpoint_every = number("checkpoint_every", checkpoint_every)
@@ -140,9 +143,11 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
             raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - clock.origin
         largest = 0.1 * span if max_step is None else number("max_step", max_step)
-        smallest = min(1e-6 * step, largest) if min_step is None else number("min_step", min_step)
+        least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
+        smallest = min(max(1e-6 * step, least), largest) if min_step is None else number("min_step", min_step)
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
+        check_times(clock.now, t_end, smallest, "min_step")
         control = StepControl(tolerance, order, smallest, largest)
     memory = start.memory if isinstance(start, Checkpoint) else None
     stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation,
@@ -175,10 +180,14 @@ class _Run:
         self.turns_are_resolved = True
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.snapshots = snapshots
-        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
-        self.next_shape = clock.origin
+        self.shape_gap = (t_end - clock.origin) / min(max(snapshots - 1, 1), 2**53)
+        self.first_shape = self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
+        self.interrupts = Interrupts()
+        self.calls = Calls(stepper, self.interrupts)
+        # whether the clock lags behind the state
+        self.between = False
 
     # --- rows ---------------------------------------------------------------------------------------------------------
     def open_row(self, t: float, iterations: int, size: float) -> None:
@@ -186,8 +195,7 @@ class _Run:
         self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
         if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
             self.shape(t)
-            while self.next_shape <= t + 1e-9 * self.shape_gap:
-                self.next_shape += self.shape_gap
+            self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 
     def close_row(self, before: Array | None, after: Array | None) -> None:
         """Finish the waiting row with the contact forces of the steps before and after it."""
@@ -217,12 +225,13 @@ class _Run:
             except ResultFileError as failed:
                 self.writer, self.file_error = None, failed
 
-    def keep_checkpoint(self, due: bool = False) -> None:
-        """Renew the checkpoint file where its time has come."""
-        if self.checkpoint is None or not (due or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every):
+    def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
+        """Renew the checkpoint file, at the end of a run or where its time has come."""
+        due = present is not None or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every
+        if self.checkpoint is None or not due:
             return
         try:
-            self.present().save(self.checkpoint, overwrite=True)
+            (present or self.present()).save(self.checkpoint, overwrite=True)
         except ResultFileError as failed:
             self.checkpoint, self.file_error = None, self.file_error or failed
         self.last_checkpoint = time.perf_counter()
@@ -254,44 +263,61 @@ class _Run:
 
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
+        with self.interrupts:
+            return self.run(every)
+
+    def run(self, every: int) -> Result:
         begin = time.perf_counter()
         clock = self.clock
         if clock.before is None and self.stepper.method.at_end:
             clock.before = self.stepper.state.force.copy()
-        error: ConvergenceError | None = None
-        # the first row compiles the kernels of its quantities
-        self.stepper.begin_compilation()
-        self.open_row(self.t_start, 0, 0.0)
-        for beam in self.model.massless if self.stepper.plane is None else ():
-            self.event({"kind": "massless", "time": self.t_start,
-                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
-                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        error: ConvergenceError | KeyboardInterrupt | None = None
         try:
+            # the first row compiles the kernels of its quantities
+            self.stepper.begin_compilation()
+            self.open_row(self.t_start, 0, 0.0)
+            massless = self.model.massless if self.stepper.plane is None else ()
+            for beam in massless[:MOST_NAMED]:
+                self.event({"kind": "massless", "time": self.t_start,
+                            "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
+                                    "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+            if len(massless) > MOST_NAMED:
+                self.event({"kind": "massless", "time": self.t_start,
+                            "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
             for t, outcome, size, row_due in self.chunks(every):
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
                 if outcome.steps:
                     self.close_row(clock.before, outcome.force[0])
                     clock.before = outcome.force[1]
+                self.between = False
                 if row_due:
                     self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch_turns(t, size)
-                    if self.callback is not None and self.callback(t, self.stepper.state):
-                        self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
-                        break
+                    if self.callback is not None:
+                        with self.interrupts.at_once():
+                            ended = self.callback(t, self.stepper.state)
+                        if ended:
+                            self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                            break
                     self.keep_checkpoint()
                 if self.file_error is not None:
                     break
+                self.interrupts.serve()
         except ConvergenceError as failed:
-            error = failed
+            # it comes with the last good state
+            error, self.between = failed, False
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
+        except KeyboardInterrupt as stopped:
+            error, self.between = stopped, self.between and not self.calls.intact
+            self.event({"kind": "interrupted", "time": clock.now, "text": f"the run was interrupted at t = {clock.now:.6g} s"})
         finally:
             self.close_row(clock.before, None)
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,
-                          "scale": {k: v for k, v in self.observer.scale.items() if v > 0.0} | {"gap": self.model.length},
+                          "scale": self.observer.scales(self.step) | {"gap": self.model.length},
                           "wall_time": time.perf_counter() - begin}
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
@@ -302,12 +328,20 @@ class _Run:
                     self.writer.close(self.info)
                 except ResultFileError as failed:
                     self.file_error = failed
-        self.keep_checkpoint(due=True)
+        # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
+        present = None if self.between else self.present()
+        if present is not None:
+            self.keep_checkpoint(present)
         if self.file_error is not None:
             self.memory.event({"kind": "file", "time": clock.now, "text": str(self.file_error)})
         result = self.memory.close(self.info)
-        result.checkpoint = self.present()
-        result.state = result.checkpoint.state
+        if present is not None:
+            result.checkpoint, result.state = present, present.state
+        if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
+            self.interrupts.asked = False
+            way = "" if present is None else ", .checkpoint goes on from there"
+            raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
+                              result=result, state=present and present.state, checkpoint=present) from (error or self.file_error)
         final = error or self.file_error
         if final is not None:
             final.result = result
@@ -320,22 +354,39 @@ class _Run:
         t, h = clock.now, clock.size
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
         quiet = quiet and self.writer is None and self.callback is None and self.checkpoint is None
-        while self.t_end - t > 1e-14 * max(abs(self.t_start), abs(self.t_end)):
+        left, last = clock.plan(self.t_end) if self.control is None else (0, 0.0)
+        while t < self.t_end:
             begin = time.perf_counter()
+            self.between = True
+            whole = left > 0
             if self.control is not None:
                 planned = min(max(h, self.control.smallest), self.control.largest)
-                size, h, outcome = self.control.advance(self.stepper, t, min(planned, self.t_end - t), self.steps)
+                rest = self.t_end - t
+                # neither a sliver at the end nor a step beyond the largest
+                sliver = planned < rest < (1.0 + SLIVER) * planned
+                cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+                size, h, outcome = self.calls.controlled(self.control, t, cut, self.steps)
                 # a step that was cut to meet the end says nothing about the next
-                h = max(h, planned) if size == self.t_end - t else h
-            else:
-                whole = int((self.t_end - t) / self.step * (1.0 + 1e-12) + 1e-9)
-                size = self.step if whole else self.t_end - t
-                outcome = (self.stepper.advance(clock.origin, size, min(every, whole), clock.done) if whole
-                           else self.stepper.advance(t, size, 1))
-            if self.control is None and size == self.step:
+                h = max(h, planned) if size == rest or size == cut != planned else h
+                reached = self.t_end if size == rest else t + size
+            elif whole:
+                size = self.step
+                outcome = self.calls.advance(clock.origin, size, min(every, left), clock.done)
+                left -= outcome.steps
                 reached = clock.count(outcome.steps)
+                if outcome.status == OK and not left and not last:
+                    reached = self.t_end
             else:
-                reached = t + size if self.control is not None and outcome.status == OK else t + size * outcome.steps
+                size = last
+                outcome = self.calls.advance(t, size, 1)
+                reached = self.t_end
+            if outcome.status == OK and not outcome.steps:
+                # left before the first step was done
+                self.between, h = False, clock.size
+                self.interrupts.serve()
+                continue
+            if not whole:
+                reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
             if outcome.status == SLIDER_END:
                 yield from self.end_of_beam(reached, outcome, size)
@@ -346,8 +397,6 @@ class _Run:
                     # the last good state is a row
                     yield reached, outcome, size, True
                 raise failed
-            if abs(reached - self.t_end) <= 1e-9 * size:
-                reached = self.t_end
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size = h
@@ -360,11 +409,13 @@ class _Run:
         outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
         if outcome.steps:
             yield t, outcome, h, True
+        self.between, self.calls.intact, self.stepper.stop = True, False, bool
         last, final, slider = run_to_end_of_beam(self.stepper, t, h)
         if last > 0.0:
             t += last
             self.clock.leave_grid(t)
             yield t, final, last, True
+        self.between = False
         s = float(self.stepper.state.s[slider])
         length = float(self.model.slider_lengths[slider])
         end = "start" if s < 0.5 * length else "end"
