@@ -137,8 +137,8 @@ class StepControl:
     rejected: int = 0
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. An outcome of
-        no steps means that `stepper.stop` said so.
+        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK without a
+        step means that `stepper.stop` said so.
 
         Raises
         ------

@@ -108,8 +108,8 @@ class Observer:
         return out
 
     def scales(self, step: float) -> dict[str, float]:
-        """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that of
-        the least motion in steps of this size (s) that is no round-off."""
+        """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
+        of the least motion in steps of this size (s) that is no round-off."""
         model = self.model
         size = max(model.length, float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3]))))
         speed, mass = EPSILON * size / step, float(np.sum(model.gravity_weight))
@@ -117,7 +117,7 @@ class Observer:
         if self.momentum:
             rest |= {"lin_mom": REST * mass * speed, "ang_mom": REST * mass * speed * size}
         if self.energy:
-            # energies of round-off of the coordinates: of motion and strain, and of weight and loads, which have it in first order
+            # energies of round-off of the coordinates: of motion and strain, and of weight and loads, where it is of first order
             off = EPSILON * np.random.default_rng(0).choice((-1.0, 1.0), model.q0.shape)
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))

@@ -107,6 +107,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         A step failed; the error carries the last good state and the result until then.
     ResultFileError
         A file cannot be written; when that happens on the way, the error carries the result until then.
+    Interrupted
+        By Ctrl-C: a KeyboardInterrupt that carries the result until then; files are closed, the checkpoint renewed.
 
     Examples
     --------
@@ -125,7 +127,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
     check_times(clock.now, t_end, step)
     if checkpoint is not None:
-        checkpoint = check_target(checkpoint, overwrite=True)
+        checkpoint = check_target(checkpoint, overwrite=True, probe=True)
     checkpoint_every = number("checkpoint_every", checkpoint_every)
     if callback is not None and not callable(callback):
         raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
@@ -240,6 +242,17 @@ class _Run:
         return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
 
     # --- what a user must not miss ------------------------------------------------------------------------------------
+    def name_massless(self) -> None:
+        """An event for each beam whose triads nothing holds."""
+        massless = self.model.massless if self.stepper.plane is None else ()
+        for beam in massless[:MOST_NAMED]:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
+                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        if len(massless) > MOST_NAMED:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+
     def watch_turns(self, t: float, h: float) -> None:
         """An event where a step turns a triad further than it can resolve, once a run."""
         node, turn = self.stepper.largest_turn()
@@ -276,14 +289,7 @@ class _Run:
             # the first row compiles the kernels of its quantities
             self.stepper.begin_compilation()
             self.open_row(self.t_start, 0, 0.0)
-            massless = self.model.massless if self.stepper.plane is None else ()
-            for beam in massless[:MOST_NAMED]:
-                self.event({"kind": "massless", "time": self.t_start,
-                            "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
-                                    "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
-            if len(massless) > MOST_NAMED:
-                self.event({"kind": "massless", "time": self.t_start,
-                            "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+            self.name_massless()
             for t, outcome, size, row_due in self.chunks(every):
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
