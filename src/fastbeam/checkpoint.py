@@ -207,7 +207,8 @@ def _replace(path: Path, data: bytes) -> None:
                 fresh.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was") from error
+        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was; choose another "
+                              "path") from error
     if hasattr(os, "O_DIRECTORY"):
         # where that cannot be done the file itself is safe
         with suppress(OSError):
@@ -291,8 +292,8 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
     if not t_end > now:
         raise SceneError(f"t_end: must lie after t_start = {now:g} s, got {t_end:g}")
     if t_end - now <= _unclear(now, t_end, step) * step:
-        raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, next to nothing of a step of {step:g} s; give "
-                         "a later t_end, or a smaller step")
+        raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, next to nothing of a step of {step:g} s; "
+                         "give a later t_end, or a smaller step")
     far = max(abs(now), abs(t_end))
     apart = float(np.spacing(far))
     if not step >= RESOLVED * apart:

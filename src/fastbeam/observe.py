@@ -122,7 +122,7 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             strain = strain_energy(model, model.q0 + off, self._work)
-            rest["total"] = REST * (10.0 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
+            rest["total"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
     def _motion(self, q: Array, v: Array) -> None:

@@ -115,14 +115,16 @@ class ResultWriter:
             try:
                 self._raw.truncate(0)
                 _claim(self._raw.fileno(), 0, len(texts) + MARGIN)
-                # its own locks would let go of the file when others may read it
-                self._file = h5py.File(self._where, "w", libver="latest", **({} if fcntl is None else {"locking": False}))
+                # until others may read the file HDF5 keeps a lock of its own
+                _lock(self._raw, "LOCK_UN")
+                self._file = h5py.File(self._where, "w", libver="latest")
             except OSError as error:
-                self._where.unlink(missing_ok=True)
+                if _lock(self._raw, "LOCK_EX"):
+                    self._where.unlink(missing_ok=True)
                 raise ResultFileError(f"result file '{self.path}': cannot be created ({error}); choose another path") from error
             self._reserve(len(texts))
             self._create(texts)
-            _lock(self._raw, shared=True)
+            _lock(self._raw, "LOCK_SH")
         except BaseException:
             if self._file is not None:
                 self._file.close()
@@ -345,19 +347,19 @@ def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:
         raw = open(os.open(where, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "rb+", buffering=0)
     except OSError as error:
         raise ResultFileError(f"result file '{path}': cannot be created ({error}); choose another path") from error
-    if not _lock(raw):
+    if not _lock(raw, "LOCK_EX"):
         raw.close()
         raise ResultFileError(f"result file '{path}': another run is writing it, or another program has it open; wait for that, "
                               "or choose another path")
     return raw
 
 
-def _lock(raw: BinaryIO, shared: bool = False) -> bool:
-    """Keep other runs from writing a file until it is closed; `shared`: others may read it with HDF5's own locks. False: somebody
-    else has it."""
+def _lock(raw: BinaryIO, kind: str) -> bool:
+    """Keep other runs from writing a file until it is closed; under a shared lock others may read it with HDF5's own. False:
+    somebody else has it."""
     if fcntl is not None:
         try:
-            fcntl.flock(raw, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+            fcntl.flock(raw, getattr(fcntl, kind) | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
         except OSError:

@@ -1,6 +1,7 @@
 """Faults: hostile and damaged result files, full disks, killed runs, unusable kernel caches."""
 from __future__ import annotations
 
+import builtins
 import errno
 import json
 import os
@@ -8,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import _jit, store
+from fastbeam import _jit, reading, store
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "perf" / "stress"))
@@ -135,6 +138,157 @@ def test_error_of_hdf5_itself_ends_the_run_too(monkeypatch: pytest.MonkeyPatch, 
     np.testing.assert_array_equal(rest.state.q, fb.simulate(model, t_end=0.5, step=H).state.q)
     (lost,) = store._LOST
     lost.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="open files cannot be removed there")
+@pytest.mark.parametrize("replaced", [False, True])
+def test_result_file_that_is_removed_ends_the_run_with_everything_computed(replaced: bool, monkeypatch: pytest.MonkeyPatch,
+                                                                           tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "FLUSH_TIME", 0.0)
+    path = tmp_path / "run.h5"
+
+    def remove(t: float, state: Any) -> None:
+        if t > 0.095 and path.exists():
+            path.unlink()
+            if replaced:
+                path.write_text("precious")
+
+    with pytest.raises(fb.ResultFileError, match="run.h5': cannot be written .*it was removed, moved or replaced") as caught:
+        fb.simulate(fb.compile_scene(bead()), t_end=0.5, step=H, every=1, file=path, callback=remove)
+    result = caught.value.result
+    assert 11 <= len(result.t) <= 14 and result.checkpoint.t == result.t[-1] and result.events[-1]["kind"] == "file"
+    assert path.exists() == replaced and (not replaced or path.read_text() == "precious")
+    result.save(tmp_path / "kept.h5")
+    np.testing.assert_array_equal(fb.load_result(tmp_path / "kept.h5").t, result.t)
+
+
+def test_two_runs_do_not_share_a_file(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    path, model = tmp_path / "run.h5", fb.compile_scene(bead())
+    child = victim("run", path, 2)
+    assert child.stdout is not None
+    child.stdout.readline()
+    time.sleep(1.2)
+    (tmp_path / "link.h5").symlink_to(path)
+    for name in ("run.h5", "link.h5"):
+        with pytest.raises(fb.ResultFileError, match=f"{name}': another run is writing it, or another program has it open"):
+            fb.simulate(model, t_end=0.1, step=H, file=tmp_path / name, overwrite=True)
+    assert len(fb.load_result(path).t) > 0 and child.poll() is None
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    assert len(fb.load_result(path).t) > 0  # nothing happened to it
+    fb.simulate(model, t_end=0.1, step=H, file=path, overwrite=True)
+    assert len(fb.load_result(path).t) == 11
+
+
+def test_other_programs_read_a_file_that_is_being_written(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    result = fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H)
+    with store.ResultWriter(tmp_path / "run.h5", result.header()) as writer:
+        writer.append(result.series, result.t)
+        writer.flush()
+        with h5py.File(tmp_path / "run.h5", "r", swmr=True) as file:
+            np.testing.assert_array_equal(file["rows/t"], result.t)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_pipes_and_devices_are_no_result_files(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    model = fb.compile_scene(bead())
+    for path in (tmp_path / "pipe", "/dev/null"):
+        with pytest.raises(fb.ResultFileError, match="is a device, pipe or socket and no file"):
+            fb.simulate(model, t_end=0.1, step=H, file=path, overwrite=True)
+        with pytest.raises(fb.ResultFileError, match="is a device, pipe or socket and no file"):
+            fb.load_result(path)
+    for wrong in (5, b"run.h5", "a\0b"):
+        with pytest.raises(fb.SceneError, match="must be the path of a file"):
+            fb.simulate(model, t_end=0.1, step=H, file=wrong)
+        with pytest.raises(fb.SceneError, match="must be the path of a file"):
+            fb.load_result(wrong)
+
+
+def test_current_folder_may_change_during_a_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(store, "FLUSH_TIME", 0.0)
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path)
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, every=1, file="run.h5",
+                callback=lambda t, state: os.chdir(tmp_path / "other"))
+    assert len(fb.load_result(tmp_path / "run.h5").t) == 11
+
+
+@pytest.mark.parametrize(("name", "text", "message"), [
+    ("events", b"{}\n" * 200_000, "200000 events of 600000 bytes, more than 100000"),
+    ("events", b'"' + b"x" * (1 << 25) + b'"\n', "1 events of 33554435 bytes"),
+    ("events", b'{"x": [' + b"[]," * 1_000_000 + b"[]]}\n", "1000003 lists in 'events', more than 1000000"),
+    ("final_info", b'{"x": [' + b"{}," * 1_000_000 + b"{}]}", "1000003 lists in 'final_info'"),
+    ("header", b"[" + b"[]," * 1_000_000 + b"[]]", "1000002 lists in 'header'")])
+def test_texts_that_would_fill_the_memory_are_refused(name: str, text: bytes, message: str, sound: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    path.write_bytes(sound.read_bytes())
+    import h5py
+    with h5py.File(path, "r+") as file:
+        del file[name]
+        file[name] = np.frombuffer(text, np.uint8)
+        blocks = file["blocks"][...]
+        if name != "header":
+            blocks[-1, 2 + (name == "final_info")] = len(text)
+        texts = {kind: file[kind][...].tobytes() for kind in ("header", "events", "final_info")}
+        crc = zlib.crc32(texts["header"])
+        for group in ("rows", "snapshots"):
+            names = (["t", *json.loads(sound_header(sound))["series"]] if group == "rows" else ["t_snap", "phi", "directors"])
+            for kind in names:
+                crc = zlib.crc32(file[f"{group}/{kind}"][...], crc)
+        blocks = blocks[-1:]
+        blocks[0, 4] = zlib.crc32(texts["final_info"], zlib.crc32(texts["events"], crc))
+        file["blocks"].resize(1, axis=0)
+        file["blocks"][...] = blocks
+        file["committed"][...] = [1, -2]
+    tracemalloc.start()
+    with pytest.raises(fb.ResultFileError, match=message):
+        fb.load_result(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6 + 5 * len(text)
+
+
+def sound_header(path: Path) -> bytes:
+    import h5py
+    with h5py.File(path, "r") as file:
+        return file["header"][...].tobytes()
+
+
+def test_writer_writes_no_more_events_than_can_be_read(tmp_path: Path) -> None:
+    result = fb.simulate(fb.compile_scene(bead()), t_end=0.02, step=H)
+    result.events = [{}] * 100_000
+    result.save(tmp_path / "a.h5")
+    assert len(fb.load_result(tmp_path / "a.h5").events) == 100_000
+    result.events.append({})
+    with pytest.raises(fb.ResultFileError, match="more than 100000 events, .* which no reader accepts"):
+        result.save(tmp_path / "b.h5")
+
+
+def test_short_memory_is_not_taken_for_a_missing_library(monkeypatch: pytest.MonkeyPatch, sound: Path) -> None:
+    for error, kind, message in ((ImportError("libhdf5.so: cannot allocate memory"), fb.BackendError,
+                                  "h5py, which is installed and cannot be loaded .libhdf5.so: cannot allocate memory"),
+                                 (ModuleNotFoundError("No module named 'h5py'"), fb.BackendError, "pip install h5py"),
+                                 (MemoryError("short"), MemoryError, "short")):
+        def fail(name: str, *arguments: Any, error: BaseException = error, **options: Any) -> Any:
+            if name == "h5py":
+                raise error
+            return builtins_import(name, *arguments, **options)
+
+        builtins_import = builtins.__import__
+        with monkeypatch.context() as patch:
+            patch.setattr(builtins, "__import__", fail)
+            with pytest.raises(kind, match=message):
+                fb.load_result(sound)
+
+    def full(*arguments: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(reading._Reader, "result", full)
+    with pytest.raises(fb.ResultFileError, match="too large to be read with the memory that is left"):
+        fb.load_result(sound)
 
 
 # ------------------------------------------------------------------------------------------------------------------- caches
