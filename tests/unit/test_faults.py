@@ -342,6 +342,94 @@ def test_damaged_cache_is_compiled_again(tmp_path: Path) -> None:
         assert (values, loaded, compiled, err) == ([1.5], 1, 0, "")
 
 
+@pytest.mark.parametrize("pattern", ["*.nbc", "*.nbi"])
+def test_no_flipped_bit_in_a_kernel_is_run(pattern: str, tmp_path: Path) -> None:
+    tiny(tmp_path, "float64")
+    (path,) = (tmp_path / "cache").rglob(pattern)
+    data = path.read_bytes()
+    cache = fresh_cache(tmp_path)
+    generator = np.random.default_rng(3)
+    for bit in [0, 8 * len(data) - 1, *generator.integers(0, 8 * len(data), 60).tolist()]:
+        broken = bytearray(data)
+        broken[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(broken)
+        with pytest.raises(ValueError, match="the checksum of .* is wrong"):
+            cache._load_index() if pattern == "*.nbi" else cache._load_data(path.name)
+    path.write_bytes(broken)
+    values, loaded, compiled, _, err = tiny(tmp_path, "float64")
+    assert (values, loaded, compiled) == ([1.5], 0, 1) and "the checksum of" in err and "compiling them again" in err
+    assert path.read_bytes() != broken
+
+
+def fresh_cache(folder: Path) -> _jit._SealedFile:
+    (index,) = (folder / "cache").rglob("*.nbi")
+    return _jit._SealedFile(str(index.parent), index.stem, None)
+
+
+def test_kernels_that_changed_places_are_not_run(tmp_path: Path) -> None:
+    tiny(tmp_path, "float64", "int32")
+    one, other = sorted((tmp_path / "cache").rglob("*.nbc"))
+    data = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(data)
+    values, loaded, _, _, err = tiny(tmp_path, "float64", "int32")
+    assert (values, loaded) == ([1.5, 1.5], 0) and "the checksum of" in err
+
+
+needs_owners = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs owners of files")
+
+
+@needs_owners
+@pytest.mark.parametrize("what", ["cache", "cache/*", "cache/*/*/"])
+def test_folder_of_kernels_that_others_can_write_to_is_not_used(what: str, tmp_path: Path) -> None:
+    tiny(tmp_path, "float64")
+    (tmp_path / "spare").mkdir()
+    (place,) = [x for x in tmp_path.glob(what) if x.is_dir()]
+    place.chmod(0o775)
+    for expected in ((0, 1), (1, 0)):
+        values, *counts, folder, err = tiny(tmp_path, "float64", TMPDIR=str(tmp_path / "spare"))
+        assert (values, tuple(counts)) == ([1.5], expected) and "others can write to" in err and "chmod -R go-w" in err
+        assert folder.startswith(str(tmp_path / "spare" / "fastbeam-"))
+    place.chmod(0o755)
+    values, loaded, compiled, folder, err = tiny(tmp_path, "float64")
+    assert (values, loaded, compiled, err) == ([1.5], 1, 0, "") and folder.startswith(str(tmp_path / "cache"))
+
+
+@needs_owners
+def test_kernel_that_others_can_write_to_is_not_run(tmp_path: Path) -> None:
+    tiny(tmp_path, "float64")
+    (path,) = (tmp_path / "cache").rglob("*.nbc")
+    path.chmod(0o666)
+    values, loaded, compiled, _, err = tiny(tmp_path, "float64")
+    assert (values, loaded, compiled) == ([1.5], 0, 1) and "others can write to" in err
+    assert path.stat().st_mode & 0o022 == 0
+
+
+@needs_owners
+def test_rights_of_the_cache_do_not_depend_on_those_of_new_files(tmp_path: Path) -> None:
+    (tmp_path / "source").mkdir()
+    before = os.umask(0o002)
+    try:
+        for expected in ((0, 1), (1, 0)):
+            values, *counts, _, err = tiny(tmp_path, "float64")
+            assert (values, tuple(counts), err) == ([1.5], expected, "")
+    finally:
+        os.umask(before)
+    places = [tmp_path / "cache", *(x for x in (tmp_path / "cache").rglob("*") if x.name != "lock")]
+    assert len(places) >= 5 and all(place.stat().st_mode & 0o022 == 0 for place in places)
+
+
+@needs_owners
+def test_kernels_of_somebody_else_are_not_trusted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    folder = tmp_path / "cache" / "kernels"
+    folder.mkdir(parents=True)
+    assert _jit._is_safe(folder)
+    found = os.stat(folder)
+    monkeypatch.setattr(_jit.os, "getuid", lambda: found.st_uid + 1)
+    assert _jit._is_safe(folder) == (found.st_uid == 0)
+    assert not _jit._is_private(os.stat_result((0o755, 0, 0, 1, found.st_uid + 7, 0, 0, 0, 0, 0)))
+
+
 def test_cache_that_cannot_be_written_costs_only_time(tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("a file where the folder should be")
     (tmp_path / "spare").mkdir()
