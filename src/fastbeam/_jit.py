@@ -125,8 +125,8 @@ def _take_over(source: Path, target: Path) -> None:
 
 
 def cache_folder() -> str:
-    """Folder of the compiled kernels: `$FASTBEAM_CACHE_DIR`, else the user's cache folder. Where that cannot be written, or others
-    can write to it, a folder in the system's temporary folder takes its place, with a copy of what can be read and trusted."""
+    """Folder of the compiled kernels: `$FASTBEAM_CACHE_DIR`, else the user's cache folder. Where that cannot be written, or
+    others can write to it, one in the system's temporary folder takes its place, with a copy of what can be read and trusted."""
     name = _source_hash()
     folder = _cache_root() / name
     usable = _usable(folder)

@@ -112,24 +112,24 @@ class ResultWriter:
         self._where = Path(os.path.realpath(self.path))
         self._raw = _open(self.path, self._where, overwrite)
         try:
-            try:
-                self._raw.truncate(0)
-                _claim(self._raw.fileno(), 0, len(texts) + MARGIN)
-                # until others may read the file HDF5 keeps a lock of its own
-                _lock(self._raw, "LOCK_UN")
-                self._file = h5py.File(self._where, "w", libver="latest")
-            except OSError as error:
-                if _lock(self._raw, "LOCK_EX"):
-                    self._where.unlink(missing_ok=True)
-                raise ResultFileError(f"result file '{self.path}': cannot be created ({error}); choose another path") from error
+            self._raw.truncate(0)
+            _claim(self._raw.fileno(), 0, len(texts) + MARGIN)
+            # until others may read the file HDF5 keeps a lock of its own
+            _lock(self._raw, "LOCK_UN")
+            self._file = h5py.File(self._where, "w", libver="latest")
             self._reserve(len(texts))
             self._create(texts)
             _lock(self._raw, "LOCK_SH")
-        except BaseException:
+        except BaseException as error:
             if self._file is not None:
-                self._file.close()
+                with suppress(OSError, RuntimeError):
+                    self._file.close()
+            if isinstance(error, OSError) and _lock(self._raw, "LOCK_EX"):
+                self._where.unlink(missing_ok=True)
             self._raw.close()
-            raise
+            if not isinstance(error, OSError):
+                raise
+            raise ResultFileError(f"result file '{self.path}': cannot be created ({error}); choose another path") from error
         self._last_flush = time.perf_counter()
 
     def append(self, rows: Rows, t: Any) -> None:
@@ -168,7 +168,8 @@ class ResultWriter:
             self._reserve(self._growth())
         except OSError as error:
             # nothing was handed to HDF5 yet: the file is sound and can be closed
-            self._end()
+            with suppress(ResultFileError):
+                self._end()
             raise self._unwritable(error) from error
         # an interrupt at any point leaves the state as it was: the next flush writes the same to the same places
         after = _Waiting(self.header, dict(before.count), before.blocks + 1, before.crc)
@@ -208,17 +209,20 @@ class ResultWriter:
         if self._file is None:
             return
         file, self._file = self._file, None
-        # a block that an interrupt cut short does not count
-        count = int(file["committed"][0])
-        if len(file["blocks"]) != count:
-            file["blocks"].resize(count, axis=0)
-        file.close()
-        with self._raw as raw:
-            raw.seek(0)
-            block, size = raw.read(36), raw.seek(0, 2)
-            end = int.from_bytes(block[28:36], "little")
-            if block[8] >= 3 and 0 < end < size:
-                raw.truncate(end)
+        try:
+            # a block that an interrupt cut short does not count
+            count = int(file["committed"][0])
+            if len(file["blocks"]) != count:
+                file["blocks"].resize(count, axis=0)
+            file.close()
+            with self._raw as raw:
+                raw.seek(0)
+                block, size = raw.read(36), raw.seek(0, 2)
+                end = int.from_bytes(block[28:36], "little")
+                if block[8] >= 3 and 0 < end < size:
+                    raw.truncate(end)
+        except (OSError, RuntimeError) as error:
+            raise self._unwritable(error) from error
 
     def _check_place(self) -> None:
         """Refuse to go on where the file of this name is another one.

@@ -41,6 +41,8 @@ def victim(*arguments: Any, **environment: str) -> subprocess.Popen[str]:
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("sound") / "run.h5"
+    # a pause for compilation would make two blocks of one
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H)
     fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, file=path)
     assert len(fb.load_result(path).t) == 11
     return path
@@ -138,6 +140,47 @@ def test_error_of_hdf5_itself_ends_the_run_too(monkeypatch: pytest.MonkeyPatch, 
     np.testing.assert_array_equal(rest.state.q, fb.simulate(model, t_end=0.5, step=H).state.q)
     (lost,) = store._LOST
     lost.close()
+
+
+@pytest.mark.parametrize("place", ["_create", "_reserve", "_end"])
+def test_failure_at_either_end_of_a_file_is_told_as_such(place: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def fail(*arguments: Any) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    model = fb.compile_scene(bead())
+    if place == "_end":
+        # closing cuts off the space that was claimed for nothing
+        monkeypatch.setattr(store, "open", lambda *arguments, **options: Brittle(open(*arguments, **options)), raising=False)
+    else:
+        monkeypatch.setattr(store.ResultWriter, place, fail)
+    with pytest.raises(fb.ResultFileError, match="run.h5': cannot be .*Input/output error") as caught:
+        fb.simulate(model, t_end=0.1, step=H, file=tmp_path / "run.h5")
+    if place == "_end":
+        assert len(caught.value.result.t) == 11 and len(fb.load_result(tmp_path / "run.h5").t) == 11
+    else:
+        assert list(tmp_path.iterdir()) == []
+
+
+class Brittle:
+    """A file that cannot be cut twice."""
+
+    def __init__(self, file: Any) -> None:
+        self.file, self.cuts = file, 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.file, name)
+
+    def __enter__(self) -> Brittle:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.file.close()
+
+    def truncate(self, size: int) -> None:
+        self.cuts += 1
+        if self.cuts > 1:
+            raise OSError(errno.EIO, "Input/output error")
+        self.file.truncate(size)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="open files cannot be removed there")
