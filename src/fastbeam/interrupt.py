@@ -91,6 +91,10 @@ def _compiles(frame: FrameType | None) -> bool:
     return frame is not None
 
 
+def _never() -> bool:
+    return False
+
+
 class Calls:
     """Takes a stepper over many steps in calls that are short enough for Ctrl-C to be seen between them. Results do not depend on
     how steps are cut into calls.
@@ -108,13 +112,21 @@ class Calls:
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """As `Stepper.advance`; fewer steps where a Ctrl-C waits."""
+        if n <= self._burst and not self._slow:
+            # the way of nearly all calls
+            self.intact = False
+            begin = time.perf_counter()
+            part = self.stepper.advance(t, h, n, done)
+            if time.perf_counter() - begin > CALL_TIME:
+                self._burst, self._slow = 1, True
+            return part
         whole: Outcome | None = None
         while True:
             taken = 0 if whole is None else whole.steps
             k = min(n - taken, self._burst)
             # a step that is left has overwritten the first guess of the next
             saved = self.stepper.save() if self._slow else None
-            self.intact, self.stepper.stop = False, self._waits if self._slow else bool
+            self.intact, self.stepper.stop = False, self._waits if self._slow else _never
             begin = time.perf_counter()
             try:
                 part = self.stepper.advance(t, h, k, done + taken)
@@ -128,6 +140,7 @@ class Calls:
             each = (time.perf_counter() - begin) / max(part.steps, 1)
             whole = part if whole is None else part.after(whole)
             self._slow = each > CALL_TIME
+            self.stepper.stop = _never
             self._burst = max(1, min(int(CALL_TIME / max(each, 1e-9)), max(self._burst, 8 * k)))
             if part.status != OK or whole.steps >= n or self.interrupts.asked:
                 return whole
