@@ -50,7 +50,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     model : Model
         From `compile_scene`.
     t_end, step : float
-        End time and step size, s. With `tolerance`, `step` is the first step.
+        End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
+        others, or up to a hundredth longer instead of leaving less than that.
     order : {2, 4}
         4 composes five substeps, one of them backwards: for smooth scenes.
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
@@ -68,7 +69,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     every : int
         Steps between rows; default: about 500 rows in all. With step control every accepted step is a row.
     snapshots : int
-        About how many whole shapes to keep, at rows.
+        About how many whole shapes to keep, at rows; one a row at most.
     file : path
         Write the result to this HDF5 file as the run goes.
     checkpoint, checkpoint_every : path, float
