@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
+import stat
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -19,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import number
+from .arguments import check_regular, file_path, number
 from .errors import ResultFileError, SceneError
 from .kernels.work import State
 from .model import Model
@@ -30,6 +33,10 @@ VERSION = 2
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
 ARRAYS = (*State._fields, "mean_force", "memory")
+# shares of a step: an end this near to a whole number of steps is one; a last step shorter than that is added to the one before
+WHOLE, SLIVER = 1e-9, 0.01
+# a step is at least this many times the distance of doubles at its time
+RESOLVED = 4.0
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,8 @@ class Checkpoint:
     last_step: float | None = None
 
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
-        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one.
+        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Of a symbolic link the
+        file that it leads to is written.
 
         Raises
         ------
@@ -98,10 +106,11 @@ def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
     ResultFileError
         The file is missing, no checkpoint, of a newer format, or damaged.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise ResultFileError(f"checkpoint '{path}': no such file")
+    path = file_path("checkpoint", path)
     try:
+        if not path.exists():
+            raise ResultFileError(f"checkpoint '{path}': no such file")
+        check_regular("checkpoint", path, path)
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             first = file.readline(len(MAGIC) + 20)
@@ -148,47 +157,71 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
                       scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None, last_step=last_step)
 
 
-def check_target(path: str | PathLike[str], overwrite: bool) -> Path:
-    """Refuse a place where a checkpoint cannot or must not be written.
+def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False) -> Path:
+    """Refuse a place where a checkpoint cannot or must not be written; `probe` finds out by writing an empty file beside it.
+    Returns the file itself where the path is a link to it.
 
     Raises
     ------
     ResultFileError
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise ResultFileError(f"checkpoint '{path}': folder '{path.parent}' does not exist; create it first")
-    if path.is_dir():
-        raise ResultFileError(f"checkpoint '{path}': is a folder; give the name of a file")
-    if path.exists():
-        if not overwrite:
-            raise ResultFileError(f"checkpoint '{path}': exists already; pass overwrite=True or choose another path")
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) not in (MAGIC, b""):
-                raise ResultFileError(f"checkpoint '{path}': holds something else than a checkpoint; choose another path")
+    named = file_path("checkpoint", path)
+    try:
+        path = Path(os.path.realpath(named))
+        if not path.parent.is_dir():
+            raise ResultFileError(f"checkpoint '{named}': folder '{path.parent}' does not exist; create it first")
+        if os.path.lexists(path):
+            check_regular("checkpoint", path, named)
+            if not overwrite:
+                raise ResultFileError(f"checkpoint '{named}': exists already; pass overwrite=True or choose another path")
+            with path.open("rb") as file:
+                if file.read(len(MAGIC)) not in (MAGIC, b""):
+                    raise ResultFileError(f"checkpoint '{named}': holds something else than a checkpoint; choose another path")
+        if probe:
+            fresh = _beside(path)
+            fresh.open("wb").close()
+            fresh.unlink()
+            if not os.path.lexists(path):
+                # the name itself may be impossible
+                path.open("xb").close()
+                path.unlink()
+    except OSError as error:
+        raise ResultFileError(f"checkpoint '{named}': cannot be written ({error}); choose another path") from error
     return path
+
+
+def _beside(path: Path) -> Path:
+    """A name for new contents; short, because the file's own may be as long as the file system allows."""
+    return path.with_name(f".checkpoint-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}.{os.getpid()}")
 
 
 def _replace(path: Path, data: bytes) -> None:
     """Put data into a file that is complete at every moment, also after a power cut."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    fresh = _beside(path)
     try:
-        with fresh.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(fresh, path)
-    except OSError as error:
-        fresh.unlink(missing_ok=True)
-        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was") from error
-    if hasattr(os, "O_DIRECTORY"):
-        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            os.fsync(folder)
-        except OSError:
-            pass  # a file system that cannot; the file itself is safe
-        finally:
-            os.close(folder)
+            with fresh.open("wb") as file:
+                if path.exists():
+                    os.chmod(fresh, stat.S_IMODE(path.stat().st_mode))
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(fresh, path)
+        except BaseException:
+            with suppress(OSError):
+                fresh.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was; choose another "
+                              "path") from error
+    if hasattr(os, "O_DIRECTORY"):
+        # where that cannot be done the file itself is safe
+        with suppress(OSError):
+            folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
 
 @dataclass
@@ -221,6 +254,19 @@ class Clock:
         self.now = self.origin + self.step * self.done
         return self.now
 
+    def plan(self, t_end: float) -> tuple[int, float]:
+        """(whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a hundredth
+        longer where it would be shorter than a hundredth of them."""
+        steps = (t_end - self.origin) / self.step
+        n = round(steps)
+        # times that are whole numbers of steps are so up to the rounding of t_end
+        if n > self.done and abs(steps - n) <= _unclear(self.origin, t_end, self.step):
+            return n - self.done, 0.0
+        n = math.floor(steps)
+        if steps - n < SLIVER and n > self.done:
+            n -= 1
+        return n - self.done, t_end - (self.origin + self.step * n)
+
     def leave_grid(self, t: float) -> None:
         """Go to a time that is no whole number of steps away."""
         self.now, self.on_grid = t, False
@@ -235,6 +281,30 @@ class Clock:
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
                           model.fingerprint, memory, self.before_size)
+
+
+def _unclear(a: float, b: float, step: float) -> float:
+    """Share of a step below which differences between times mean nothing."""
+    return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
+
+
+def check_times(now: float, t_end: float, step: float, name: str = "step") -> None:
+    """Refuse runs whose times doubles cannot tell apart.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not t_end > now:
+        raise SceneError(f"t_end: must lie after t_start = {now:g} s, got {t_end:g}")
+    if t_end - now <= _unclear(now, t_end, step) * step:
+        raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, next to nothing of a step of {step:g} s; "
+                         "give a later t_end, or a smaller step")
+    far = max(abs(now), abs(t_end))
+    apart = float(np.spacing(far))
+    if not step >= RESOLVED * apart:
+        raise SceneError(f"{name}: must be at least {RESOLVED * apart:.3g} s, got {step:g}, because times near {far:g} s are "
+                         f"doubles {apart:.3g} s apart; count time from the start of the run (t_start=0), or take larger steps")
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:

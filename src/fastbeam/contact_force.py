@@ -14,8 +14,8 @@ PART = 0.25
 AT_ROWS = ("mean of the steps before and after a row; from short steps ahead or back at both ends of the run and beside a "
            "shorter step; second order; NaN where these fail")
 AT_END = "at the time of the row"
-# sizes of steps that are equal
-EQUAL = 1e-9
+# sizes of steps that are equal; and those from which forces alternate alike, such as a last step that takes a sliver along
+EQUAL, ALIKE = 1e-9, 0.02
 
 
 class ContactForces:
@@ -45,7 +45,7 @@ class ContactForces:
     def first(self, clock: Clock) -> Array | None:
         """The force at the first row [3 S]; None where the run goes on from a checkpoint and the next step will tell."""
         size = clock.before_size
-        if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step)):
+        if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step, ALIKE)):
             return None
         clock.before = None
         return self._at(clock.now, clock.size)
@@ -57,7 +57,7 @@ class ContactForces:
         assert before is not None and step is not None
         if is_equal(step, size):
             return np.mean([before, after], axis=0)
-        if self.controlled and steps > 1:
+        if self.controlled and steps > 1 or is_equal(step, size, ALIKE):
             return (size * before + step * after) / (step + size)
         # only the last step of a run has another size, so the state is the one at its end
         return self._at(t, -step, back=size)
@@ -105,6 +105,6 @@ class ContactForces:
         return forces[0] + 0.5 * forces[1] - 0.5 * forces[2]
 
 
-def is_equal(one: float, other: float) -> bool:
-    """Whether two steps have the same size."""
-    return abs(one - other) <= EQUAL * max(one, other)
+def is_equal(one: float, other: float, share: float = EQUAL) -> bool:
+    """Whether two steps have the same size, but for this share of it."""
+    return abs(one - other) <= share * max(one, other)

@@ -139,7 +139,8 @@ class StepControl:
     rejected: int = 0
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END.
+        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK without a
+        step means that `stepper.stop` said so.
 
         Raises
         ------
@@ -147,6 +148,14 @@ class StepControl:
             The smallest step fails.
         """
         start = stepper.save()
+        try:
+            return self._accepted(stepper, start, t, h, step)
+        except KeyboardInterrupt:
+            stepper.load(start)
+            raise
+
+    def _accepted(self, stepper: Stepper, start: tuple[State, Array], t: float, h: float,
+                  step: int) -> tuple[float, float, Outcome]:
         while True:
             whole = stepper.advance(t, h, 1)
             if whole.status == SLIDER_END:
@@ -156,7 +165,11 @@ class StepControl:
             halves = whole
             if whole.status == OK:
                 stepper.load(start)
-                halves = stepper.advance(t, 0.5 * h, 2)
+                halves = stepper.advance(t, 0.5 * h, 2) if whole.steps else whole
+                if halves.status == OK and halves.steps < 2:
+                    stepper.load(start)
+                    halves.steps = 0
+                    return h, h, halves
                 if halves.status == SLIDER_END:
                     stepper.load(start)
                     return h, h, stepper.advance(t, h, 1)

@@ -125,7 +125,7 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     if s:
         points, tangents, convective = gap_rates(model, state)
         gap = points @ lift
-        along = sparse.block_diag([t[:, None] for t in tangents])
+        along = sparse.csr_matrix((np.concatenate(tangents), np.repeat(np.arange(s), 3), np.arange(3 * s + 1)), shape=(3 * s, s))
         # sliders that hold the same motion twice share its force, as in theory.md (5.5)
         with np.errstate(divide="ignore"):
             soft = sparse.diags(1e-12 * (gap.power(2) @ (1.0 / mass.diagonal())))

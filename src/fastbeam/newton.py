@@ -1,6 +1,7 @@
 """Steppers: take a model's state over steps, either in the compiled loop with block elimination or with a sparse solver."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -33,6 +34,8 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
+# status of a step that was left before its end
+LEFT = -1
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
 
@@ -130,6 +133,8 @@ class Stepper:
         self.alpha = empty_rates(method, model.n_nodes)
         self._factors = model.load_factors(np.zeros(1), np.ones(1))
         self._spare: Stepper | None = None
+        # asked between the iterations of a loop in Python: whether to leave, with the state before the step
+        self.stop: Callable[[], bool] = bool
         mass = float(model.gravity_weight.sum())
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
@@ -226,9 +231,9 @@ class Stepper:
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
-        event the state is the one before that step."""
+        event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
         result = self._run(t, h, n, done)
-        while result.status == OK and result.steps < n:
+        while result.status == OK and result.steps < n and not self.stop():
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
         return result
 
@@ -312,8 +317,11 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                status, sizes = self._python_step(weight * h)
+                status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
+                if status == LEFT:
+                    parts.restore()
+                    return Outcome(OK, k, iterations, -1, sizes, self._in_space(force))
                 if status != OK:
                     break
                 parts.finish(weight * h)
@@ -349,6 +357,8 @@ class Stepper:
             closed = kernels.gaps_are_closed(self.contact, model.sliders, self.core_state.q, model.length, model.size)
             if closed and kernels.has_converged(size, before, expected):
                 return OK, np.array(sizes)
+            if self.stop():
+                return LEFT, np.array(sizes)
             before, expected = size, kernels.next_increment(size, before)
         return NOT_CONVERGED, np.array(sizes)
 

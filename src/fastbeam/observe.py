@@ -1,7 +1,7 @@
 """What a run records: observers turn a state into one row of numbers; what is not asked for is not computed."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,9 @@ from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "inner")
+# a scene that moves less than round-off times this is at rest: it has no scale of its own
+REST = 1e7
+EPSILON = float(np.finfo(float).eps)
 
 
 class Observer:
@@ -36,6 +39,10 @@ class Observer:
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
         if isinstance(kinds, str):
             raise SceneError(f"observe: must be a sequence of kinds, got {kinds!r}; write observe=({kinds!r},)")
+        if not isinstance(kinds, Iterable):
+            raise SceneError(f"observe: must be a sequence of kinds, got {kinds!r}; write observe=() to record none")
+        # an iterator can be read once
+        kinds = tuple(kinds)
         if points is not None and not isinstance(points, Mapping):
             raise SceneError(f"points: must map names to nodes, as in points={{'tip': beam.end}}, got {points!r}")
         unknown = [k for k in kinds if k not in KINDS]
@@ -99,6 +106,24 @@ class Observer:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
         return out
+
+    def scales(self, step: float) -> dict[str, float]:
+        """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
+        of the least motion in steps of this size (s) that is no round-off."""
+        model = self.model
+        size = max(model.length, float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3]))))
+        speed, mass = EPSILON * size / step, float(np.sum(model.gravity_weight))
+        rest = {}
+        if self.momentum:
+            rest |= {"lin_mom": REST * mass * speed, "ang_mom": REST * mass * speed * size}
+        if self.energy:
+            # energies of round-off of the coordinates: of motion and strain, and of weight and loads, where it is of first order
+            off = EPSILON * (1.0 - 2.0 * (np.arange(model.q0.size) * 2654435761 >> 16 & 1))  # signs without a pattern
+            off.reshape(-1, 12)[:, :3] *= size
+            load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
+            strain = strain_energy(model, model.q0 + off, self._work)
+            rest["total"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
+        return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
     def _motion(self, q: Array, v: Array) -> None:
         """Kinetic energy and momenta into _out, momenta of the nodes into _p."""

@@ -108,20 +108,17 @@ class RowBuffer:
         # counted last: a refused row leaves nothing behind
         self.n_rows = last
 
-    def clear(self) -> None:
-        """Forget all rows, keep the memory (not while views are in use)."""
-        self.n_rows = 0
-
     def views(self) -> dict[str, np.ndarray]:
         """Name -> array [n_rows, ...] without copying; later growth does not change them."""
         return {name: column[: self.n_rows] for name, column in self._data.items()}
 
     def _grow(self, needed: int) -> None:
-        self._capacity = max(needed, 2 * self._capacity)
+        capacity = max(needed, 2 * self._capacity)
+        grown = {name: np.empty((capacity, *old.shape[1:]), dtype=old.dtype) for name, old in self._data.items()}
         for name, old in self._data.items():
-            new = np.empty((self._capacity, *old.shape[1:]), dtype=old.dtype)
-            new[: self.n_rows] = old[: self.n_rows]
-            self._data[name] = new
+            grown[name][: self.n_rows] = old[: self.n_rows]
+        # an interrupt finds all columns grown or none
+        self._data, self._capacity = grown, capacity
 
 
 class ResultBuffer:

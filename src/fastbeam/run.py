@@ -12,10 +12,11 @@ import numpy as np
 
 from .arguments import count, number
 from .callback import Callback
-from .checkpoint import Checkpoint, Clock, check_target, start_clock
+from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
-from .errors import ConvergenceError, ResultFileError, SceneError
+from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
+from .interrupt import Calls, Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
@@ -23,12 +24,15 @@ from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import Observer
 from .progress import Progress
-from .result import Result, ResultBuffer
+from .result import Result
+from .rows import Rows
 from .starting import check_start
 
 Array = np.ndarray
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
+# events of one kind that name a part each
+MOST_NAMED = 100
 
 
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
@@ -50,7 +54,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     model : Model
         From `compile_scene`.
     t_end, step : float
-        End time and step size, s. With `tolerance`, `step` is the first step.
+        End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
+        others, or up to a hundredth longer instead of leaving less than that.
     order : {2, 4}
         4 composes five substeps, one of them backwards: for smooth scenes.
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
@@ -69,7 +74,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     every : int
         Steps between rows; default: about 500 rows in all. With step control every accepted step is a row.
     snapshots : int
-        About how many whole shapes to keep, at rows.
+        About how many whole shapes to keep, at rows; one a row at most.
     file : path
         Write the result to this HDF5 file as the run goes.
     checkpoint, checkpoint_every : path, float
@@ -114,6 +119,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         A step failed; the error carries the last good state and the result until then.
     ResultFileError
         A file cannot be written; when that happens on the way, the error carries the result until then.
+    Interrupted
+        By Ctrl-C: a KeyboardInterrupt that carries the result until then; files are closed, the checkpoint renewed.
 
     Examples
     --------
@@ -130,8 +137,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     if not step > 0.0:
         raise SceneError(f"step: must be > 0 s, got {step:g}")
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
-    if not t_end > clock.now:
-        raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    check_times(clock.now, t_end, step)
     notes = [("projected", model.projected)] if start is None and model.projected else []
     if state is not None:
         state, notes = check_start(model, state, step, mend_start)
@@ -139,7 +145,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         # it goes on as if it had never stopped
         notes = []
     if checkpoint is not None:
-        checkpoint = check_target(checkpoint, overwrite=True)
+        checkpoint = check_target(checkpoint, overwrite=True, probe=True)
     checkpoint_every = number("checkpoint_every", checkpoint_every)
     if callback is not None and not callable(callback):
         raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
@@ -157,9 +163,11 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
             raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - clock.origin
         largest = 0.1 * span if max_step is None else number("max_step", max_step)
-        smallest = min(1e-6 * step, largest) if min_step is None else number("min_step", min_step)
+        least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
+        smallest = min(max(1e-6 * step, least), largest) if min_step is None else number("min_step", min_step)
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
+        check_times(clock.now, t_end, smallest, "min_step")
         control = StepControl(tolerance, order, smallest, largest)
     memory = start.memory if isinstance(start, Checkpoint) else None
     stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation,
@@ -184,88 +192,48 @@ class _Run:
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
             "conserved": _conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
+        at_end = stepper.method.at_end
         if observer.slider:
-            self.info["contact_force"] = AT_END if stepper.method.at_end else AT_ROWS
-        header = observer.header(self.info)
-        self.memory = ResultBuffer(header)
-        self.writer: Any = None
-        if file is not None:
-            from .store import ResultWriter
-            self.writer = ResultWriter(file, header, overwrite=overwrite)
-        self.file_error: ResultFileError | None = None
+            self.info["contact_force"] = AT_END if at_end else AT_ROWS
+        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
+        self.rows = Rows(observer, stepper, clock, forces, t_end, observer.header(self.info), snapshots, file, overwrite)
+        self.memory, self.event = self.rows.memory, self.rows.event
         self.turns_are_resolved = True
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
-        self.snapshots = snapshots
-        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
-        self.next_shape = clock.origin
-        self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
         # kind and text of what is to be said of the start
         self.notes: list[tuple[str, str]] = []
-        at_end = stepper.method.at_end
-        self.forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
-        self.first_force: Array | None = None
-        self.broken_off = True
+        self.interrupts = Interrupts()
+        self.calls = Calls(stepper, self.interrupts)
+        # whether the clock lags behind the state
+        self.between = False
 
-    # --- rows ---------------------------------------------------------------------------------------------------------
-    def open_row(self, t: float, iterations: int, size: float) -> None:
-        """A row waits until the next step is known: the contact force of a row is the mean of the steps around it (4.5)."""
-        self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
-        if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
-            self.shape(t)
-            while self.next_shape <= t + 1e-9 * self.shape_gap:
-                self.next_shape += self.shape_gap
-
-    def close_row(self, t: float = 0.0, size: float = 0.0, after: Array | None = None, steps: int = 0) -> None:
-        """Finish the waiting row, now that so many steps of this size, with mean forces `after` in the first, led to time t; or
-        that the run ends."""
-        if self.pending is None:
-            return
-        (time_of_row, row), self.pending = self.pending, None
-        if self.observer.slider:
-            if self.forces is None:
-                # forces at the end of a step are those of its time
-                force = self.clock.before
-            elif self.first_force is not None:
-                force, self.first_force = self.first_force, None
-            elif after is not None:
-                force = self.forces.between(self.clock, t, size, after, steps)
-            else:
-                # an error on its way out does not wait for steps
-                force = self.forces.unknown if self.broken_off else self.forces.last(self.clock)
-            row["contact_force"] = np.asarray(force).reshape(-1, 3)
-        self.feed("append", row, time_of_row)
-
-    def shape(self, t: float) -> None:
-        q = self.stepper.state.q.reshape(-1, 4, 3)
-        self.feed("snapshot", t, q[:, 0], q[:, 1:])
-
-    def event(self, event: dict[str, Any]) -> None:
-        self.feed("event", event)
-
-    def feed(self, call: str, *what: Any) -> None:
-        """Hand something to memory and file. A file that cannot be written is left behind; the run ends at its next row."""
-        getattr(self.memory, call)(*what)
-        if self.writer is not None:
-            try:
-                getattr(self.writer, call)(*what)
-            except ResultFileError as failed:
-                self.writer, self.file_error = None, failed
-
-    def keep_checkpoint(self, due: bool = False) -> None:
-        """Renew the checkpoint file where its time has come."""
-        if self.checkpoint is None or not (due or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every):
+    def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
+        """Renew the checkpoint file, at the end of a run or where its time has come."""
+        due = present is not None or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every
+        if self.checkpoint is None or not due:
             return
         try:
-            self.present().save(self.checkpoint, overwrite=True)
+            (present or self.present()).save(self.checkpoint, overwrite=True)
         except ResultFileError as failed:
-            self.checkpoint, self.file_error = None, self.file_error or failed
+            self.checkpoint, self.rows.file_error = None, self.rows.file_error or failed
         self.last_checkpoint = time.perf_counter()
 
     def present(self) -> Checkpoint:
         return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
 
     # --- what a user must not miss ------------------------------------------------------------------------------------
+    def name_massless(self) -> None:
+        """An event for each beam whose triads nothing holds."""
+        massless = self.model.massless if self.stepper.plane is None else ()
+        for beam in massless[:MOST_NAMED]:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
+                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        if len(massless) > MOST_NAMED:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+
     def watch_turns(self, t: float, h: float) -> None:
         """An event where a step turns a triad further than it can resolve, once a run."""
         node, turn = self.stepper.largest_turn()
@@ -301,66 +269,79 @@ class _Run:
 
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
+        with self.interrupts:
+            return self.run(every)
+
+    def run(self, every: int) -> Result:
         begin = time.perf_counter()
         clock = self.clock
         if clock.before is None and self.stepper.method.at_end:
             clock.before = self.stepper.state.force.copy()
-        error: ConvergenceError | None = None
-        # the first row compiles the kernels of its quantities
-        self.stepper.begin_compilation()
-        self.open_row(self.t_start, 0, 0.0)
-        if self.forces is not None:
-            self.first_force = self.forces.first(clock)
-        for kind, text in self.notes:
-            self.event({"kind": kind, "time": self.t_start, "text": text})
-        for beam in self.model.massless if self.stepper.plane is None else ():
-            self.event({"kind": "massless", "time": self.t_start,
-                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
-                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        error: ConvergenceError | KeyboardInterrupt | None = None
         try:
+            # the first row compiles the kernels of its quantities
+            self.stepper.begin_compilation()
+            self.rows.first()
+            for kind, text in self.notes:
+                self.event({"kind": kind, "time": self.t_start, "text": text})
+            self.name_massless()
             for t, outcome, size, row_due in self.chunks(every):
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
                 if outcome.steps:
-                    self.close_row(t, size, outcome.force[0], outcome.steps)
+                    self.rows.close(t, size, outcome.force[0], outcome.steps)
                     clock.before, clock.before_size = outcome.force[1], size
+                self.between = False
                 if row_due:
-                    self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
+                    self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch_turns(t, size)
-                    if self.callback is not None and self.call_back(t, size):
-                        self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
-                        break
+                    if self.callback is not None:
+                        with self.interrupts.at_once():
+                            ended = self.call_back(t, size)
+                        if ended:
+                            self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                            break
                     self.keep_checkpoint()
-                if self.file_error is not None:
+                if self.rows.file_error is not None:
                     break
-            self.broken_off = False
+                self.interrupts.serve()
+            self.rows.broken_off = False
         except ConvergenceError as failed:
-            error, self.broken_off = failed, False
+            # it comes with the last good state
+            error, self.between, self.rows.broken_off = failed, False, False
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
+        except KeyboardInterrupt as stopped:
+            error, self.between = stopped, self.between and not self.calls.intact
+            self.rows.broken_off = self.between or self.calls.slow
+            self.event({"kind": "interrupted", "time": clock.now, "text": f"the run was interrupted at t = {clock.now:.6g} s"})
         finally:
-            self.close_row()
+            self.rows.close()
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,
-                          "scale": {k: v for k, v in self.observer.scale.items() if v > 0.0} | {"gap": self.model.length},
+                          "scale": self.observer.scales(self.step) | {"gap": self.model.length},
                           "wall_time": time.perf_counter() - begin}
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
             self.watch_drift()
-            if self.writer is not None:
-                try:
-                    self.writer.close(self.info)
-                except ResultFileError as failed:
-                    self.file_error = failed
-        self.keep_checkpoint(due=True)
-        if self.file_error is not None:
-            self.memory.event({"kind": "file", "time": clock.now, "text": str(self.file_error)})
+            self.rows.end(self.info)
+        # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
+        present = None if self.between else self.present()
+        if present is not None:
+            self.keep_checkpoint(present)
+        if self.rows.file_error is not None:
+            self.memory.event({"kind": "file", "time": clock.now, "text": str(self.rows.file_error)})
         result = self.memory.close(self.info)
-        result.checkpoint = self.present()
-        result.state = result.checkpoint.state
-        final = error or self.file_error
+        if present is not None:
+            result.checkpoint, result.state = present, present.state
+        if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
+            self.interrupts.asked = False
+            way = "" if present is None else ", .checkpoint goes on from there"
+            raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
+                              result=result, state=present and present.state, checkpoint=present) from (error or self.rows.file_error)
+        final = error or self.rows.file_error
         if final is not None:
             final.result = result
             raise final
@@ -371,23 +352,40 @@ class _Run:
         clock = self.clock
         t, h = clock.now, clock.size
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
-        quiet = quiet and self.writer is None and self.callback is None and self.checkpoint is None
-        while self.t_end - t > 1e-14 * max(abs(self.t_start), abs(self.t_end)):
+        quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
+        left, last = clock.plan(self.t_end) if self.control is None else (0, 0.0)
+        while t < self.t_end:
             begin = time.perf_counter()
+            self.between = True
+            whole = left > 0
             if self.control is not None:
                 planned = min(max(h, self.control.smallest), self.control.largest)
-                size, h, outcome = self.control.advance(self.stepper, t, min(planned, self.t_end - t), self.steps)
+                rest = self.t_end - t
+                # neither a sliver at the end nor a step beyond the largest
+                sliver = planned < rest < (1.0 + SLIVER) * planned
+                cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+                size, h, outcome = self.calls.controlled(self.control, t, cut, self.steps)
                 # a step that was cut to meet the end says nothing about the next
-                h = max(h, planned) if size == self.t_end - t else h
-            else:
-                whole = int((self.t_end - t) / self.step * (1.0 + 1e-12) + 1e-9)
-                size = self.step if whole else self.t_end - t
-                outcome = (self.stepper.advance(clock.origin, size, min(every, whole), clock.done) if whole
-                           else self.stepper.advance(t, size, 1))
-            if self.control is None and size == self.step:
+                h = max(h, planned) if size == rest or size == cut != planned else h
+                reached = self.t_end if size == rest else t + size
+            elif whole:
+                size = self.step
+                outcome = self.calls.advance(clock.origin, size, min(every, left), clock.done)
+                left -= outcome.steps
                 reached = clock.count(outcome.steps)
+                if outcome.status == OK and not left and not last:
+                    reached = self.t_end
             else:
-                reached = t + size if self.control is not None and outcome.status == OK else t + size * outcome.steps
+                size = last
+                outcome = self.calls.advance(t, size, 1)
+                reached = self.t_end
+            if outcome.status == OK and not outcome.steps:
+                # left before the first step was done
+                self.between, h = False, clock.size
+                self.interrupts.serve()
+                continue
+            if not whole:
+                reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
             if outcome.status == SLIDER_END:
                 yield from self.end_of_beam(reached, outcome, size)
@@ -398,8 +396,6 @@ class _Run:
                     # the last good state is a row
                     yield reached, outcome, size, True
                 raise failed
-            if abs(reached - self.t_end) <= 1e-9 * size:
-                reached = self.t_end
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size = h
@@ -412,11 +408,13 @@ class _Run:
         outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
         if outcome.steps:
             yield t, outcome, h, True
+        self.between, self.calls.intact = True, False
         last, final, slider = run_to_end_of_beam(self.stepper, t, h)
         if last > 0.0:
             t += last
             self.clock.leave_grid(t)
             yield t, final, last, True
+        self.between = False
         s = float(self.stepper.state.s[slider])
         length = float(self.model.slider_lengths[slider])
         end = "start" if s < 0.5 * length else "end"

@@ -2,7 +2,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +11,8 @@ import numpy as np
 
 from .arguments import count, number
 from .dynamics import failure
-from .errors import ConvergenceError, SceneError
+from .errors import ConvergenceError, Interrupted, SceneError
+from .interrupt import Interrupts
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.work import State
@@ -70,6 +72,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         A scene that is not compiled, an argument out of range, something that is held by nothing, sliders.
     ConvergenceError
         The smallest load step fails; carries the last equilibrium and the result until then.
+    Interrupted
+        By Ctrl-C; carries the same.
     """
     check_model("solve_static", model)
     if model.n_sliders:
@@ -110,36 +114,57 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     bar = Progress(1.0, f"{model.scene_name}: load")
     for kind, text in notes:
         buffer.event({"kind": kind, "time": 0.0, "text": text})
-    record(0.0, 0, 0.0)
     reached, step = 0.0, load_step
-    while reached < 1.0:
-        step = min(step, 1.0 - reached)
-        target = 1.0 if reached + step > 1.0 - 1e-12 else reached + step
-        status, sizes = solver.equilibrium(target * factors)
-        if status == OK:
-            solver.history.append(len(sizes))
-            record(target, len(sizes), step)
-            bar.update(target - reached)
-            reached = target
-            step *= 2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0
-            continue
-        if step <= smallest_step * (1.0 + 1e-12):
-            failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
-            error = failure(solver.stepper, failed, reached, len(solver.history))
-            text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
-            bar.close()
-            raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
-                                   "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
-                                   "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
-                                   residuals=error.residuals, worst=error.worst,
-                                   state=State(*(x.copy() for x in solver.state)), result=finish())
-        step = max(smallest_step, 0.25 * step)
-    bar.close()
-    for (kind, text), found in zip(TOLD.items(), solver.signs(factors) or (None, None)):
-        info[kind + "_directions"] = found
-        if found:
-            buffer.event({"kind": kind, "time": 1.0, "text": text.format(found)})
+    with _interruptible(solver, buffer, finish, bar):
+        record(0.0, 0, 0.0)
+        while reached < 1.0:
+            solver.interrupts.serve()
+            step = min(step, 1.0 - reached)
+            target = 1.0 if reached + step > 1.0 - 1e-12 else reached + step
+            status, sizes = solver.equilibrium(target * factors)
+            if status == OK:
+                solver.history.append(len(sizes))
+                record(target, len(sizes), step)
+                bar.update(target - reached)
+                reached = target
+                step *= 2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0
+                continue
+            if step <= smallest_step * (1.0 + 1e-12):
+                failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
+                error = failure(solver.stepper, failed, reached, len(solver.history))
+                text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
+                bar.close()
+                raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
+                                       "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
+                                       "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
+                                       residuals=error.residuals, worst=error.worst,
+                                       state=State(*(x.copy() for x in solver.state)), result=finish())
+            step = max(smallest_step, 0.25 * step)
+        bar.close()
+        for (kind, text), found in zip(TOLD.items(), solver.signs(factors) or (None, None)):
+            info[kind + "_directions"] = found
+            if found:
+                buffer.event({"kind": kind, "time": 1.0, "text": text.format(found)})
     return finish()
+
+
+@contextmanager
+def _interruptible(solver: _StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
+    """Ctrl-C waits for the end of a load step, or of an iteration where these are called from Python, and brings the result.
+
+    Raises
+    ------
+    Interrupted
+    """
+    try:
+        with Interrupts() as solver.interrupts:
+            yield
+    except KeyboardInterrupt as stopped:
+        bar.close()
+        text = "interrupted; the last equilibrium is in .state, everything until then in .result"
+        buffer.event({"kind": "interrupted", "time": bar.done, "text": f"at load factor {bar.done:.6g}: interrupted"})
+        result = finish()
+        raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
 
 
 class _StaticSolver:
@@ -154,6 +179,7 @@ class _StaticSolver:
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
         self.stepper.core_state.v[:] = 0.0
         self.history: list[int] = []
+        self.interrupts = Interrupts()
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 
@@ -168,7 +194,15 @@ class _StaticSolver:
             kernels.external_forces(self.core.loads, factors, self.work.f_ext)
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
-        """Solve for load factors [K]; on a failure the state is the last equilibrium."""
+        """Solve for load factors [K]; on a failure or interrupt the state is the last equilibrium."""
+        before = self.stepper.core_state.q.copy()
+        try:
+            return self._equilibrium(factors)
+        except KeyboardInterrupt:
+            self.stepper.core_state.q[:] = before
+            raise
+
+    def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
         self._load(factors)
         before = state.q.copy()
@@ -200,6 +234,7 @@ class _StaticSolver:
         """The same state around SuperLU without elimination of inner nodes, see `Stepper.spare`."""
         spare = self._plain(self.stepper.plane is not None)
         spare.stepper.core_state = self.stepper.core_state
+        spare.interrupts = self.interrupts
         return spare
 
     def signs(self, factors: Array) -> tuple[int, int] | None:
@@ -230,6 +265,7 @@ class _StaticSolver:
             if kernels.has_converged(sizes[-1], before, expected):
                 return OK, sizes
             before, expected = sizes[-1], kernels.next_increment(sizes[-1], before)
+            self.interrupts.serve()
         return NOT_CONVERGED, sizes
 
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -315,6 +316,112 @@ def test_whole_numbers_of_steps_leave_no_splinter(n: int) -> None:
 def test_step_larger_than_the_run_is_one_short_step() -> None:
     result = run(step=1.0)
     assert result.info["steps"] == 1 and result.series["step_size"].tolist() == [0.0, 0.1]
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("short", [1e-3, 1e-6, -1e-6, 1e-8])
+def test_step_that_almost_divides_the_run_leaves_no_sliver(short: float, order: int) -> None:
+    # a step of 1e-8 of the others would record round-off of the coordinates times mass over its square as a contact force
+    model = fb.compile_scene(bead(rate=0.2))
+    step = 0.01 * (1.0 - 0.1 * short)
+    result = run(model, step=step, every=1, order=order)
+    assert result.info["steps"] == 10 and result.t[-1] == 0.1
+    assert result.series["step_size"][1:-1].tolist() == [step] * 9
+    assert result.series["step_size"][-1] == pytest.approx(0.1 - 9 * step, rel=1e-9)
+    np.testing.assert_array_equal(result.t[:-1], step * np.arange(10))
+    even = run(model, every=1, order=order).slider("run")["force"]
+    assert np.max(np.abs(result.slider("run")["force"] - even)) <= 30 * abs(short) * np.max(np.abs(even)) + 1e-9
+    rest = run(model, start=fb.simulate(model, t_end=0.05, step=step, every=1, order=order, callback=lambda t, s: t > 0.035)
+               .checkpoint, step=step, every=1, order=order)
+    np.testing.assert_array_equal(rest.state.q, result.state.q)
+
+
+def test_last_step_of_a_hundredth_stays_and_a_run_may_go_on_for_less() -> None:
+    assert run(t_end=0.1011, every=1).series["step_size"][-1] == pytest.approx(1.1e-3)
+    first = run()
+    rest = run(start=first.checkpoint, t_end=0.1 + 1e-5, every=1)
+    assert rest.info["steps"] == 1 and rest.t.tolist() == [0.1, 0.1 + 1e-5]
+
+
+@pytest.mark.parametrize("largest", [0.03, 1.0])
+def test_step_control_leaves_no_sliver(largest: float) -> None:
+    result = run(t_end=0.09 * (1.0 + 1e-7), step=0.03, tolerance=1.0, min_step=0.03, max_step=largest)
+    sizes = result.series["step_size"][1:]
+    assert result.t[-1] == 0.09 * (1.0 + 1e-7) and sizes.max() <= largest
+    assert sizes.min() >= 0.4 * sizes.max()
+
+
+@pytest.mark.parametrize(("t_start", "step", "n"), [(1.7e9, 1e-6, 1000), (1e8, 1e-7, 100), (-1.7e9, 1e-6, 999), (1e15, 0.5, 7)])
+def test_run_far_from_zero_takes_all_its_steps(t_start: float, step: float, n: int) -> None:
+    result = run(t_start=t_start, t_end=t_start + n * step, step=step, every=n // 3, snapshots=0)
+    assert result.info["steps"] == n and result.t[-1] == t_start + n * step
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"t_start": 1e16, "t_end": 1e16 + 100},
+     r"step: must be at least 8 s, got 0.01, because times near 1e\+16 s are doubles 2 s apart"),
+    ({"t_end": 1e18}, "step: must be at least 512 s, got 0.01"),
+    ({"t_end": 5e-324}, "t_end: lies 4.94e-324 s after t_start = 0 s, next to nothing of a step of 0.01 s"),
+    ({"t_start": 1.7e9, "t_end": 1.7e9 + 1, "tolerance": 1e-3, "min_step": 1e-9},
+     "min_step: must be at least 9.54e-07 s, got 1e-09"),
+    ({"t_start": 1e17, "t_end": 1e17 + 64, "step": 1.0}, "step: must be at least 64 s, got 1")])
+def test_times_that_doubles_cannot_tell_apart_are_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(fb.SceneError, match=message):
+        run(**arguments)
+
+
+def test_step_control_far_from_zero_stays_above_the_resolution_of_time() -> None:
+    result = run(t_start=1.7e9, t_end=1.7e9 + 0.1, step=1e-4, tolerance=1e-7)
+    assert result.t[-1] == 1.7e9 + 0.1 and np.all(np.diff(result.t) > 0.0)
+
+
+@pytest.mark.parametrize("snapshots", [10**6, 10**12, 10**400])
+def test_more_shapes_than_rows_are_one_a_row(snapshots: int) -> None:
+    begin = time.perf_counter()
+    assert len(run(snapshots=snapshots).t_snap) == 11
+    assert time.perf_counter() - begin < 5.0
+
+
+def test_shapes_are_spread_over_the_run() -> None:
+    np.testing.assert_allclose(run(snapshots=6, step=1e-3, every=1).t_snap, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+
+
+def test_what_to_record_may_come_from_an_iterator() -> None:
+    assert "total" in run(observe=(kind for kind in ("energy", "momentum"))).series
+    for wrong in (None, 5):
+        with pytest.raises(fb.SceneError, match="observe: must be a sequence of kinds, got"):
+            run(observe=wrong)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("kind", ["free", "clamped", "loaded"])
+@pytest.mark.parametrize("end", [(2, 0.3, 0.1), (2, 0, 0)])
+def test_scene_at_rest_raises_no_alarm(kind: str, end: tuple[float, float, float], scale: float) -> None:
+    section = fb.Section.circle(radius=0.02 * scale, E=1e6, rho=1000.0)
+    rod = fb.Beam.straight("rod", (0, 0, 0), tuple(scale * x for x in end), section=section, elements=3)
+    scene = fb.Scene(rod, *([] if kind == "free" else [fb.Clamp(rod.start)]))
+    start = None
+    if kind == "loaded":
+        scene.add(fb.Load("pull", rod.end, force=(1e-2 * scale**2, 0, 0)))
+        start = fb.solve_static(fb.compile_scene(scene)).state
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.2, step=1e-3, start=start)
+    assert result.events == []
+    assert max(result.drift(name) for name in result.info["conserved"] if name in result.series) < 1e-7
+
+
+def test_scene_at_rest_that_is_given_energy_raises_the_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    # a velocity of 1e-4 m/s is no round-off
+    rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=fb.Section.circle(radius=0.02, E=1e6, rho=1000.0), elements=3)
+    model = fb.compile_scene(fb.Scene(rod), planar=False)
+    original = newton.Stepper.advance
+
+    def kicked(self: Any, t: float, *arguments: Any) -> Any:
+        self.core_state.v.reshape(-1, 12)[:, 1] = 1e-4
+        return original(self, t, *arguments)
+
+    monkeypatch.setattr(newton.Stepper, "advance", kicked)
+    kinds = [event["text"].split()[0] for event in fb.simulate(model, t_end=0.02, step=1e-3, every=1).events]
+    assert kinds == ["total", "lin_mom", "ang_mom"]
 
 
 def test_result_says_how_it_was_made() -> None:
