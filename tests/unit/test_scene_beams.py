@@ -250,7 +250,7 @@ def test_straight_beam_needs_a_length_and_a_name():
         Beam.straight("x", (1, 2, 3), np.zeros((5, 3)), **COMMON)
     with pytest.raises(SceneError, match=r"beam 'x': start must be 3 finite numbers, got \(0, nan, 0\)"):
         Beam.straight("x", (0, np.nan, 0), (1, 2, 3), **COMMON)
-    with pytest.raises(SceneError, match="beam: name must be a non-empty text, got ''"):
+    with pytest.raises(SceneError, match="Beam.straight: name must be a non-empty text, got ''"):
         Beam.straight("", (0, 0, 0), (1, 2, 3), **COMMON)
 
 
