@@ -53,7 +53,7 @@ def shown(value: Any) -> str:
         text = f"{float(array):.6g}"
         return f"{text}.0" if isinstance(value, (float, np.floating)) and text.lstrip("-").isdigit() else text
     if array is not None and array.ndim == 1:
-        return "(" + ", ".join(f"{x:.6g}" for x in array) + ")"
+        return ("[{}]" if isinstance(value, list) else "({})").format(", ".join(f"{x:.6g}" for x in array))
     if array is not None:
         return str(np.round(array, 6).tolist())
     if isinstance(value, np.ndarray) and value.size > 12:
@@ -268,6 +268,16 @@ class Numbers:
             huge = f" of at most {LARGEST:g} in size" if fits and np.isfinite(clean).all() else ""
             raise Refusal(f"must be {self.need}{huge}, got {shown(value)}")
         return constant(clean)
+
+
+@dataclass(frozen=True)
+class Maybe:
+    """A kind or None, where None is not the default."""
+
+    kind: Callable[[Any], Any]
+
+    def __call__(self, value: Any) -> Any:
+        return None if value is None else self.kind(value)
 
 
 Vector = Numbers((3,), "3 finite numbers")

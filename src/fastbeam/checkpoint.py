@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import number
+from .arguments import Count, FilePath, Flag, Instance, Maybe, Number, Word, checked, number
 from .errors import ResultFileError, SceneError
 from .kernels.work import State
 from .model import Model
@@ -30,8 +30,11 @@ VERSION = 2
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
 ARRAYS = (*State._fields, "mean_force", "memory")
+NUMBERS = Maybe(Instance(np.ndarray, "an array or None"))
 
 
+@checked(state=Instance(State, "a State"), t=Number(), step=Number(above=0.0, unit="s"), t_start=Number(), steps=Count(0),
+         next_step=Maybe(Number(above=0.0, unit="s")), mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS)
 @dataclass(frozen=True)
 class Checkpoint:
     """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
@@ -68,6 +71,7 @@ class Checkpoint:
     fingerprint: str
     memory: Array | None = None
 
+    @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write to a file in one piece: after a kill at any moment the file is the old one or the new one.
 
@@ -86,6 +90,7 @@ class Checkpoint:
         _replace(path, data + hashlib.sha256(data).digest())
 
 
+@checked(path=FilePath())
 def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
     """Read a checkpoint that `simulate(..., checkpoint=path)` or `Checkpoint.save` wrote.
 

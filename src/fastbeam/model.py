@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import LARGEST, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.blocks import SIX
@@ -293,7 +294,7 @@ class Model:
         points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
         for k, time in enumerate(self.load_times):
             if time is not None:
-                values = np.array([_factor(time, float(t)) for t in points]).reshape(-1, 3)
+                values = np.array([factor_at(time, float(t)) for t in points]).reshape(-1, 3)
                 # written out: a matrix product rounds a row differently in calls of different length
                 out[:, k] = w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
         return out
@@ -311,16 +312,23 @@ def check_model(who: str, model: Any) -> None:
         Names the function that was called.
     """
     if not isinstance(model, Model):
-        raise SceneError(f"{who}: needs a model, got {model!r:.60}; compile it first: model = fb.compile_scene(scene)")
+        raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")
 
 
-def _factor(time: Callable[[float], float], t: float) -> float:
-    """A time function at t as a number."""
+def factor_at(time: Callable[[float], float], t: float) -> float:
+    """A time function at t as a number.
+
+    Raises
+    ------
+    SceneError
+        It returned something else, or nothing finite.
+    """
     value = time(t)
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"time function of a load or of gravity: must return a number, got {value!r} at t = {t:.6g} s") from None
+    factor = real(value)
+    if factor is None or not abs(factor) <= LARGEST:
+        raise SceneError("time function of a load or of gravity: must return a finite number, got "
+                         f"{shown(value)} at t = {t:.6g} s")
+    return factor
 
 
 def _padded(n: int) -> Array:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import FilePath, checked
 from .errors import BackendError, ResultFileError
 from .result import Result, ResultHeader
 
@@ -28,6 +29,7 @@ MARGIN = 1 << 18
 SUPERBLOCK, ATTEMPTS = 48, 5
 
 
+@checked(path=FilePath())
 def load_result(path: str | PathLike[str]) -> Result:
     """Read a result file, also one whose writer was killed or is still running.
 

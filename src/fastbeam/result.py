@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
 
 Rows = Mapping[str, Any]
@@ -163,6 +164,57 @@ class ResultBuffer:
         return self.result(info)
 
 
+@dataclass(frozen=True)
+class Series:
+    """Numbers of any shape, not finite ones too; arrays are not copied."""
+
+    def __call__(self, value: Any) -> np.ndarray:
+        try:
+            clean = None if value is None or isinstance(value, np.ma.MaskedArray) else np.asarray(value)
+        except (TypeError, ValueError):
+            clean = None
+        if clean is None or clean.dtype.kind not in "iufb":
+            raise Refusal(f"must be numbers, got {shown(value)}")
+        return clean
+
+
+@dataclass(frozen=True)
+class Table:
+    """A mapping with texts as keys and values of one kind, as a new dict."""
+
+    of: Any
+
+    def __call__(self, value: Any) -> dict[str, Any]:
+        if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+            raise Refusal(f"must map names to values, got {shown(value)}")
+        out = {}
+        for key, item in value.items():
+            try:
+                out[key] = self.of(item)
+            except Refusal as refusal:
+                raise Refusal(f"of {key!r:.60} {refusal}") from None
+        return out
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list, tuple or other iterable, as a new list; all of one class where one is given."""
+
+    of: type = object
+
+    def __call__(self, value: Any) -> list[Any]:
+        items = [] if isinstance(value, (str, bytes, type)) or not isinstance(value, Iterable) else list(value)
+        if isinstance(value, (str, bytes, type)) or not isinstance(value, Iterable) or not all(
+                isinstance(item, self.of) for item in items):
+            raise Refusal(f"must be a list{f' of {self.of.__name__}' if self.of is not object else ''}, got {shown(value)}")
+        return items
+
+
+SERIES, NAMED = Series(), Word()
+
+
+@checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES, phi=SERIES,
+         directors=SERIES, events=Items(dict))
 class Result:
     """A finished or aborted run.
 
@@ -191,8 +243,8 @@ class Result:
 
     Raises
     ------
-    ValueError
-        A series does not have as many rows as t, or a snapshot array does not fit t_snap.
+    SceneError
+        An argument is of the wrong kind, a series does not have as many rows as t, or a snapshot array does not fit t_snap.
 
     Examples
     --------
@@ -217,10 +269,12 @@ class Result:
         self.events: list[dict[str, Any]] = [dict(event) for event in events]
         self._check_shapes()
 
+    @checked(name=NAMED)
     def point(self, name: str) -> np.ndarray:
         """Path of an observed point [n, 3], m."""
         return self._series("points")[:, self._index("points", "point", name)]
 
+    @checked(name=NAMED)
     def slider(self, name: str) -> dict[str, np.ndarray]:
         """Of one slider: s [n] (m), force [n, 3] (N, on the slider), gap [n] (m); position [n, 3] (m) where recorded."""
         k = self._index("sliders", "slider", name)
@@ -230,6 +284,7 @@ class Result:
             out["position"] = self.series["slider_position"][:, k]
         return out
 
+    @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:
         """Relative deviation of a series from its first row [n]: |x - x0| / scale.
 
@@ -247,15 +302,18 @@ class Result:
         scale = scale or np.linalg.norm(rows, axis=1).max()
         return difference / scale if scale != 0.0 else difference
 
+    @checked(name=NAMED)
     def drift(self, name: str) -> float:
         """Largest relative deviation of a series from its start (see `deviation`); NaN where the series holds NaN."""
         return float(self.deviation(name).max(initial=0.0))
 
+    @checked(name=NAMED)
     def is_conserved(self, name: str) -> bool:
         """Whether the run expected this series to be constant: listed in info['conserved'], or no list was stored."""
         conserved = self.info.get("conserved")
         return name not in ("kinetic", "potential") and (conserved is None or name in conserved)
 
+    @checked()
     def table(self) -> str:
         """Neat table of energies, momenta and gap: first value, last value, largest relative drift."""
         lines = [f"{'quantity':<28}{'start':>16}{'end':>16}{'max drift':>14}"]
@@ -271,6 +329,7 @@ class Result:
             lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
         return "\n".join(lines)
 
+    @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the result to an HDF5 file; `fastbeam.load_result(path)` gives it back.
 
@@ -284,6 +343,7 @@ class Result:
         from .store import save_result
         save_result(self, path, overwrite=overwrite)
 
+    @checked()
     def header(self) -> ResultHeader:
         """The header that a run with these series would have started with."""
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
@@ -298,22 +358,24 @@ class Result:
 
     def _series(self, name: str) -> np.ndarray:
         if name not in self.series:
-            raise SceneError(f"series '{name}' was not recorded: choose from {_listing(self.series)}")
+            raise SceneError(f"series '{name:.60}' was not recorded: choose from {_listing(self.series)}")
         return self.series[name]
 
     def _index(self, kind: str, noun: str, name: str) -> int:
         known = self.names.get(kind, [])
         if name not in known:
-            raise SceneError(f"{noun} '{name}' is not in this result: choose from {_listing(known)}")
+            raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {_listing(known)}")
         return known.index(name)
 
     def _check_shapes(self) -> None:
+        if self.t.ndim != 1 or self.t_snap.ndim != 1:
+            raise SceneError(f"Result: t and t_snap must be lists of times, got shapes {self.t.shape} and {self.t_snap.shape}")
         n, m, shape = len(self.t), len(self.t_snap), self.phi.shape
         for name, x in self.series.items():
             if x.ndim == 0 or len(x) != n:
-                raise ValueError(f"series '{name}': shape {x.shape} does not have the {n} rows of t")
+                raise SceneError(f"series '{name}': shape {x.shape} does not have the {n} rows of t")
         if len(shape) != 3 or shape[0] != m or shape[2] != 3 or self.directors.shape != (*shape, 3):
-            raise ValueError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
+            raise SceneError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
                              f"expected ({m}, N, 3) and ({m}, N, 3, 3)")
 
 

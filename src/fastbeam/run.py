@@ -4,13 +4,13 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from .arguments import count, number
+from .arguments import SMALLEST, Anything, Count, FilePath, Flag, Function, Instance, Listing, Names, Number, Word, checked, shown
 from .checkpoint import Checkpoint, Clock, check_target, start_clock
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
 from .errors import ConvergenceError, ResultFileError, SceneError
@@ -19,15 +19,24 @@ from .kernels.work import State
 from .methods import choose_method
 from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
-from .observe import Observer
+from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
 from .result import Result, ResultBuffer
 
 Array = np.ndarray
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
+# counted in 64 bits, and more than anyone waits for
+MOST_STEPS = 1e15
+TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
+START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
 
+@checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Word(), rho_inf=Number(), start=START, t_start=TIME,
+         observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
+         checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),
+         tolerance=Number(above=0.0), min_step=STEP, max_step=STEP, max_iterations=Count(most=10_000), backend=Word(),
+         augmentation=Number(), threads=Count(most=1024), progress=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
              observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
@@ -115,32 +124,26 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     True
     """
     check_model("simulate", model)
-    t_end, step = number("t_end", t_end), number("step", step)
-    if not step > 0.0:
-        raise SceneError(f"step: must be > 0 s, got {step:g}")
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
-    if not t_end > clock.now:
+    if not t_end - clock.now >= SMALLEST:
         raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    if not (t_end - clock.origin) / step <= MOST_STEPS:
+        raise SceneError(f"step: {step:g} s up to t_end = {t_end:g} s are {(t_end - clock.origin) / step:.3g} steps, more than "
+                         f"{MOST_STEPS:g}; use a larger step or a smaller t_end")
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True)
-    checkpoint_every = number("checkpoint_every", checkpoint_every)
-    if callback is not None and not callable(callback):
-        raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
+    callback = None if callback is None else partial(_asked, callback)
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
-    every = max(1, n_steps // 500) if every is None else count("every", every)
-    snapshots = count("snapshots", snapshots, least=0)
+    every = max(1, n_steps // 500) if every is None else every
     control = None
     if tolerance is not None:
-        tolerance = number("tolerance", tolerance)
-        if not tolerance > 0.0:
-            raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - clock.origin
-        largest = 0.1 * span if max_step is None else number("max_step", max_step)
-        smallest = min(1e-6 * step, largest) if min_step is None else number("min_step", min_step)
+        largest = 0.1 * span if max_step is None else max_step
+        smallest = min(1e-6 * step, largest) if min_step is None else min_step
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         control = StepControl(tolerance, order, smallest, largest)
@@ -150,6 +153,15 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     return run.go(every)
+
+
+def _asked(callback: Callable[[float, State], Any], t: float, state: State) -> bool:
+    """Whether a callback ends the run."""
+    answer = callback(t, state)
+    if not (answer is None or isinstance(answer, (bool, np.bool_))):
+        raise SceneError(f"callback: must return True where the run is to end, else False or None, got {shown(answer)} at "
+                         f"t = {t:.6g} s")
+    return bool(answer)
 
 
 class _Run:

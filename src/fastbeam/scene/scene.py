@@ -239,10 +239,13 @@ class Scene:
         """The masses that lead from one without position to the first that something else places, not through another, and that
         place; None where nothing does."""
         way, open_leads, visited = [mass], [self._leads(mass)], {id(mass), id(avoid)}
+        known = self._links()[1] if avoid is None else {}
         while way:
             for _, place, other in open_leads[-1]:
                 if other is None:
                     return way, place()
+                if id(other) in known:
+                    return way, known[id(other)]
                 if id(other) not in visited:
                     visited.add(id(other))
                     way.append(other)
