@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
+from .arguments import Count, Instance, Word, checked
 from .errors import BackendError, SceneError
 from .result import Result
 
@@ -29,6 +30,8 @@ STYLE = {"font.size": 10.0, "axes.titlesize": 11.0, "axes.labelsize": 10.0, "leg
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
             ("total", "black"))
+A_RESULT = Instance(Result, "a Result", "what simulate, solve_static and load_result return")
+PLANE, SHAPES = Word(("auto", *PLANES)), Count(most=1000)
 DRIFTS = (("total", "total energy", "black"), ("lin_mom", "linear momentum", COLOURS[0]),
           ("ang_mom", "angular momentum", COLOURS[1]), ("gap", "gap", COLOURS[2]))
 
@@ -46,6 +49,7 @@ def _styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return drawn
 
 
+@checked(result=A_RESULT, plane=PLANE, n=SHAPES, cmap=Word())
 @_styled
 def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "viridis") -> Figure:
     """Deformed shapes at n snapshots coloured by time; bodies, point masses and slider points as dots, slider paths as lines.
@@ -74,6 +78,7 @@ def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "vi
     return figure
 
 
+@checked(result=A_RESULT)
 @_styled
 def plot_invariants(result: Result) -> Figure:
     """Energies over time (J), and relative deviation of energy, momenta and gap from the start on a logarithmic axis.
@@ -92,6 +97,7 @@ def plot_invariants(result: Result) -> Figure:
     return figure
 
 
+@checked(result=A_RESULT, slider=Word())
 @_styled
 def plot_slider(result: Result, slider: str | None = None) -> Figure:
     """Sliding coordinate s(t) (m), components of the contact force (N), and the path of the slider point in space (m).
@@ -129,6 +135,7 @@ def plot_slider(result: Result, slider: str | None = None) -> Figure:
     return figure
 
 
+@checked(result=A_RESULT, plane=PLANE, n=SHAPES)
 @_styled
 def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     """One figure with shapes, energies, deviations and, where there are sliders, s(t) and contact forces.
@@ -143,7 +150,7 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     sliders = _slider_names(result)
     panels = 4 if sliders else 2
     low, high = _bounds(result.phi.reshape(-1, 3))
-    flat = PLANES[_flat_plane(high - low) if plane == "auto" else plane] if plane in ("auto", *PLANES) else (0, 1)
+    flat = PLANES[_flat_plane(high - low) if plane == "auto" else plane]
     if len(flat) == 2 and high[flat[0]] - low[flat[0]] > 1.6 * (high[flat[1]] - low[flat[1]]):
         # a wide scene spans the figure, the other panels stand below it
         rows = panels // 2
@@ -168,11 +175,11 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
 
 def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int, cmap: str) -> None:
     import matplotlib as mpl
-    if plane != "auto" and plane not in PLANES:
-        raise SceneError(f"plane '{plane}' does not exist: choose 'auto', {', '.join(repr(name) for name in PLANES)}")
+    if cmap not in mpl.colormaps:
+        raise SceneError(f"cmap {cmap!r:.60} does not exist: choose a colour map of matplotlib, such as 'viridis' or 'plasma'")
     if not len(result.t_snap):
         raise SceneError("the result holds no snapshots: record some to draw shapes")
-    picks = np.unique(np.linspace(0, len(result.t_snap) - 1, max(1, int(n))).round().astype(int))
+    picks = np.unique(np.linspace(0, len(result.t_snap) - 1, n).round().astype(int))
     sliders = {name: _slider_path(result, name) for name in _slider_names(result)}
     everything = np.concatenate([result.phi.reshape(-1, 3), *(path for _, path in sliders.values())])
     axes = _space_axes(figure, place, everything, plane)

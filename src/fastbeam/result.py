@@ -20,6 +20,13 @@ Rows = Mapping[str, Any]
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
 # rows of Result.table: series, label, unit
+# one row of the series that pictures and tables read; words: as many as there are names of that kind
+ROWS: dict[str, tuple[int | str, ...]] = {
+    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "inner_energy", "iterations", "step_size"), ()),
+    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)), **dict.fromkeys(("gap", "s_slide"), ("sliders",)),
+    **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
+# what the entries of names hold: numbers of nodes, or of nodes from 'first' on
+PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
               ("gap", "gap of sliders", "m"))
@@ -365,18 +372,53 @@ class Result:
         known = self.names.get(kind, [])
         if name not in known:
             raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {_listing(known)}")
-        return known.index(name)
+        k, columns = known.index(name), self._series("s_slide" if kind == "sliders" else "points").shape[1]
+        if k >= columns:
+            raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(known)}")
+        return k
 
     def _check_shapes(self) -> None:
         if self.t.ndim != 1 or self.t_snap.ndim != 1:
             raise SceneError(f"Result: t and t_snap must be lists of times, got shapes {self.t.shape} and {self.t_snap.shape}")
         n, m, shape = len(self.t), len(self.t_snap), self.phi.shape
+        self._check_names(shape[1] if len(shape) == 3 and m else None)
         for name, x in self.series.items():
+            row = ROWS.get(name)
+            if row is not None and x.ndim and len(x) == n and (
+                    x.ndim != 1 + len(row) or any(isinstance(k, int) and k != size for k, size in zip(row, x.shape[1:]))):
+                raise SceneError(f"series '{name}': a row has shape {x.shape[1:]}, should have {row}")
             if x.ndim == 0 or len(x) != n:
                 raise SceneError(f"series '{name}': shape {x.shape} does not have the {n} rows of t")
         if len(shape) != 3 or shape[0] != m or shape[2] != 3 or self.directors.shape != (*shape, 3):
             raise SceneError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
                              f"expected ({m}, N, 3) and ({m}, N, 3, 3)")
+
+    def _check_names(self, n_nodes: int | None) -> None:
+        """What `names` says about nodes fits their number (None: no shapes are there)."""
+        for kind in ("sliders", "points"):
+            if not all(isinstance(name, str) for name in self.names.get(kind, [])):
+                raise SceneError(f"names: '{kind}' must hold texts, got {shown(self.names[kind])}")
+        nodes = self.names.get("slider_nodes", [])
+        if not all(_is_node(k, n_nodes) for k in nodes) or nodes and len(nodes) != len(self.names.get("sliders", [])):
+            raise SceneError(f"names: 'slider_nodes' must hold a node number for every slider, got {shown(nodes)}")
+        for kind, keys in PLACES.items():
+            for entry in self.names.get(kind, []):
+                fits = isinstance(entry, Mapping) and all(_is_node(entry.get(key), None) for key in keys)
+                if fits and n_nodes is not None:
+                    fits = entry[keys[0]] + (entry[keys[1]] if len(keys) > 1 else 1) <= n_nodes
+                if not fits:
+                    raise SceneError(f"names: an entry of '{kind}' must hold {' and '.join(keys)} among the "
+                                     f"{'nodes' if n_nodes is None else f'{n_nodes} nodes'}, got {shown(entry)}")
+                inner = [*entry.get("starts", ()), *entry.get("junctions", ())]
+                ends = entry.get("element_ends", ())
+                if not (all(_is_node(k, entry["count"]) for k in inner) and all(
+                        _is_node(k, None) and 0 <= k - entry["first"] < entry["count"] for k in ends)):
+                    raise SceneError(f"names: an entry of '{kind}' names nodes that it does not have")
+
+
+def _is_node(k: Any, n: int | None) -> bool:
+    """Whether k is the number of one of n nodes (None: of any number)."""
+    return isinstance(k, (int, np.integer)) and not isinstance(k, bool) and 0 <= k and (n is None or k < n)
 
 
 def _listing(names: Iterable[str]) -> str:
