@@ -134,6 +134,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         model.not_planar = "planar=False"
     if planar is True and model.plane is None:
         raise SceneError(f"compile_scene: {scene.label} does not stay in a plane: {model.not_planar}; use planar='auto'")
+    model.asked_for_plane = planar is True
     model.text = describe(scene, model)
     # the scene as it is now: parts may be added to it later
     as_compiled = copy(scene)

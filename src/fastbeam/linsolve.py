@@ -177,13 +177,39 @@ class SuperLU:
                 return np.ascontiguousarray(x)
         return None
 
-    def signs(self, blocks: Array) -> tuple[int, int] | None:
-        """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
-        (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count."""
-        from scipy.sparse.linalg import splu
+    def signs(self, blocks: Array, symmetric: bool) -> tuple[int, int] | None:
+        """Numbers of negative eigenvalues of a matrix that is symmetric but for round-off and of those that are zero to round-off,
+        counted as pivots of its symmetric part (Sylvester).
+
+        Of one that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
+        (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
+        neither decides, or a row exchange spoils the count.
+        """
         matrix = self.matrix(blocks)
-        if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
-            return None
+        found = self._pivots(0.5 * (matrix + matrix.T))
+        # next to the diagonal: stiffnesses differ by many powers of ten
+        scale = np.abs(matrix.diagonal()) ** -0.5
+        skew = (matrix - matrix.T).tocoo()
+        if symmetric or found == (0, 0) or np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0) <= 1e-8:
+            return found
+        return (1, 0) if self._determinant_sign(matrix) < 0 else None
+
+    @staticmethod
+    def _determinant_sign(matrix: Any) -> int:
+        """1, -1, or 0 where the matrix is singular."""
+        from scipy.sparse.linalg import splu
+        try:
+            factors = splu(matrix)
+        except RuntimeError:
+            return 0
+        signs = np.concatenate((np.sign(factors.L.diagonal()), np.sign(factors.U.diagonal())))
+        turns = _is_odd(factors.perm_r) ^ _is_odd(factors.perm_c)
+        return int(np.prod(signs)) * (-1 if turns else 1)
+
+    @staticmethod
+    def _pivots(matrix: Any) -> tuple[int, int] | None:
+        """Numbers of negative and of zero pivots of a symmetric matrix."""
+        from scipy.sparse.linalg import splu
         try:
             factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError:
@@ -294,3 +320,15 @@ class LinearSystem:
             return (f"PARDISO{kind}, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
                     f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")
+
+
+def _is_odd(order: Array) -> bool:
+    """Whether a permutation takes an odd number of exchanges: those of each of its cycles are one less than its length."""
+    seen = np.zeros(order.size, bool)
+    cycles = 0
+    for k in range(order.size):
+        cycles += not seen[k]
+        while not seen[k]:
+            seen[k] = True
+            k = order[k]
+    return bool((order.size - cycles) % 2)

@@ -57,6 +57,8 @@ class Model:
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
     not_planar : str
         Why there is no plane.
+    asked_for_plane : bool
+        Whether it was compiled with planar=True: nothing but the plane is of interest.
     plain : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
@@ -99,6 +101,7 @@ class Model:
     size: tuple[int, ...] = SIX
     plane: Any = None
     not_planar: str = ""
+    asked_for_plane: bool = False
     plain: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
