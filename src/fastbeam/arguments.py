@@ -176,14 +176,19 @@ class Word:
     """One of a few words; without a list any text."""
 
     options: tuple[str, ...] = ()
-    note: str = ""
 
     def __call__(self, value: Any) -> str:
         if not isinstance(value, str):
-            raise Refusal(f"must be {' or '.join(map(repr, self.options)) or 'a text'}, got {shown(value)}")
+            raise Refusal(f"must be {_either(self.options) or 'a text'}, got {shown(value)}")
         if self.options and value not in self.options:
-            raise Refusal(f"{value!r:.60} does not exist: choose {' or '.join(map(repr, self.options))}{self.note}")
+            raise Refusal(f"{value!r:.60} does not exist: choose {_either(self.options)}")
         return str(value)
+
+
+def _either(words: tuple[str, ...]) -> str:
+    """'a', 'b' or 'c'."""
+    listed = [repr(word) for word in words]
+    return " or ".join([", ".join(listed[:-1]), listed[-1]]) if len(listed) > 1 else "".join(listed)
 
 
 @dataclass(frozen=True)

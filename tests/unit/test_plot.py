@@ -101,7 +101,7 @@ def test_requests_that_the_result_cannot_meet_are_refused() -> None:
     empty = Result(t=[0.0])
     with pytest.raises(SceneError, match="holds no snapshots"):
         plot_shapes(empty)
-    with pytest.raises(SceneError, match="plot_shapes, plane: 'yx' does not exist: choose 'auto' or 'xy'"):
+    with pytest.raises(SceneError, match="plot_shapes, plane: 'yx' does not exist: choose 'auto', 'xy', 'xz', 'yz' or '3d'"):
         plot_shapes(swing(), plane="yx")
     with pytest.raises(SceneError, match="holds no slider"):
         plot_slider(empty)
