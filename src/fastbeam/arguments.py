@@ -79,9 +79,17 @@ def real(value: Any) -> float | None:
         return None
 
 
+def whole(value: Any) -> int | None:
+    """The value as an int where it is a whole number by its type, else None."""
+    # timedelta64 is an integer to NumPy
+    if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (int, np.integer)):
+        return None
+    return int(value)
+
+
 def numbers(value: Any) -> Array | None:
     """The value as an array of floats where it holds nothing but real numbers, else None."""
-    if isinstance(value, (str, bytes, bytearray, bool)) or value is None or isinstance(value, np.ma.MaskedArray):
+    if isinstance(value, (str, bytes, bytearray, memoryview, bool)) or value is None or isinstance(value, np.ma.MaskedArray):
         return None
     if isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE:
         return None
@@ -149,11 +157,12 @@ class Count:
     most: int = 10**15
 
     def __call__(self, value: Any) -> int:
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < self.least:
+        n = whole(value)
+        if n is None or n < self.least:
             raise Refusal(f"must be a whole number >= {self.least}, got {shown(value)}")
-        if value > self.most:
+        if n > self.most:
             raise Refusal(f"must be a whole number from {self.least} to {self.most:g}, got {shown(value)}")
-        return int(value)
+        return n
 
 
 @dataclass(frozen=True)
@@ -232,12 +241,15 @@ class Function:
         need = f"must be a function of {self.arguments}{f' that returns {self.returns}' if self.returns else ''}"
         if not callable(value) or isinstance(value, type):
             raise Refusal(f"{need}, got {shown(value)}")
+        given = self.arguments.strip("()").split(",")
+        if isinstance(value, np.ufunc) and value.nin != len(given):
+            raise Refusal(f"{need}, got {shown(value)}")
         try:
             wanted = signature(value)
         except (TypeError, ValueError):
             return value          # some built-in functions have none
         try:
-            wanted.bind(*self.arguments.strip("()").split(","))
+            wanted.bind(*given)
         except TypeError:
             raise Refusal(f"{need}, got one of {wanted}") from None
         return value
@@ -297,8 +309,8 @@ class Listing:
     most: int = 10_000
 
     def __call__(self, value: Any) -> tuple[Any, ...]:
-        if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable) or np.ndim(value) == 0 and isinstance(
-                value, np.ndarray) or isinstance(value, type):
+        if isinstance(value, (str, bytes, Mapping, type)) or not isinstance(value, Iterable) or (
+                isinstance(value, np.ndarray) and value.ndim == 0):
             raise Refusal(f"must be {self.need}, got {shown(value)}")
         items = []
         for k, item in enumerate(value):

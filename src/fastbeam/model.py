@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import LARGEST, real, shown
+from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.blocks import SIX
@@ -199,8 +199,18 @@ class Model:
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 
+    @checked(node=Count(0))
     def node_label(self, node: int) -> str:
-        """Beam and node, body or mass of a global node number."""
+        """Beam and node, body or mass of a global node number.
+
+        Raises
+        ------
+        SceneError
+            There is no such node.
+        """
+        if node >= self.n_nodes:
+            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they run from 0 to "
+                             f"{self.n_nodes - 1}")
         return self.labels[node]
 
     def state(self) -> State:

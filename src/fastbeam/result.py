@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Anything, FilePath, Flag, Refusal, Word, checked, shown
+from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
 
 Rows = Mapping[str, Any]
@@ -177,8 +177,10 @@ class Series:
 
     def __call__(self, value: Any) -> np.ndarray:
         try:
-            clean = None if value is None or isinstance(value, np.ma.MaskedArray) else np.asarray(value)
-        except (TypeError, ValueError):
+            huge = isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE
+            foreign = value is None or huge or isinstance(value, (np.ma.MaskedArray, bytearray, memoryview))
+            clean = None if foreign else np.asarray(value)
+        except Exception:          # ragged lists, and what foreign objects raise
             clean = None
         if clean is None or clean.dtype.kind not in "iufb":
             raise Refusal(f"must be numbers, got {shown(value)}")
@@ -210,9 +212,10 @@ class Items:
     of: type = object
 
     def __call__(self, value: Any) -> list[Any]:
-        items = [] if isinstance(value, (str, bytes, type)) or not isinstance(value, Iterable) else list(value)
-        if isinstance(value, (str, bytes, type)) or not isinstance(value, Iterable) or not all(
-                isinstance(item, self.of) for item in items):
+        fits = isinstance(value, Iterable) and not isinstance(value, (str, bytes, type, range))
+        fits = fits and not (isinstance(value, np.ndarray) and value.ndim == 0)
+        items = list(value) if fits else []
+        if not fits or not all(isinstance(item, self.of) for item in items):
             raise Refusal(f"must be a list{f' of {self.of.__name__}' if self.of is not object else ''}, got {shown(value)}")
         return items
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from fastbeam.arguments import (
-    Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown,
+    LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown, whole,
 )
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
@@ -32,11 +32,12 @@ class Elements:
     """A number of elements, or the arc lengths of their ends."""
 
     def __call__(self, value: Any) -> int | Array:
-        if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
-            if not 1 <= value <= MOST_ELEMENTS:
+        count = whole(value)
+        if count is not None:
+            if not 1 <= count <= MOST_ELEMENTS:
                 raise Refusal(f"must be a whole number >= 1 (at most {MOST_ELEMENTS:g}) or the increasing arc lengths of the "
                               f"element ends, got {shown(value)}")
-            return int(value)
+            return count
         ends = numbers(value)
         if ends is None or ends.ndim != 1:
             raise Refusal("must be a whole number >= 1 or the increasing arc lengths of the element ends, got "
@@ -54,6 +55,17 @@ class CurveOf:
             raise Refusal(f"must have length and reference(s), got {shown(value)}; {hint}")
         Number(above=0.0, unit="m")(value.length)
         return value
+
+
+@dataclass(frozen=True)
+class ArcLengths:
+    """One arc length or several, as an array [n]."""
+
+    def __call__(self, value: Any) -> Array:
+        s = numbers(value)
+        if s is None or s.ndim > 1 or not np.all(np.abs(s) <= LARGEST):
+            raise Refusal(f"must be arc lengths, finite numbers of shape [n], got {shown(value)}")
+        return np.atleast_1d(s)
 
 
 A_SECTION = Instance(Section, "a Section", "use Section.rectangle(...) for instance")
@@ -89,7 +101,7 @@ class NodeRef:
             raise SceneError(f"NodeRef: owner must be a Beam, RigidBody or PointMass, got {shown(self.owner)}; nodes are made by "
                              "beam.start, beam.end, beam.node(i), net.node(i), body.point(offset)")
         last = self.owner.n_nodes - 1 if isinstance(self.owner, Beam) else 0
-        index = _whole(self.index)
+        index = whole(self.index)
         if index is None or not 0 <= index <= last:
             raise SceneError(f"NodeRef: {self.owner.label} has no node {shown(self.index)}, nodes run from 0 to {last}")
         if np.any(self.offset) and kind != "body":
@@ -171,7 +183,7 @@ class Beam:
             raise SceneError(f"{who}: interpolation {shown(self.interpolation)} does not exist: choose 'lagrange' (degree 1 to 8) "
                              "or 'bspline' (degree 2 to 5)")
         low, high = DEGREES[self.interpolation]
-        degree = _whole(self.degree)
+        degree = whole(self.degree)
         if degree is None or not low <= degree <= high:
             raise SceneError(f"{who}: degree={shown(self.degree)} lies outside {low} to {high} of interpolation "
                              f"{self.interpolation!r}")
@@ -294,7 +306,7 @@ class Beam:
         """Reference length, m."""
         return float(self.curve.length)
 
-    @checked(s=Anything())
+    @checked(s=ArcLengths())
     def reference(self, s: Any) -> tuple[Array, Array]:
         """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
 
@@ -303,15 +315,10 @@ class Beam:
         SceneError
             An arc length lies outside the beam.
         """
-        given, s = s, numbers(s)
-        if s is None:
-            raise SceneError(f"{self.label}: s must be arc lengths, finite numbers of shape [n], got {shown(given)}")
-        s = np.atleast_1d(s)
         slack = 1e-9 * self.length
-        if s.ndim != 1 or not np.all((s >= -slack) & (s <= self.length + slack)):
-            bad = s[~((s >= -slack) & (s <= self.length + slack))]
-            text = f"s={bad.flat[0]:.6g} lies outside it" if bad.size else f"s must have shape [n], got {list(s.shape)};"
-            raise SceneError(f"{self.label}: {text} (0 to {self.length:.6g} m)")
+        inside = (s >= -slack) & (s <= self.length + slack)
+        if not np.all(inside):
+            raise SceneError(f"{self.label}: s={s[~inside][0]:.6g} lies outside it (0 to {self.length:.6g} m)")
         return self.curve.reference(np.clip(s, 0.0, self.length))
 
     # --- nodes --------------------------------------------------------------------------------------------------------
@@ -356,7 +363,7 @@ class Beam:
         SceneError
             There is no such node.
         """
-        clean, n = _whole(index), self.n_nodes
+        clean, n = whole(index), self.n_nodes
         if clean is None or not -n <= clean < n:
             raise SceneError(f"{self.label}: node {shown(index)} does not exist, nodes run from 0 to {n - 1} (or from the end, -1 to "
                              f"{-n})")
@@ -382,13 +389,6 @@ class Beam:
     def __repr__(self) -> str:
         return (f"<{self.label}: {self.length:.6g} m, {self.n_elements} elements, {self.interpolation} {self.degree}, "
                 f"{self.strain}>")
-
-
-def _whole(value: Any) -> int | None:
-    """`value` as an int, or None where it is not a whole number."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        return None
-    return int(value)
 
 
 def _element_ends(who: str, elements: Any, length: float) -> int | Array:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Anything, Name, Word, checked, shown
+from fastbeam.arguments import Anything, Name, Word, checked, shown, whole
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef
@@ -98,10 +98,10 @@ class Net:
         if m == 0:
             raise SceneError(f"{who}: edges must hold at least one pair of node numbers, got none")
         self.sections, self.section_of = _sections(who, section, section_of, m)
-        self.elements = _integers(who, "elements", [elements] * m if isinstance(elements, (int, np.integer)) else elements, (m,),
+        self.elements = _integers(who, "elements", [elements] * m if whole(elements) is not None else elements, (m,),
                                   MOST_ELEMENTS + 1, f"whole numbers from 1 to {MOST_ELEMENTS:g}", least=1)
         low, high = DEGREES["lagrange"]
-        if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not low <= degree <= high:
+        if whole(degree) is None or not low <= degree <= high:
             raise SceneError(f"{who}: degree={shown(degree)} lies outside {low} to {high}")
         self.degree = int(degree)
         self.strain = strain
@@ -166,9 +166,10 @@ class Net:
         return int(np.searchsorted(self.node_start, at, side="right")) - 1
 
     def _number(self, what: str, value: Any, n: int) -> int:
-        if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or not 0 <= value < n:
+        k = whole(value)
+        if k is None or not 0 <= k < n:
             raise SceneError(f"{self.label}: {what} {shown(value)} does not exist, they run from 0 to {n - 1}")
-        return int(value)
+        return k
 
     # --- the list of the nodes of all beams, one beam after the other ---------------------------------------------------
     @property

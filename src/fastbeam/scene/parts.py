@@ -11,7 +11,7 @@ import numpy as np
 from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, Word, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, Field, FieldLike, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
 
@@ -327,10 +327,12 @@ class DistributedLoad:
         for key in ("force", "moment"):
             checks.try_field(who, key, getattr(self, key), self.beam.length)
 
+    @checked(s=ArcLengths())
     def force_at(self, s: Array) -> Array:
         """Force per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "force", _field_or_zero(self.force), s)
 
+    @checked(s=ArcLengths())
     def moment_at(self, s: Array) -> Array:
         """Moment per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "moment", _field_or_zero(self.moment), s)
@@ -367,10 +369,12 @@ class InitialVelocity:
         """`initial velocity of beam 'name'`."""
         return f"{self.kind} of {self.beam.label}"
 
+    @checked(s=ArcLengths())
     def velocity_at(self, s: Array) -> Array:
         """Velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "velocity", self.velocity, s)
 
+    @checked(s=ArcLengths())
     def spin_at(self, s: Array) -> Array:
         """Angular velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "spin", self.spin, s)
