@@ -159,7 +159,9 @@ def is_series(x: Any) -> bool:
     """What a result may hold: numbers that are not finite, too."""
     if isinstance(x, range):
         return len(x) < 10**7
-    x = x if isinstance(x, np.ndarray) else np.array(x) if isinstance(x, (list, tuple, int, float, np.floating)) else None
+    if isinstance(x, (list, tuple)):
+        return all(is_series(y) for y in x) and len({np.shape(y) for y in x}) <= 1
+    x = x if isinstance(x, np.ndarray) else np.array(x) if isinstance(x, (int, float, np.floating)) else None
     return x is not None and not isinstance(x, np.ma.MaskedArray) and x.dtype.kind in "iufb"
 
 
