@@ -1,8 +1,8 @@
 """What public calls take: kinds of arguments, and the decorator that checks them.
 
-A kind is called with a value and returns it clean, or raises `Refusal` with the rest of a sentence that begins with the name of the
-argument. `@checked(mass=Number(above=0.0, unit="kg"))` checks the argument `mass` of a function, or of the constructor of a class;
-None stands where it is the default. Nothing is allocated before sizes are compared.
+A kind is called with a value and returns it clean, or raises `Refusal` with the rest of a sentence that begins with the name of
+the argument. `@checked(mass=Number(above=0.0, unit="kg"))` checks the argument `mass` of a function, or of the constructor of a
+class; None stands where it is the default. Nothing is allocated before sizes are compared.
 """
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,6 +27,8 @@ T = TypeVar("T")
 # beyond these, products of a few numbers leave the range of doubles
 SMALLEST, LARGEST = 1e-60, 1e60
 LONGEST_RANGE = 10**7
+# what float() takes all the same
+NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, complex, np.complexfloating, np.datetime64, np.timedelta64, type)
 # what people call arguments elsewhere
 ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "tend": "t_end", "duration": "t_end", "T": "t_end",
         "tol": "tolerance", "n": "elements", "n_elements": "elements", "num_elements": "elements", "p": "degree", "g": "gravity",
@@ -37,7 +40,7 @@ ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "ten
         "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name"}
 # what is not there at all: docs/limits.md
 ABSENT = ("damping", "friction", "mu", "stiffness", "spring", "motor", "drive", "contact", "restitution", "follower", "drag",
-          "plasticity", "prestress", "stops", "gpu")
+          "plasticity", "prestress", "stops", "gpu", "axes", "dofs")
 
 
 class Refusal(ValueError):
@@ -59,7 +62,9 @@ def shown(value: Any) -> str:
     if isinstance(value, np.ndarray) and value.size > 12:
         return f"an array of {value.dtype} of shape {value.shape}"
     try:
-        text = " ".join(repr(value).split())
+        text = "a function" if isinstance(value, FunctionType) else " ".join(repr(value).split())
+        label = getattr(value, "label", None) if len(text) > 100 else None
+        text = label if isinstance(label, str) else text
     except Exception:          # whatever a foreign repr does, or a whole number with too many digits
         text = f"a {type(value).__name__}"
     return text if len(text) <= 100 else text[:97] + "..."
@@ -69,7 +74,7 @@ def real(value: Any) -> float | None:
     """The value as a float where it is one real number, else None."""
     if type(value) is float:
         return value
-    if isinstance(value, (str, bytes, bytearray, bool, np.bool_, complex, np.complexfloating, np.datetime64, np.timedelta64, type)):
+    if isinstance(value, NO_NUMBERS):
         return None
     if isinstance(value, np.ndarray) and (value.ndim or value.dtype.kind not in "iuf" or isinstance(value, np.ma.MaskedArray)):
         return None
@@ -135,8 +140,8 @@ class Number:
 
     def __call__(self, value: Any) -> float:
         x = real(value)
-        bound = (f" > {self.above:g}" if self.above is not None else "") + (f" >= {self.least:g}" if self.least is not None else "")
-        bound += (" and" if bound and self.most is not None else "") + (f" <= {self.most:g}" if self.most is not None else "")
+        bounds = ((">", self.above), (">=", self.least), ("<=", self.most))
+        bound = " and".join(f" {sign} {size:g}" for sign, size in bounds if size is not None)
         need = f"must be a finite number{bound}{f' {self.unit}' if self.unit and bound else ''}"
         if x is None or not math.isfinite(x):
             hint = "; real numbers only" if isinstance(value, (complex, np.complexfloating)) else ""
@@ -204,9 +209,11 @@ def _either(words: tuple[str, ...]) -> str:
 class Name:
     """A text that is not empty."""
 
+    otherwise: str = "the name comes first"
+
     def __call__(self, value: Any) -> str:
         if not isinstance(value, str) or not value.strip():
-            hint = "" if isinstance(value, str) or value is None else "; the name comes first"
+            hint = "" if isinstance(value, str) or value is None else f"; {self.otherwise}"
             raise Refusal(f"must be a non-empty text, got {shown(value)}{hint}")
         return str(value)
 
@@ -366,14 +373,17 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
     defaults = {p.name: kinds[p.name](p.default) for p in named
                 if p.name in kinds and p.default is not None and p.default is not Parameter.empty}
     visible = [name for name in (p.name for p in named) if not name.startswith("_")]
+    # what goes on to another call by its name
+    visible += [name for name in kinds if more and name not in names and name != every]
 
     @wraps(function)
     def call(*args: Any, **given: Any) -> Any:
         own, args = args[:bound], args[bound:]
         rest = args[len(positional):]
         if rest and every is None:
+            others = [n for n in visible if n not in positional]
             raise SceneError(f"{_subject(function, own, given)}: takes {_listed(positional)} without a name, got {len(args)} "
-                             f"arguments; give the others by name: {_listed([n for n in visible if n not in positional], '=...')}")
+                             f"arguments; give the others by name: {_listed(others, '=...')}")
         for name, value in zip(positional, args):
             if name in given:
                 raise SceneError(f"{_subject(function, own, given)}: {name} was given twice, without and with its name")
@@ -425,6 +435,8 @@ def _listed(names: list[str], tail: str = "") -> str:
 
 def _instead(unknown: str, names: list[str]) -> str:
     """What to write instead of an argument that does not exist."""
+    if unknown in ("radius", "height", "width", "thickness", "E") and "EA" in names:
+        return "; Section.circle, Section.tube and Section.rectangle take sizes and material"
     other = ALSO.get(unknown, "")
     if other and (other in names or not other.isidentifier() and any(name in other for name in (*names, "parts"))):
         return f"; use {other}" if "=" in other or other in names else f"; give {other}"

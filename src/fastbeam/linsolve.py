@@ -178,7 +178,7 @@ class SuperLU:
         return None
 
     def signs(self, blocks: Array, symmetric: bool) -> tuple[int, int] | None:
-        """Numbers of negative eigenvalues of a matrix that is symmetric but for round-off and of those that are zero to round-off,
+        """Numbers of negative eigenvalues of a matrix that is symmetric but for round-off, and of those that are zero to it,
         counted as pivots of its symmetric part (Sylvester).
 
         Of one that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part

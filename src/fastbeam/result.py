@@ -27,6 +27,10 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
+# what to write for series that are not there
+HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
+         "momentum": "momenta are 'lin_mom' and 'ang_mom'",
+         **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
               ("gap", "gap of sliders", "m"))
@@ -223,8 +227,8 @@ class Items:
 SERIES, NAMED = Series(), Word()
 
 
-@checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES, phi=SERIES,
-         directors=SERIES, events=Items(dict))
+@checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
+         phi=SERIES, directors=SERIES, events=Items(dict))
 class Result:
     """A finished or aborted run.
 
@@ -368,7 +372,8 @@ class Result:
 
     def _series(self, name: str) -> np.ndarray:
         if name not in self.series:
-            raise SceneError(f"series '{name:.60}' was not recorded: choose from {_listing(self.series)}")
+            hint = HINTS.get(name, "")
+            raise SceneError(f"series '{name:.60}' was not recorded: choose from {_listing(self.series)}{hint and f'; {hint}'}")
         return self.series[name]
 
     def _index(self, kind: str, noun: str, name: str) -> int:

@@ -26,8 +26,8 @@ Array = np.ndarray
 LARGEST_INCREMENT = 4.0
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
                     "passed on the way; a larger imperfection or a run in time finds a stable one",
-        "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or spin "
-                "freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
+        "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
+                "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
 START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
@@ -37,8 +37,9 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024))
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
-                 smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
-                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None) -> Result:
+                 smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
+                 observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
+                 backend: str = "auto", threads: int | None = None) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters

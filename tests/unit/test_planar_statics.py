@@ -13,7 +13,8 @@ import fastbeam as fb
 SECTION = fb.Section(EA=1e9, GA2=1e9, GA3=1e9, GJ=80.0, EI2=100.0, EI3=100.0, rhoA=2.0, rhoI2=1e-4, rhoI3=1e-4)
 
 
-def beam(name: str, start: tuple[float, ...], end: tuple[float, ...], elements: int = 8, section: fb.Section = SECTION) -> fb.Beam:
+def beam(name: str, start: tuple[float, ...], end: tuple[float, ...], elements: int = 8,
+         section: fb.Section = SECTION) -> fb.Beam:
     return fb.Beam.straight(name, start, end, section=section, elements=elements)
 
 
@@ -69,7 +70,7 @@ def test_portal_frame_on_pins_becomes_unstable_at_its_sway_load(share: float) ->
 
 def test_planar_structure_that_is_not_held_in_its_plane_is_refused() -> None:
     b = beam("girder", (0, 0, 0), (4, 0, 0))
-    with pytest.raises(fb.SceneError, match=r"turn about \(0, 1, 0\) \(1 of 3 rigid motions in its plane are free\); add a Clamp or"):
+    with pytest.raises(fb.SceneError, match=r"turn about \(0, 1, 0\) \(1 of 3 rigid motions in its plane are free\); add a"):
         fb.solve_static(fb.compile_scene(fb.Scene(b, fb.Pin(b.start), gravity=(0, 0, -1))))
 
 
@@ -135,8 +136,8 @@ def test_rows_stand_at_the_levels_asked_for() -> None:
     levels = (0.1, 1.0 / 3.0, 0.7, 0.9)
     result = fb.solve_static(model, levels=levels, points={"middle": b.at(2.0)})
     assert set(levels) <= set(result.t.tolist()) and result.t[-1] == 1.0 and np.all(np.diff(result.t) > 0.0)
-    np.testing.assert_allclose(result.point("middle")[-1], fb.solve_static(model, points={"middle": b.at(2.0)}).point("middle")[-1],
-                               rtol=0.0, atol=1e-12)
+    free = fb.solve_static(model, points={"middle": b.at(2.0)})
+    np.testing.assert_allclose(result.point("middle")[-1], free.point("middle")[-1], rtol=0.0, atol=1e-12)
 
 
 def test_load_steps_stay_below_the_largest() -> None:

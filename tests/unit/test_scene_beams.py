@@ -313,6 +313,6 @@ def test_spline_points_are_checked():
 def test_arc_lengths_outside_the_beam_are_refused():
     with pytest.raises(SceneError, match=r"beam 'boom': s=2\.1 lies outside it \(0 to 2 m\)"):
         straight().reference([0.0, 2.1])
-    with pytest.raises(SceneError, match=r"s must have shape \[n\]"):
+    with pytest.raises(SceneError, match=r"s must be arc lengths, finite numbers of shape \[n\]"):
         straight().reference(np.zeros((2, 2)))
     assert np.array_equal(straight().reference(2.0 + 1e-10)[0], [[2, 0, 0]])

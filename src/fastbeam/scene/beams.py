@@ -68,7 +68,9 @@ class ArcLengths:
         return np.atleast_1d(s)
 
 
-A_SECTION = Instance(Section, "a Section", "use Section.rectangle(...) for instance")
+# degree and interpolation belong together
+COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
+          "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
 OWNERS = ("beam", "body", "point mass")
 
 
@@ -105,7 +107,7 @@ class NodeRef:
         if index is None or not 0 <= index <= last:
             raise SceneError(f"NodeRef: {self.owner.label} has no node {shown(self.index)}, nodes run from 0 to {last}")
         if np.any(self.offset) and kind != "body":
-            raise SceneError(f"NodeRef: {self.owner.label} takes no offset, got {shown(self.offset)}; only points of a RigidBody do")
+            raise SceneError(f"NodeRef: {self.owner.label} takes no offset, got {shown(self.offset)}; only bodies do")
         checks.fill(self, index=index)
 
     @property
@@ -136,8 +138,7 @@ class NodeRef:
         return hash((id(self.owner), self.index, tuple(self.offset.tolist())))
 
 
-@checked(name=Name(), curve=CurveOf(), section=A_SECTION, elements=Elements(), degree=Anything(), interpolation=Anything(),
-         directors=Word(DIRECTORS), strain=Word(STRAINS))
+@checked(name=Name(), curve=CurveOf(), **COMMON)
 @dataclass(frozen=True, eq=False)
 class Beam:
     """One beam: a reference curve with triads, a section and an interpolation. The stress-free state is the reference.
@@ -180,8 +181,8 @@ class Beam:
     def __post_init__(self) -> None:
         who = checks.label("beam", self.name)
         if not isinstance(self.interpolation, str) or self.interpolation not in DEGREES:
-            raise SceneError(f"{who}: interpolation {shown(self.interpolation)} does not exist: choose 'lagrange' (degree 1 to 8) "
-                             "or 'bspline' (degree 2 to 5)")
+            raise SceneError(f"{who}: interpolation {shown(self.interpolation)} does not exist: choose 'lagrange' (degree 1 to "
+                             "8) or 'bspline' (degree 2 to 5)")
         low, high = DEGREES[self.interpolation]
         degree = whole(self.degree)
         if degree is None or not low <= degree <= high:
@@ -193,7 +194,7 @@ class Beam:
 
     # --- ways to make one ---------------------------------------------------------------------------------------------
     @classmethod
-    @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number())
+    @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number(), **COMMON)
     def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0, **common: Any) -> Beam:
         """Straight beam from `start` to `end` (3,), m.
 
@@ -225,7 +226,7 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), start=Vector, tangent=Vector, normal=Vector, radius=Number(above=0.0, unit="m"),
-             angle=Number(above=0.0, unit="rad"))
+             angle=Number(above=0.0, unit="rad"), **COMMON)
     def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float, **common: Any) -> Beam:
         """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
 
@@ -246,7 +247,7 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), radius=Number(above=0.0, unit="m"), pitch=Number(), turns=Number(above=0.0), center=Vector, axis=Vector,
-             start_direction=Vector)
+             start_direction=Vector, **COMMON)
     def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: Any = (0.0, 0.0, 0.0),
               axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Any) -> Beam:
         """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
@@ -266,7 +267,7 @@ class Beam:
         return cls(name, Helix(center, checks.constant(np.array([e1, e2, e3])), radius, pitch, turns), **common)
 
     @classmethod
-    @checked(name=Name(), curve=Anything(), frame=Anything(), d2=Vector)
+    @checked(name=Name(), curve=Anything(), frame=Anything(), d2=Vector, **COMMON)
     def from_curve(cls, name: str, curve: Callable[[float], Any], *, frame: Callable[[float], Any] | None = None,
                    d2: Any = None, **common: Any) -> Beam:
         """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
@@ -282,7 +283,7 @@ class Beam:
         return cls(name, FittedCurve(checks.label("beam", name), curve, frame=frame, d2=d2), **common)
 
     @classmethod
-    @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector)
+    @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector, **COMMON)
     def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Any) -> Beam:
         """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
 
@@ -365,8 +366,8 @@ class Beam:
         """
         clean, n = whole(index), self.n_nodes
         if clean is None or not -n <= clean < n:
-            raise SceneError(f"{self.label}: node {shown(index)} does not exist, nodes run from 0 to {n - 1} (or from the end, -1 to "
-                             f"{-n})")
+            raise SceneError(f"{self.label}: node {shown(index)} does not exist, nodes run from 0 to {n - 1} (or from the end, "
+                             f"-1 to {-n})")
         return NodeRef(self, clean % n)
 
     @checked(s=Number(unit="m"))

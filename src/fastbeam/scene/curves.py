@@ -115,7 +115,8 @@ class FittedCurve:
         if not callable(curve) or isinstance(curve, type):
             raise SceneError(f"{who}: curve must be a function of t in [0, 1] that returns 3 numbers, got {checks.shown(curve)}")
         if frame is not None and (not callable(frame) or isinstance(frame, type)):
-            raise SceneError(f"{who}: frame must be a function of t that returns d2 or rows d1, d2, d3, got {checks.shown(frame)}")
+            raise SceneError(f"{who}: frame must be a function of t that returns d2 or rows d1, d2, d3, got "
+                             f"{checks.shown(frame)}")
         if frame is not None and d2 is not None:
             raise SceneError(f"{who}: give frame or d2, not both")
         self.who, self.frame = who, frame

@@ -34,8 +34,18 @@ class Node:
         if isinstance(value, Net):
             raise Refusal(f"names all of {value.label}; use its node(i), or a node of its beam(k)")
         hint = "; use beam.start, beam.end or beam.node(i)" if isinstance(value, (int, float, np.number)) else ""
-        hint = hint or ("; the name comes first" if isinstance(value, str) else "")
+        hint = hint or ("; give the object itself, not a name" if isinstance(value, str) else "")
         raise Refusal(f"must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {shown(value)}{hint}")
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Three numbers; a function of time is another argument."""
+
+    def __call__(self, value: Any) -> Array:
+        if callable(value):
+            raise Refusal(f"must be 3 finite numbers, got {shown(value)}; what changes in time is given as time=a function of t")
+        return Vector(value)
 
 
 @dataclass(frozen=True)
@@ -182,7 +192,7 @@ def _inertia(who: str, value: Any) -> Array:
     return checks.constant(0.5 * (tensor + tensor.T))
 
 
-@checked(at=Node(), name=Name())
+@checked(at=Node(), name=Name("each support holds one node, write one for every node"))
 @dataclass(frozen=True, eq=False)
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
@@ -227,7 +237,7 @@ class Pin(_Support):
                              "join it with BallJoint(body.point(...), mass)")
 
 
-@checked(a=Node(), b=Node(), name=Name())
+@checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))
 @dataclass(frozen=True, eq=False)
 class _Joint:
     """Common part of the joints: two nodes of different owners or at least different nodes."""
@@ -272,7 +282,7 @@ class BallJoint(_Joint):
     kind: ClassVar[str] = "ball joint"
 
 
-@checked(name=Name(), at=Node(), force=Vector, moment=Vector, time=FACTOR)
+@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR)
 @dataclass(frozen=True, eq=False)
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).

@@ -15,7 +15,8 @@ from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
+    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    Slider,
 )
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
@@ -351,8 +352,8 @@ class Scene:
             raise SceneError(f"{_who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
     def _placed_once(self) -> set[int]:
-        """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can disagree.
-        In a long chain of masses the search from each of them would take the square of its length."""
+        """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can
+        disagree. In a long chain of masses the search from each of them would take the square of its length."""
         out: set[int] = set()
         seen: set[int] = set()
         for mass in self.masses:
