@@ -74,7 +74,7 @@ MISTAKES = {
     "fb.DistributedLoad('d', rod.end, force=(0,0,1))": "a Beam, got <beam 'rod' node 6 (s = 1 m)>; give beam 'rod' itself",
     "fb.DistributedLoad('d', rod)": "distributed load 'd': give force or moment per length",
     "fb.InitialVelocity(block, velocity=(1,0,0))": "initial velocity: beam must be a Beam, got body 'block'",
-    "fb.RigidMotion(rod.end, velocity=(1,0,0))": "be beams, nets, bodies and point masses, got <beam 'rod' node 6 (s = 1 m)>; give",
+    "fb.RigidMotion(rod.end, velocity=(1,0,0))": "beams, nets, bodies and point masses, got <beam 'rod' node 6 (s = 1 m)>",
     "fb.RigidMotion([], velocity=(1,0,0))": "objects must be beams, nets, bodies and point masses, got (); None: everything",
     "fb.Slider('s', bead, rod, 0.5)": "slider: takes name, point, beam without a name, got 4 arguments; give the others by",
     "fb.Slider('s', rod, bead, at=0.5)": "slider 's': point names all of beam 'rod'",
