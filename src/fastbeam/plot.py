@@ -21,6 +21,12 @@ P = ParamSpec("P")
 PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2), "3d": (0, 1, 2)}
 # a scene is drawn flat when its smallest extent is below this part of the largest
 FLAT = 1e-3
+# beyond this ratio of the extents axes have different scales: with equal ones nothing is left to see of a long shallow scene
+LONGEST = 8.0
+# a smaller part of the largest extent is no shape but round-off or a straight line
+STRAIGHT = 1e-5
+# names in a legend; of more than these a few stand for all
+MOST_NAMES, FEW_NAMES = 24, 8
 # relative deviations below this are drawn on it (logarithmic axis)
 FLOOR = 1e-17
 STYLE = {"font.size": 10.0, "axes.titlesize": 11.0, "axes.labelsize": 10.0, "legend.fontsize": 8.5, "axes.spines.top": False,
@@ -129,9 +135,9 @@ def plot_slider(result: Result, slider: str | None = None) -> Figure:
         axes.plot(*path[:1, pick].T, "o", color="black", ms=6, label="start")
         axes.legend(loc="best")
     if len(axes.axes_of_space) == 3:
-        # the layout does not see the label of the z axis
-        figure.get_layout_engine().set(rect=(0.0, 0.0, 0.94, 1.0))
-    axes.set_title(f"Path of '{name}'" if len(path) else "Path: not recorded")
+        # the layout does not see the labels of the z axis and of the bar
+        figure.get_layout_engine().set(rect=(0.0, 0.04, 0.94, 0.96))
+    _title(axes, f"Path of '{name}'" if len(path) else "Path: not recorded")
     return figure
 
 
@@ -208,8 +214,7 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
             axes.plot(*dot[space, None], "o", color=colour, ms=7, mec="white", mew=0.8, zorder=4)
     mappable = mpl.cm.ScalarMappable(norm=scale, cmap=colours)
     _time_bar(figure, axes, mappable, "load factor [-]" if result.info.get("method") == "static" else "time [s]")
-    # axes in space leave room above their box
-    axes.set_title("Deformed shapes", y=0.93 if len(space) == 3 else None)
+    _title(axes, "Deformed shapes")
 
 
 def _sampling(beam: dict[str, Any]) -> np.ndarray | None:
@@ -284,14 +289,23 @@ def _draw_forces(axes: Any, result: Result, names: list[str]) -> None:
 def _finish(axes: Any, title: str, label: str, columns: int = 0) -> None:
     axes.set(title=title, xlabel="time [s]", ylabel=label)
     axes.margins(x=0.01)
-    count = len(axes.get_legend_handles_labels()[1])
-    if 0 < count <= 8:
-        # room above the curves, so that the legend covers none
-        if axes.get_yscale() == "linear":
-            low, high = axes.get_ylim()
-            axes.set_ylim(low, high + 0.18 * (high - low))
-        axes.legend(loc="upper left", ncols=columns or min(count, 4), handlelength=1.0, columnspacing=0.9, handletextpad=0.4,
-                    borderaxespad=0.1)
+    handles, labels = axes.get_legend_handles_labels()
+    every = len(labels)
+    if not every:
+        return
+    if every > MOST_NAMES:
+        picks = np.linspace(0, every - 1, FEW_NAMES).round().astype(int)
+        handles, labels = [handles[k] for k in picks], [labels[k] for k in picks]
+    count = len(labels)
+    columns = columns or min(count, 4)
+    # room above the curves, so that the legend covers none
+    if axes.get_yscale() == "linear":
+        low, high = axes.get_ylim()
+        rows = -(-count // columns) + (every > count)
+        axes.set_ylim(low, high + (0.18 if rows <= 2 else 0.1 * rows) * (high - low))
+    axes.legend(handles, labels, loc="upper left", ncols=columns, handlelength=1.0, columnspacing=0.9, handletextpad=0.4,
+                borderaxespad=0.1, alignment="left", fontsize=None if count <= FEW_NAMES else 6.5,
+                title=f"{count} of {every}, in order" if every > count else None, title_fontsize=7.5)
 
 
 def _figure(size: tuple[float, float]) -> Figure:
@@ -300,7 +314,8 @@ def _figure(size: tuple[float, float]) -> Figure:
 
 
 def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> Any:
-    """Axes with equal aspect that show `points`; .axes_of_space lists the coordinates drawn."""
+    """Axes that show `points`, with equal aspect unless one extent in a plane is more than `LONGEST` times the other;
+    .axes_of_space lists the coordinates drawn."""
     low, high = _bounds(points)
     extent = high - low
     space = list(PLANES[_flat_plane(extent) if plane == "auto" else plane])
@@ -311,6 +326,14 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     # a straight beam still gets a box that is a quarter as high as long
     half = np.maximum(0.54 * extent, (0.125 if len(space) == 2 else 0.2) * max(extent.max(), 1e-9))[space]
     middle = (0.5 * (low + high))[space]
+    drawn = extent[space]
+    if len(space) == 2 and STRAIGHT * drawn.max() < drawn.min() < drawn.max() / LONGEST:
+        half = 0.54 * drawn
+        small = int(np.argmin(drawn))
+        (axes.set_xlabel, axes.set_ylabel)[small](f"{'xyz'[space[small]]} [m], other scale")
+        axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+        axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+        return axes
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
     if len(space) == 2:
@@ -327,10 +350,25 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     return axes
 
 
+def _title(axes: Any, text: str) -> None:
+    """A title above the axes; those in space leave room above their box unless it is high."""
+    flatness = 1.0 - _height(axes)
+    axes.set_title(text, y=1.0 - 0.07 * flatness if flatness else None)
+
+
+def _height(axes: Any) -> float:
+    """Height of the box of axes in space over its width, at most 1; of flat axes 1."""
+    if len(axes.axes_of_space) == 2:
+        return 1.0
+    width, depth, height = (high - low for low, high in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim()))
+    return min(1.0, height / max(width, depth))
+
+
 def _time_bar(figure: Figure, axes: Any, mappable: Any, label: str = "time [s]") -> None:
     """Colour bar of time: as high as flat axes, below axes in space."""
     flat = len(axes.axes_of_space) == 2
-    place = axes.inset_axes((1.02, 0.0, 0.02, 1.0) if flat else (0.15, -0.02, 0.7, 0.025))
+    # the labels of a high box reach further down
+    place = axes.inset_axes((1.02, 0.0, 0.02, 1.0) if flat else (0.15, -0.02 - 0.07 * _height(axes) ** 2, 0.7, 0.025))
     figure.colorbar(mappable, cax=place, label=label, orientation="vertical" if flat else "horizontal")
 
 
@@ -382,5 +420,7 @@ def _need_any(result: Result, names: tuple[str, ...], what: str) -> None:
         raise SceneError(f"the result holds no {what}: record at least one of {', '.join(names)}")
 
 
-def _cycle(n: int) -> list[str]:
-    return [COLOURS[k % len(COLOURS)] for k in range(n)]
+def _cycle(n: int) -> list[Any]:
+    """n colours, all different."""
+    import matplotlib as mpl
+    return list(COLOURS[:n]) if n <= len(COLOURS) else list(mpl.colormaps["turbo"](np.linspace(0.03, 0.97, n)))
