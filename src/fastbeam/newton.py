@@ -127,7 +127,7 @@ class Stepper:
                                    symmetric=symmetric)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self.alpha = empty_rates(method, model.n_nodes)
-        self._factors = model.load_factors(np.zeros(1), np.ones(1))
+        self._factors = np.ones((1, len(model.load_times)))
         self._spare: Stepper | None = None
         mass = float(model.gravity_weight.sum())
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf

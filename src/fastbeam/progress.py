@@ -17,7 +17,8 @@ LONGEST_FORETOLD = 99 * 3600.0
 class Progress:
     """Bar on stderr that appears only after `QUIET_TIME`; silent when tqdm is missing.
 
-    Where stderr is no terminal, in a log file for instance, it is a line every `LINE_TIME` instead, the first one after that time.
+    Where stderr is no terminal, in a log file for instance, it is a line every `LINE_TIME` instead, the first one after that
+    time.
 
     Parameters
     ----------

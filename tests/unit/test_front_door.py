@@ -128,7 +128,6 @@ def test_progress_appears_on_stderr_after_a_second_and_counts_earlier_work(clock
 def test_progress_obeys_environment_and_argument(clock: Clock, capsys: pytest.CaptureFixture[str],
                                                  monkeypatch: pytest.MonkeyPatch, variable: str, enabled: bool | None,
                                                  shown: bool) -> None:
-    pytest.importorskip("tqdm")
     monkeypatch.setenv("FASTBEAM_PROGRESS", variable)
     with Progress(2, "steps", enabled) as bar:
         clock.now += 2.0
@@ -142,7 +141,8 @@ def test_log_files_get_a_line_every_ten_seconds(clock: Clock, capsys: pytest.Cap
             clock.now += 0.1
             bar.update()
     lines = capsys.readouterr().err.splitlines()
-    assert lines == ["long run: 10% in 00:10, 01:30 left", "long run: 20% in 00:20, 01:20 left", "long run: 30% in 00:30, 01:10 left"]
+    assert lines == ["long run: 10% in 00:10, 01:30 left", "long run: 20% in 00:20, 01:20 left",
+                     "long run: 30% in 00:30, 01:10 left"]
 
 
 def test_log_files_stay_empty_in_runs_of_some_seconds(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:

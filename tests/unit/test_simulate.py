@@ -415,3 +415,32 @@ def test_run_in_which_every_step_falls_back_goes_on(monkeypatch: pytest.MonkeyPa
     result = run(t_end=1.2, step=1e-3, every=1200, observe=("energy",))
     assert result.info["fallbacks"] == result.info["steps"] == 1200
     assert result.drift("total") <= ROUND_OFF
+
+
+@pytest.mark.parametrize(("value", "shown"), [(np.nan, "nan"), (np.inf, "inf"), ("3", "'3'"), (1j, "1j"), (None, "None")])
+@pytest.mark.parametrize("what", ["load", "gravity"])
+def test_time_function_that_stops_giving_numbers_is_named(what: str, value: Any, shown: str) -> None:
+    beam = straight("beam", (0, 0, 0), (3, 0, 0))
+
+    def factor(t: float) -> Any:
+        return 1.0 if t < 0.005 else value
+
+    load = [fb.Load("pull", beam.end, force=(0, 0, 1), time=factor)] if what == "load" else []
+    gravity = {"gravity": (0, 0, -1), "gravity_time": factor} if what == "gravity" else {}
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), *load, **gravity))
+    with pytest.raises(fb.SceneError, match=f"must return a finite number, got {shown} at t = 0.005"):
+        fb.simulate(model, t_end=0.01, step=1e-3, progress=False)
+    with pytest.raises(fb.SceneError, match=f"must return a finite number, got {shown} at t = 1 s"):
+        fb.solve_static(model, at_time=1.0)
+
+
+@pytest.mark.parametrize("answer", [np.True_, True])
+def test_callback_ends_the_run_with_a_true_answer_only(answer: Any) -> None:
+    assert run(callback=lambda t, state: answer, every=1).events[-1]["kind"] == "stopped"
+    assert run(callback=lambda t, state: None).t[-1] == 0.1
+    with pytest.raises(fb.SceneError, match=r"callback: must return True where the run is to end, else .*, got \(1, 2\)"):
+        run(callback=lambda t, state: np.array([1, 2]))
+
+
+def test_observed_kinds_may_come_from_a_generator() -> None:
+    assert "total" in run(observe=(kind for kind in ("energy",))).series
