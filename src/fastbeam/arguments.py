@@ -27,6 +27,8 @@ T = TypeVar("T")
 # beyond these, products of a few numbers leave the range of doubles
 SMALLEST, LARGEST = 1e-60, 1e60
 LONGEST_RANGE = 10**7
+# lists up to this length are searched for truth values among the numbers
+SHORT = 1000
 # what float() takes all the same
 NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, complex, np.complexfloating, np.datetime64, np.timedelta64, type)
 # what people call arguments elsewhere
@@ -104,7 +106,8 @@ def numbers(value: Any) -> Array | None:
         return None
     if raw.dtype.kind in "iuf":
         # among numbers True would pass for 1
-        mixed = type(value) in (list, tuple) and any(isinstance(x, (bool, np.bool_, np.ma.MaskedArray)) for x in value)
+        short = type(value) in (list, tuple) and len(value) <= SHORT
+        mixed = short and any(isinstance(x, (bool, np.bool_, np.ma.MaskedArray)) for x in value)
         with np.errstate(over="ignore"):
             return None if mixed else raw.astype(float, copy=False)
     if raw.dtype.kind == "O" and raw.ndim and 0 < raw.size <= 10_000:

@@ -98,8 +98,12 @@ class Net:
         if m == 0:
             raise SceneError(f"{who}: edges must hold at least one pair of node numbers, got none")
         self.sections, self.section_of = _sections(who, section, section_of, m)
-        self.elements = _integers(who, "elements", [elements] * m if whole(elements) is not None else elements, (m,),
-                                  MOST_ELEMENTS + 1, f"whole numbers from 1 to {MOST_ELEMENTS:g}", least=1)
+        same = whole(elements)
+        if same is not None:
+            # what does not fit an array has none of its own
+            elements = np.full(m, min(max(same, 0), MOST_ELEMENTS + 1))
+        self.elements = _integers(who, "elements", elements, (m,), MOST_ELEMENTS + 1,
+                                  f"whole numbers >= 1 (at most {MOST_ELEMENTS:g})", least=1)
         low, high = DEGREES["lagrange"]
         if whole(degree) is None or not low <= degree <= high:
             raise SceneError(f"{who}: degree={shown(degree)} lies outside {low} to {high}")
