@@ -11,7 +11,6 @@ import os
 import stat
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
@@ -445,6 +444,7 @@ def _instead(unknown: str, names: list[str]) -> str:
         return f"; use {other}" if "=" in other or other in names else f"; give {other}"
     if unknown.lower() in ABSENT:
         return "; fastbeam does not do that, docs/limits.md says what to do instead"
+    from difflib import get_close_matches
     close = get_close_matches(unknown, names, 1, 0.6)
     return f"; did you mean {close[0]}?" if close else f"; it takes {_listed(names)}"
 

@@ -113,7 +113,9 @@ def is_real(x: Any) -> bool:
         return x.ndim == 0 and x.dtype.kind in "iuf" and not isinstance(x, np.ma.MaskedArray) and is_real(x[()])
     if isinstance(x, (bool, np.bool_, np.timedelta64)) or not isinstance(x, (int, float, Fraction, Decimal, np.number)):
         return False
-    return not isinstance(x, np.complexfloating) and x == x and abs(x) <= 1e60
+    if isinstance(x, (int, np.integer)):
+        return abs(x) <= 10**60
+    return not isinstance(x, np.complexfloating) and abs(float(x)) <= 1e60
 
 
 def is_count(x: Any) -> bool:
