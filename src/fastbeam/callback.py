@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .arguments import shown
+from .errors import SceneError
 from .kernels.work import State
 from .model import Model
 
@@ -35,12 +37,21 @@ class Callback:
         self.found = ""
 
     def __call__(self, t: float, size: float, state: State) -> bool:
-        """Whether the run ends at time t, after a step of this size; state: a copy of the present one."""
+        """Whether the run ends at time t, after a step of this size; state: a copy of the present one.
+
+        Raises
+        ------
+        SceneError
+            The function returned something else than True, False or None.
+        """
         for x in state:
             x.flags.writeable = False
         times = (t, min(t + 0.5 * size, self.t_end))
         before = self._values(times)
-        stop = bool(self.function(t, state))
+        answer = self.function(t, state)
+        if not (answer is None or isinstance(answer, (bool, np.bool_))):
+            raise SceneError(f"callback: must return True where the run is to end, else False or None, got {shown(answer)} at "
+                             f"t = {t:.6g} s")
         after = self._values(times)
         if after != before and not self.found:
             k = next(k for k, (x, y) in enumerate(zip(before, after)) if x != y)
@@ -50,7 +61,7 @@ class Callback:
                               f"s before the call and {after[k]} after it")
             else:
                 self.found = f"{name}: its time function gives different values at the same time, t = {at:.6g} s"
-        return stop
+        return bool(answer)
 
     def _values(self, times: tuple[float, float]) -> list[str]:
         """Of all time functions; as texts, so that NaN is equal to itself."""

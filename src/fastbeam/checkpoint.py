@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import check_regular, file_path, number
+from .arguments import Count, FilePath, Flag, Instance, Maybe, Number, Word, check_regular, checked, number
 from .errors import ResultFileError, SceneError
 from .kernels.work import State
 from .model import Model
@@ -37,8 +37,11 @@ ARRAYS = (*State._fields, "mean_force", "memory")
 WHOLE, SLIVER = 1e-9, 0.01
 # a step is at least this many times the distance of doubles at its time
 RESOLVED = 4.0
+STEP, NUMBERS = Number(above=0.0, unit="s"), Maybe(Instance(np.ndarray, "an array or None"))
 
 
+@checked(state=Instance(State, "a State"), t=Number(), step=STEP, t_start=Number(), steps=Count(0), next_step=Maybe(STEP),
+         mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP)
 @dataclass(frozen=True)
 class Checkpoint:
     """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
@@ -78,6 +81,7 @@ class Checkpoint:
     memory: Array | None = None
     last_step: float | None = None
 
+    @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Of a symbolic link the
         file that it leads to is written.
@@ -98,6 +102,7 @@ class Checkpoint:
         _replace(path, data + hashlib.sha256(data).digest())
 
 
+@checked(path=FilePath())
 def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
     """Read a checkpoint that `simulate(..., checkpoint=path)` or `Checkpoint.save` wrote.
 
@@ -106,7 +111,7 @@ def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
     ResultFileError
         The file is missing, no checkpoint, of a newer format, or damaged.
     """
-    path = file_path("checkpoint", path)
+    path = Path(path)
     try:
         if not path.exists():
             raise ResultFileError(f"checkpoint '{path}': no such file")
@@ -165,7 +170,7 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
     ------
     ResultFileError
     """
-    named = file_path("checkpoint", path)
+    named = Path(path)
     try:
         path = Path(os.path.realpath(named))
         if not path.parent.is_dir():
@@ -304,7 +309,8 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
     apart = float(np.spacing(far))
     if not step >= RESOLVED * apart:
         raise SceneError(f"{name}: must be at least {RESOLVED * apart:.3g} s, got {step:g}, because times near {far:g} s are "
-                         f"doubles {apart:.3g} s apart; count time from the start of the run (t_start=0), or take larger steps")
+                         f"doubles {apart:.3g} s apart; count time from the start of the run (t_start=0), take larger steps, "
+                         "or end earlier")
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Anything, Flag, Word, checked, shown
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
 from .initial import initial_state, place_points
@@ -27,8 +28,10 @@ from .tables import ElementPacker, Elements, condensed_ends, elements_of, pack_c
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
+CHOICE = Flag(("auto",))
 
 
+@checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
 def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto",
                   condense: bool | str = "auto") -> Model:
     """Compile a scene to constant tables.
@@ -61,14 +64,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise SceneError(f"compile_scene: scene {scene.scene_name!r} is compiled already; pass the model on to simulate "
                          "or solve_static")
     if not isinstance(scene, Scene):
-        raise SceneError(f"compile_scene: needs a Scene, got {scene!r:.60}; put the parts into one: "
+        raise SceneError(f"compile_scene: needs a Scene, got {shown(scene)}; put the parts into one: "
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
-    if solver not in SOLVERS:
-        raise SceneError(f"compile_scene: solver {solver!r} does not exist: choose 'auto', 'chain' or 'sparse'")
-    if not (planar == "auto" or isinstance(planar, bool)):
-        raise SceneError(f"compile_scene: planar must be 'auto', True or False, got {planar!r}")
-    if not (condense == "auto" or isinstance(condense, bool)):
-        raise SceneError(f"compile_scene: condense must be 'auto', True or False, got {condense!r}")
     scene.check()
     nodes = NodeList(scene)
     place_points(scene, nodes)
@@ -139,6 +136,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         model.not_planar = "planar=False"
     if planar is True and model.plane is None:
         raise SceneError(f"compile_scene: {scene.label} does not stay in a plane: {model.not_planar}; use planar='auto'")
+    model.asked_for_plane = planar is True
     model.text = describe(scene, model)
     # the scene as it is now: parts may be added to it later
     as_compiled = copy(scene)

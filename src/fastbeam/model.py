@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.blocks import SIX
@@ -57,6 +58,8 @@ class Model:
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
     not_planar : str
         Why there is no plane.
+    asked_for_plane : bool
+        Whether it was compiled with planar=True: nothing but the plane is of interest.
     plain : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
@@ -105,6 +108,7 @@ class Model:
     size: tuple[int, ...] = SIX
     plane: Any = None
     not_planar: str = ""
+    asked_for_plane: bool = False
     plain: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
@@ -205,8 +209,18 @@ class Model:
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 
+    @checked(node=Count(0))
     def node_label(self, node: int) -> str:
-        """Beam and node, body or mass of a global node number."""
+        """Beam and node, body or mass of a global node number.
+
+        Raises
+        ------
+        SceneError
+            There is no such node.
+        """
+        if node >= self.n_nodes:
+            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they run from 0 to "
+                             f"{self.n_nodes - 1}")
         return self.labels[node]
 
     def state(self) -> State:
@@ -307,7 +321,7 @@ class Model:
         points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
         for k, time in enumerate(self.load_times):
             if time is not None:
-                values = np.array([_factor(time, float(t)) for t in points]).reshape(-1, 3)
+                values = np.array([factor_at(time, float(t)) for t in points]).reshape(-1, 3)
                 # written out: a matrix product rounds a row differently in calls of different length
                 out[:, k] = w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
         return out
@@ -325,16 +339,23 @@ def check_model(who: str, model: Any) -> None:
         Names the function that was called.
     """
     if not isinstance(model, Model):
-        raise SceneError(f"{who}: needs a model, got {model!r:.60}; compile it first: model = fb.compile_scene(scene)")
+        raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")
 
 
-def _factor(time: Callable[[float], float], t: float) -> float:
-    """A time function at t as a number."""
+def factor_at(time: Callable[[float], float], t: float) -> float:
+    """A time function at t as a number.
+
+    Raises
+    ------
+    SceneError
+        It returned something else, or nothing finite.
+    """
     value = time(t)
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"time function of a load or of gravity: must return a number, got {value!r} at t = {t:.6g} s") from None
+    factor = real(value)
+    if factor is None or not abs(factor) <= LARGEST:
+        raise SceneError("time function of a load or of gravity: must return a finite number, got "
+                         f"{shown(value)} at t = {t:.6g} s")
+    return factor
 
 
 def _padded(n: int) -> Array:

@@ -131,7 +131,7 @@ class Stepper:
                                    symmetric=symmetric)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self.alpha = empty_rates(method, model.n_nodes)
-        self._factors = model.load_factors(np.zeros(1), np.ones(1))
+        self._factors = np.ones((1, len(model.load_times)))
         self._spare: Stepper | None = None
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool

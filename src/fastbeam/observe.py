@@ -1,15 +1,16 @@
 """What a run records: observers turn a state into one row of numbers; what is not asked for is not computed."""
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
 from .kernels.work import State
-from .model import Model
+from .model import Model, factor_at
 from .result import ResultHeader
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
@@ -18,6 +19,8 @@ KINDS = ("energy", "momentum", "slider", "inner")
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
+OBSERVED = Listing(Word(KINDS), "a sequence of kinds, as in ('energy',)")
+POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
 
 
 class Observer:
@@ -37,17 +40,6 @@ class Observer:
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
-        if isinstance(kinds, str):
-            raise SceneError(f"observe: must be a sequence of kinds, got {kinds!r}; write observe=({kinds!r},)")
-        if not isinstance(kinds, Iterable):
-            raise SceneError(f"observe: must be a sequence of kinds, got {kinds!r}; write observe=() to record none")
-        # an iterator can be read once
-        kinds = tuple(kinds)
-        if points is not None and not isinstance(points, Mapping):
-            raise SceneError(f"points: must map names to nodes, as in points={{'tip': beam.end}}, got {points!r}")
-        unknown = [k for k in kinds if k not in KINDS]
-        if unknown:
-            raise SceneError(f"observe: {unknown[0]!r} does not exist: choose from 'energy', 'momentum', 'slider', 'inner'")
         self.model = model
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
@@ -90,7 +82,7 @@ class Observer:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
             phi = state.q.reshape(-1, 12)[:, :3]
-            factor = 1.0 if model.gravity_time is None else float(model.gravity_time(t))
+            factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             out["total"] = out["kinetic"] + out["potential"]
@@ -176,16 +168,17 @@ def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
-        if isinstance(s, str) or np.ndim(s) != 0 or not 0.0 <= s <= owner.length:
-            raise SceneError(f"point {name!r}: s={s!r} lies outside {owner.label} (0 to {owner.length:.6g} m)")
-        first, values, _ = owner.basis.curve("own").evaluate(float(s))
+        at = real(s)
+        if at is None or not 0.0 <= at <= owner.length:
+            raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")
+        first, values, _ = owner.basis.curve("own").evaluate(at)
         local, weights = int(first[0]) + np.arange(values.shape[1]), np.zeros((values.shape[1], 4))
         weights[:, 0] = values[0]
     else:
         node = what.center if isinstance(what, (RigidBody, PointMass)) else what
         if not isinstance(node, NodeRef):
             raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
-                             f"got {what!r}")
+                             f"got {shown(what)}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
     try:
         return model.numbers.start(owner) + local, weights

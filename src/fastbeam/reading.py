@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import check_regular, file_path
+from .arguments import FilePath, check_regular, checked
 from .errors import BackendError, ResultFileError
 from .result import Result, ResultHeader
 
@@ -31,6 +31,7 @@ SUPERBLOCK, ATTEMPTS = 48, 5
 MOST_EVENTS, MOST_EVENT_BYTES, MOST_PARTS = 100_000, 1 << 25, 1_000_000
 
 
+@checked(path=FilePath())
 def load_result(path: str | PathLike[str]) -> Result:
     """Read a result file, also one whose writer was killed or is still running.
 
@@ -42,7 +43,7 @@ def load_result(path: str | PathLike[str]) -> Result:
         The file is missing, not HDF5, not a fastbeam result, of a newer format, or damaged.
     """
     h5py = import_h5py()
-    path = file_path("path", path)
+    path = Path(path)
     for attempt in reversed(range(ATTEMPTS)):
         left_open = _check_file(path)
         try:

@@ -55,7 +55,7 @@ class Rows:
             self.writer = ResultWriter(file, header, overwrite=overwrite)
         self.file_error: ResultFileError | None = None
         self.snapshots = snapshots
-        self.shape_gap = (t_end - clock.origin) / min(max(snapshots - 1, 1), 2**53)
+        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
         self.first_shape = self.next_shape = clock.origin
         self.pending: tuple[float, dict[str, Any]] | None = None
         self.first_force: Array | None = None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import count, number
+from .arguments import Anything, Count, FilePath, Flag, Function, Instance, Number, Word, checked
 from .callback import Callback
 from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .contact_force import AT_END, AT_ROWS, ContactForces
@@ -22,7 +22,7 @@ from .kernels.work import State
 from .methods import choose_method
 from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
-from .observe import Observer
+from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
 from .result import Result
 from .rows import Rows
@@ -33,8 +33,15 @@ Array = np.ndarray
 LARGEST_DRIFT = 1e-6
 # events of one kind that name a part each
 MOST_NAMED = 100
+TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
+START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
 
+@checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Word(), rho_inf=Number(), start=START, t_start=TIME,
+         observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
+         checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),
+         tolerance=Number(above=0.0), min_step=STEP, max_step=STEP, max_iterations=Count(most=10_000), backend=Word(),
+         augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
              observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
@@ -133,9 +140,6 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     True
     """
     check_model("simulate", model)
-    t_end, step = number("t_end", t_end), number("step", step)
-    if not step > 0.0:
-        raise SceneError(f"step: must be > 0 s, got {step:g}")
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
     check_times(clock.now, t_end, step)
     notes = [("projected", model.projected)] if start is None and model.projected else []
@@ -146,25 +150,18 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         notes = []
     if checkpoint is not None:
         checkpoint = check_target(checkpoint, overwrite=True, probe=True)
-    checkpoint_every = number("checkpoint_every", checkpoint_every)
-    if callback is not None and not callable(callback):
-        raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
-    every = max(1, n_steps // 500) if every is None else count("every", every)
-    snapshots = count("snapshots", snapshots, least=0)
+    every = max(1, n_steps // 500) if every is None else every
     control = None
     if tolerance is not None:
-        tolerance = number("tolerance", tolerance)
-        if not tolerance > 0.0:
-            raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - clock.origin
-        largest = 0.1 * span if max_step is None else number("max_step", max_step)
+        largest = 0.1 * span if max_step is None else max_step
         least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
-        smallest = min(max(1e-6 * step, least), largest) if min_step is None else number("min_step", min_step)
+        smallest = min(max(1e-6 * step, least), largest) if min_step is None else min_step
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
         check_times(clock.now, t_end, smallest, "min_step")

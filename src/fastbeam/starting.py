@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import shown
 from .errors import SceneError
 from .kernels.step import END_SLACK
 from .kernels.work import State
@@ -50,7 +51,7 @@ def own_state(model: Model, state: State) -> State:
         It is none, or one of another model.
     """
     if not isinstance(state, State):
-        raise SceneError(f"start: must be a State (result.state, model.state()), got {state!r:.60}")
+        raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
     for name, x, mine in zip(State._fields, state, model.state()):
         if np.shape(x) != mine.shape:
             raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "

@@ -37,7 +37,7 @@ except ImportError:  # no such locks on this system
 
 import numpy as np
 
-from .arguments import check_regular, file_path
+from .arguments import FilePath, check_regular, take
 from .errors import ResultFileError
 from .reading import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py, load_result,
                       parts_of)
@@ -99,7 +99,7 @@ class ResultWriter:
     def __init__(self, path: str | PathLike[str], header: ResultHeader, *, overwrite: bool = False) -> None:
         h5py = import_h5py()
         self._file: Any = None
-        self.path = file_path("file", path)
+        self.path = take(FilePath(), "file:", path)
         self.header = header
         texts = _encode({item.name: getattr(header, item.name) for item in fields(header)}, "header")
         if parts_of(texts) > MOST_PARTS:

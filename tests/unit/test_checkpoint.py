@@ -323,7 +323,7 @@ def test_devices_pipes_and_loops_of_links_are_refused_before_the_run(good: Any, 
     with pytest.raises(fb.ResultFileError, match="pipe': is a device, pipe or socket"):
         fb.load_checkpoint(tmp_path / "pipe")
     for wrong in (5, b"run", "a\0b", None):
-        with pytest.raises(fb.SceneError, match="checkpoint: must be the path of a file"):
+        with pytest.raises(fb.SceneError, match="Checkpoint.save: path must be the path of a file"):
             good.save(wrong)
     assert sorted(x.name for x in tmp_path.iterdir()) == ["loop", "null", "pipe"]
 

@@ -306,8 +306,8 @@ def test_step_control_and_order_four_go_with_the_midpoint_rule() -> None:
 # ---------------------------------------------------------------------------------------------------------------- refused
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"method": "leapfrog"}, "'leapfrog' does not exist.*'energy_momentum'.*'midpoint'.*'trapezoidal'.*'generalized_alpha'"),
-    ({"method": None}, "method: None"),
-    ({"method": ["midpoint"]}, "method: .*midpoint.* does not exist"),
+    ({"method": None}, "method: must be a text, got None"),
+    ({"method": ["midpoint"]}, r"method: must be a text, got \['midpoint'\]"),
     ({"method": "generalized_alpha", "rho_inf": 1.2}, r"rho_inf: .*\[0, 1\].*1\.2"),
     ({"method": "generalized_alpha", "rho_inf": -0.1}, r"rho_inf: .*\[0, 1\].*-0\.1"),
     ({"method": "generalized_alpha", "rho_inf": float("nan")}, "rho_inf"),

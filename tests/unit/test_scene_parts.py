@@ -106,11 +106,11 @@ def test_supports_refuse_what_is_no_node(kind):
 
 @pytest.mark.parametrize("kind", [Clamp, Pin])
 def test_supports_say_what_they_take(kind):
-    with pytest.raises(SceneError, match=rf"at must be a node, got nothing; write {kind.__name__}\(beam.start\)"):
+    with pytest.raises(SceneError, match="at missing; it takes at, name"):
         kind()
-    with pytest.raises(SceneError, match=r"takes one node and a name, got 2 arguments; write one \w+\(node\) for every node"):
+    with pytest.raises(SceneError, match="name must be a non-empty text, got .*; each support holds one node, write one for every node"):
         kind(BOOM.start, BOOM.end)
-    with pytest.raises(SceneError, match="takes one node and a name, got 3 arguments"):
+    with pytest.raises(SceneError, match="takes at, name without a name, got 3 arguments"):
         kind(BOOM.start, "foot", 3)
 
 
