@@ -229,8 +229,8 @@ class SuperLU:
 
 
 def _inertia(matrix: Any) -> tuple[int, int] | None:
-    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots (Sylvester).
-    None where row exchanges spoil the count or eigenvalues are not found.
+    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
+    (Sylvester). None where row exchanges spoil the count or eigenvalues are not found.
 
     Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal. Where
     a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap next to
@@ -270,8 +270,8 @@ def _pivots(matrix: Any) -> Array | None:
 
 
 def _nearest_to_zero(matrix: Any) -> Array | None:
-    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None where
-    they cannot be found."""
+    """Eigenvalues nearest to zero of a symmetric matrix with a diagonal of 1, so many that one at least is no round-off; None
+    where they cannot be found."""
     from scipy.sparse.linalg import ArpackError, eigsh
     n = matrix.shape[0]
     if n <= 100:

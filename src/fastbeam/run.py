@@ -333,12 +333,12 @@ class _Run:
         result = self.memory.close(self.info)
         if present is not None:
             result.checkpoint, result.state = present, present.state
+        final = error or self.rows.file_error
         if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
             self.interrupts.asked = False
             way = "" if present is None else ", .checkpoint goes on from there"
             raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
-                              result=result, state=present and present.state, checkpoint=present) from (error or self.rows.file_error)
-        final = error or self.rows.file_error
+                              result=result, state=present and present.state, checkpoint=present) from final
         if final is not None:
             final.result = result
             raise final
