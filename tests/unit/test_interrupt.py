@@ -249,3 +249,21 @@ def test_statics_end_with_the_last_equilibrium(monkeypatch: pytest.MonkeyPatch) 
     n[0] = 10
     rest = fb.solve_static(model, start=caught.value.state)
     np.testing.assert_allclose(rest.state.q, fb.solve_static(model).state.q, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("settings", [{}, {"tolerance": 1e-5}], ids=["fixed", "control"])
+def test_last_row_has_contact_forces_unless_steps_are_long(settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(t: float, state: Any) -> None:
+        if t > 0.055:
+            raise KeyboardInterrupt
+
+    model = fb.compile_scene(bead())
+    ended = fb.simulate(model, t_end=0.3, step=H, every=1, callback=lambda t, state: t > 0.055, **settings)
+    for limit in (10.0, 0.0):
+        monkeypatch.setattr(interrupt, "CALL_TIME", limit)
+        with pytest.raises(fb.Interrupted) as caught:
+            fb.simulate(model, t_end=0.3, step=H, every=1, callback=stop, **settings)
+        force, other = (x.series["contact_force"] for x in (caught.value.result, ended))
+        np.testing.assert_array_equal(force[:-1], other[:-1])
+        assert np.isfinite(other).all()
+        np.testing.assert_array_equal(force[-1], other[-1] if limit else np.full((1, 3), np.nan))
