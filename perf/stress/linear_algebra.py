@@ -229,7 +229,8 @@ def mechanisms() -> Iterator[Row]:
     cases = {
         "free beam": (a,),
         "beam on one pin": (a, fb.Pin(a.start)),
-        "beam on two pins": (a, fb.Pin(a.start), fb.Pin(a.end)),
+        "beam on two pins, pushed two ways": (a, fb.Pin(a.start), fb.Pin(a.end), fb.Load("down", a.node(2), force=(0, 0, 1e-3)),
+                                              fb.Load("aside", a.node(4), force=(0, 1e-3, 0))),
         "free second part": (a, fb.Clamp(a.start), b),
         "part on a ball joint": (a, fb.Clamp(a.start), b, fb.BallJoint(a.end, b.start), load),
         "chain on two clamps, two joints": (a, b, c, fb.Clamp(a.start), fb.Clamp(c.end), fb.BallJoint(a.end, b.start),

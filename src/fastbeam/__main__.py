@@ -97,6 +97,9 @@ def main(arguments: list[str] | None = None) -> int:
     if chosen.name not in find_examples():
         print(f"example '{chosen.name}' does not exist; choose from:\n{list_examples()}", file=sys.stderr)
         return 2
+    if not chosen.out.strip() or "\0" in chosen.out or Path(chosen.out).is_file():
+        print(f"--out: '{chosen.out}' is {'a file' if chosen.out.strip() else 'no name'}; give a folder", file=sys.stderr)
+        return 2
     load_example(chosen.name).main(out=chosen.out)
     return 0
 

@@ -1,10 +1,12 @@
 """The only file that names compiler options: how kernels are compiled and where their machine code is cached.
 
 Every kernel is cached on disk at first use. Numba's own cache does not notice an edit in a file that a kernel calls
-into, so the folder carries a hash of all kernel sources: any edit starts a new folder.
+into, so the folder carries a hash of all kernel sources: any edit starts a new folder. What is found there is run as it is:
+entries carry a checksum, and what others could have written is not touched.
 """
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import os
@@ -28,6 +30,7 @@ except ImportError:  # no such locks on this system
 import numba
 import numba.np.linalg as _linalg
 from numba.core import config as _config
+from numba.core.caching import IndexDataCacheFile
 
 # when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
 # does finds it all the same, later
@@ -46,6 +49,7 @@ __all__ = ["ABSENT", "KERNELS", "announce_first_use", "begin_beside", "beside", 
            "one_variant", "work", "written_in"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
+DIGEST = 16  # bytes of a checksum
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
 
 
@@ -68,9 +72,27 @@ def _cache_root() -> Path:
 
 def _usable(folder: Path) -> bool:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.parent.parent.mkdir(parents=True, exist_ok=True)
+        for place in (folder.parent, folder):
+            place.mkdir(mode=0o755, exist_ok=True)  # whatever the rights that new folders have
         with tempfile.TemporaryFile(dir=folder):
             return True
+    except OSError:
+        return False
+
+
+def _is_private(found: os.stat_result) -> bool:
+    """Whether nobody but this user and the administrator can write to it."""
+    return not hasattr(os, "getuid") or (found.st_uid in (0, os.getuid()) and not found.st_mode & 0o022)
+
+
+def _is_safe(folder: Path) -> bool:
+    """Whether nobody else can put kernels into this folder."""
+    try:
+        above = folder.parent.stat()
+        # entries of others cannot be removed from a sticky folder
+        return ((_is_private(above) or bool(above.st_mode & stat.S_ISVTX)) and not folder.is_symlink()
+                and all(_is_private(place.stat()) for place in (folder, *filter(Path.is_dir, folder.iterdir()))))
     except OSError:
         return False
 
@@ -81,8 +103,7 @@ def _spare_root() -> Path:
     try:
         root.mkdir(mode=0o700, exist_ok=True)
         found = root.lstat()
-        owned = not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
-        if stat.S_ISDIR(found.st_mode) and owned and _usable(root):
+        if stat.S_ISDIR(found.st_mode) and _is_private(found) and _usable(root):
             return root
     except OSError:
         pass
@@ -91,7 +112,7 @@ def _spare_root() -> Path:
 
 def _take_over(source: Path, target: Path) -> None:
     """Copy kernels from a folder that can be read but not written."""
-    if target.exists() or not source.is_dir():
+    if target.exists() or not _is_safe(source):
         return
     fresh = Path(tempfile.mkdtemp(dir=target.parent))
     try:
@@ -104,11 +125,16 @@ def _take_over(source: Path, target: Path) -> None:
 
 
 def cache_folder() -> str:
-    """Folder of the compiled kernels: `$FASTBEAM_CACHE_DIR`, else the user's cache folder. Where that cannot be written a folder
-    in the system's temporary folder takes its place, with a copy of what can be read."""
+    """Folder of the compiled kernels: `$FASTBEAM_CACHE_DIR`, else the user's cache folder. Where that cannot be written, or
+    others can write to it, one in the system's temporary folder takes its place, with a copy of what can be read and trusted."""
     name = _source_hash()
     folder = _cache_root() / name
-    if not _usable(folder):
+    usable = _usable(folder)
+    if usable and not _is_safe(folder):
+        warnings.warn(f"fastbeam: others can write to {folder} or the folder that holds it, so its kernels are not used: take "
+                      "these rights away (chmod -R go-w) or let FASTBEAM_CACHE_DIR name another folder", RuntimeWarning,
+                      stacklevel=2)
+    if not usable or not _is_safe(folder):
         spare = _spare_root() / name
         _take_over(folder, spare)
         spare.mkdir(parents=True, exist_ok=True)
@@ -144,8 +170,68 @@ def _locked(exclusive: bool) -> Iterator[None]:
                 file.close()
 
 
+class _SealedFile(IndexDataCacheFile):  # type: ignore[misc]
+    """Entries on the disk of one kernel, each with a checksum that is verified before anything in it is believed: a wrong bit in
+    machine code crashes the process, or gives other numbers."""
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            version, stamp, entries = self._unsealed(self._index_path)
+        except FileNotFoundError:
+            return {}
+        return entries if (version, stamp) == (self._version, self._source_stamp) else {}
+
+    def _save_index(self, entries: dict[Any, str]) -> None:
+        self._seal(self._index_path, (self._version, self._source_stamp, entries))
+
+    def _load_data(self, name: str) -> Any:
+        return self._unsealed(self._data_path(name))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._seal(self._data_path(name), data)
+
+    def _seal(self, path: str, what: Any) -> None:
+        data = self._dump(what)
+        with self._open_for_write(path) as file:
+            if hasattr(os, "fchmod"):
+                os.fchmod(file.fileno(), stat.S_IMODE(os.fstat(file.fileno()).st_mode) & ~0o022)
+            file.write(data)
+            file.write(_checksum(path, data))
+
+    def _unsealed(self, path: str) -> Any:
+        with open(path, "rb") as file:
+            if not _is_private(os.fstat(file.fileno())):
+                raise ValueError(f"others can write to {path}")
+            whole = memoryview(file.read())
+        data, found = whole[:-DIGEST], whole[-DIGEST:]
+        if _checksum(path, data) != found:
+            raise ValueError(f"the checksum of {os.path.basename(path)} is wrong")
+        return pickle.loads(data)
+
+
+@functools.cache
+def _close(path: str) -> None:
+    """Take the rights of others away from a folder that numba made."""
+    try:
+        mode = stat.S_IMODE(os.stat(path).st_mode)
+        if mode & 0o022:
+            os.chmod(path, mode & ~0o022)
+    except OSError:
+        pass  # not there yet
+
+
+def _checksum(path: str, data: Any) -> bytes:
+    """Of the contents of a file and its name, so that files that changed places are found too."""
+    digest = hashlib.blake2b(os.fsencode(os.path.basename(path)), digest_size=DIGEST)
+    digest.update(data)
+    return digest.digest()
+
+
 def _guard(cache: Any) -> None:
     """Let a kernel's cache survive other processes, damaged files and a full disk: then it counts as empty."""
+    plain = cache._cache_file
+    cache._cache_file = _SealedFile(plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp)
+    _close(plain._cache_path)
     save = cache.save_overload
 
     def guarded_load(*arguments: Any) -> Any:

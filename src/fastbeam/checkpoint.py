@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
+import stat
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -19,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import number
+from .arguments import Count, FilePath, Flag, Instance, Maybe, Number, Word, check_regular, checked, number
 from .errors import ResultFileError, SceneError
 from .kernels.work import State
 from .model import Model
@@ -30,8 +33,15 @@ VERSION = 2
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
 ARRAYS = (*State._fields, "mean_force", "memory")
+# shares of a step: an end this near to a whole number of steps is one; a last step shorter than that is added to the one before
+WHOLE, SLIVER = 1e-9, 0.01
+# a step is at least this many times the distance of doubles at its time
+RESOLVED = 4.0
+STEP, NUMBERS = Number(above=0.0, unit="s"), Maybe(Instance(np.ndarray, "an array or None"))
 
 
+@checked(state=Instance(State, "a State"), t=Number(), step=STEP, t_start=Number(), steps=Count(0), next_step=Maybe(STEP),
+         mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP)
 @dataclass(frozen=True)
 class Checkpoint:
     """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
@@ -52,6 +62,8 @@ class Checkpoint:
         Contact forces of the last step, half of what the next row records; None before the first step.
     scene, fingerprint : str
         Name and hash of the model.
+    last_step : float or None
+        Size of the last step, s, that mean_force belongs to.
     memory : float64 or None
         What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
         the first guess of the next, the newest as increments.
@@ -67,9 +79,12 @@ class Checkpoint:
     scene: str
     fingerprint: str
     memory: Array | None = None
+    last_step: float | None = None
 
+    @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
-        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one.
+        """Write to a file in one piece: after a kill at any moment the file is the old one or the new one. Of a symbolic link the
+        file that it leads to is written.
 
         Raises
         ------
@@ -78,7 +93,8 @@ class Checkpoint:
             be written.
         """
         path = check_target(path, overwrite)
-        head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint")}
+        head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint",
+                                                   "last_step")}
         extra = [() if x is None else x for x in (self.mean_force, self.memory)]
         arrays = [np.asarray(x, dtype="<f8") for x in (*self.state, *extra)]
         head["sizes"] = {name: x.size for name, x in zip(ARRAYS, arrays)}
@@ -86,6 +102,7 @@ class Checkpoint:
         _replace(path, data + hashlib.sha256(data).digest())
 
 
+@checked(path=FilePath())
 def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
     """Read a checkpoint that `simulate(..., checkpoint=path)` or `Checkpoint.save` wrote.
 
@@ -95,9 +112,10 @@ def load_checkpoint(path: str | PathLike[str]) -> Checkpoint:
         The file is missing, no checkpoint, of a newer format, or damaged.
     """
     path = Path(path)
-    if not path.is_file():
-        raise ResultFileError(f"checkpoint '{path}': no such file")
     try:
+        if not path.exists():
+            raise ResultFileError(f"checkpoint '{path}': no such file")
+        check_regular("checkpoint", path, path)
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             first = file.readline(len(MAGIC) + 20)
@@ -126,6 +144,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         sizes = [int(head["sizes"][name]) for name in ARRAYS]
         times = {name: number(name, head[name]) for name in ("t", "step", "t_start")}
         next_step = None if head["next_step"] is None else number("next_step", head["next_step"])
+        last_step = None if head.get("last_step") is None else number("last_step", head["last_step"])
         steps, scene, fingerprint = int(head["steps"]), str(head["scene"]), str(head["fingerprint"])
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
@@ -133,57 +152,81 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
     if sizes[0] != sizes[1] or sizes[3] != 3 * sizes[2] or sizes[4] not in (0, sizes[3]) or sizes[0] % 12:
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
-    if not times["step"] > 0.0 or steps < 0 or not (next_step is None or next_step > 0.0):
+    if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
         raise refuse("damaged, a step is not > 0")
     numbers = np.frombuffer(body[:-DIGEST], dtype="<f8").astype(np.float64)
     if not np.isfinite(numbers).all():
         raise refuse("holds values that are not finite")
     *state, force, memory = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
     return Checkpoint(State(*state), **times, steps=steps, next_step=next_step, mean_force=force if force.size else None,
-                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None)
+                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None, last_step=last_step)
 
 
-def check_target(path: str | PathLike[str], overwrite: bool) -> Path:
-    """Refuse a place where a checkpoint cannot or must not be written.
+def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False) -> Path:
+    """Refuse a place where a checkpoint cannot or must not be written; `probe` finds out by writing an empty file beside it.
+    Returns the file itself where the path is a link to it.
 
     Raises
     ------
     ResultFileError
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise ResultFileError(f"checkpoint '{path}': folder '{path.parent}' does not exist; create it first")
-    if path.is_dir():
-        raise ResultFileError(f"checkpoint '{path}': is a folder; give the name of a file")
-    if path.exists():
-        if not overwrite:
-            raise ResultFileError(f"checkpoint '{path}': exists already; pass overwrite=True or choose another path")
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) not in (MAGIC, b""):
-                raise ResultFileError(f"checkpoint '{path}': holds something else than a checkpoint; choose another path")
+    named = Path(path)
+    try:
+        path = Path(os.path.realpath(named))
+        if not path.parent.is_dir():
+            raise ResultFileError(f"checkpoint '{named}': folder '{path.parent}' does not exist; create it first")
+        if os.path.lexists(path):
+            check_regular("checkpoint", path, named)
+            if not overwrite:
+                raise ResultFileError(f"checkpoint '{named}': exists already; pass overwrite=True or choose another path")
+            with path.open("rb") as file:
+                if file.read(len(MAGIC)) not in (MAGIC, b""):
+                    raise ResultFileError(f"checkpoint '{named}': holds something else than a checkpoint; choose another path")
+        if probe:
+            fresh = _beside(path)
+            fresh.open("wb").close()
+            fresh.unlink()
+            if not os.path.lexists(path):
+                # the name itself may be impossible
+                path.open("xb").close()
+                path.unlink()
+    except OSError as error:
+        raise ResultFileError(f"checkpoint '{named}': cannot be written ({error}); choose another path") from error
     return path
+
+
+def _beside(path: Path) -> Path:
+    """A name for new contents; short, because the file's own may be as long as the file system allows."""
+    return path.with_name(f".checkpoint-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}.{os.getpid()}")
 
 
 def _replace(path: Path, data: bytes) -> None:
     """Put data into a file that is complete at every moment, also after a power cut."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+    fresh = _beside(path)
     try:
-        with fresh.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(fresh, path)
-    except OSError as error:
-        fresh.unlink(missing_ok=True)
-        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was") from error
-    if hasattr(os, "O_DIRECTORY"):
-        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            os.fsync(folder)
-        except OSError:
-            pass  # a file system that cannot; the file itself is safe
-        finally:
-            os.close(folder)
+            with fresh.open("wb") as file:
+                if path.exists():
+                    os.chmod(fresh, stat.S_IMODE(path.stat().st_mode))
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(fresh, path)
+        except BaseException:
+            with suppress(OSError):
+                fresh.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise ResultFileError(f"checkpoint '{path}': cannot be written ({error}); an earlier one is as it was; choose another "
+                              "path") from error
+    if hasattr(os, "O_DIRECTORY"):
+        # where that cannot be done the file itself is safe
+        with suppress(OSError):
+            folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
 
 @dataclass
@@ -197,8 +240,8 @@ class Clock:
     now : float
     size : float
         Of the next step; with a fixed step the same all the time.
-    before : float64 [3 S] or None
-        Mean contact force of the last step.
+    before, before_size : float64 [3 S] or None, float or None
+        Mean contact force of the last step, and its size.
     """
 
     origin: float
@@ -207,6 +250,7 @@ class Clock:
     size: float
     done: int = 0
     before: Array | None = None
+    before_size: float | None = None
     on_grid: bool = True
 
     def count(self, steps: int) -> float:
@@ -214,6 +258,19 @@ class Clock:
         self.done += steps
         self.now = self.origin + self.step * self.done
         return self.now
+
+    def plan(self, t_end: float) -> tuple[int, float]:
+        """(whole steps from here to t_end, size of a last one that differs or 0): shorter than the others, or up to a hundredth
+        longer where it would be shorter than a hundredth of them."""
+        steps = (t_end - self.origin) / self.step
+        n = round(steps)
+        # times that are whole numbers of steps are so up to the rounding of t_end
+        if n > self.done and abs(steps - n) <= _unclear(self.origin, t_end, self.step):
+            return n - self.done, 0.0
+        n = math.floor(steps)
+        if steps - n < SLIVER and n > self.done:
+            n -= 1
+        return n - self.done, t_end - (self.origin + self.step * n)
 
     def leave_grid(self, t: float) -> None:
         """Go to a time that is no whole number of steps away."""
@@ -228,7 +285,32 @@ class Clock:
             origin, done = now, 0
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
-                          model.fingerprint, memory)
+                          model.fingerprint, memory, self.before_size)
+
+
+def _unclear(a: float, b: float, step: float) -> float:
+    """Share of a step below which differences between times mean nothing."""
+    return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
+
+
+def check_times(now: float, t_end: float, step: float, name: str = "step") -> None:
+    """Refuse runs whose times doubles cannot tell apart.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not t_end > now:
+        raise SceneError(f"t_end: must lie after t_start = {now:g} s, got {t_end:g}")
+    if t_end - now <= _unclear(now, t_end, step) * step:
+        raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, next to nothing of a step of {step:g} s; "
+                         "give a later t_end, or a smaller step")
+    far = max(abs(now), abs(t_end))
+    apart = float(np.spacing(far))
+    if not step >= RESOLVED * apart:
+        raise SceneError(f"{name}: must be at least {RESOLVED * apart:.3g} s, got {step:g}, because times near {far:g} s are "
+                         f"doubles {apart:.3g} s apart; count time from the start of the run (t_start=0), take larger steps, "
+                         "or end earlier")
 
 
 def start_clock(model: Model, start: Any, t_start: float | None, step: float, controlled: bool) -> tuple[State | None, Clock]:
@@ -250,7 +332,7 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
                          "another machine; compile the same scene, or go on at your own risk with "
                          "start=checkpoint.state, t_start=checkpoint.t")
     before = None if start.mean_force is None else start.mean_force.copy()
-    clock = Clock(start.t, start.t, step, step, before=before)
+    clock = Clock(start.t, start.t, step, step, before=before, before_size=start.last_step)
     if controlled and start.next_step is not None:
         clock.origin, clock.size = start.t_start, start.next_step
     elif not controlled and start.next_step is None and start.step == step:

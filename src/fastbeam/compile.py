@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Anything, Flag, Word, checked, shown
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
-from .initial import initial_state
+from .initial import initial_state, place_points
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.ties import Ties
@@ -27,8 +28,10 @@ from .tables import ElementPacker, Elements, condensed_ends, elements_of, pack_c
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
+CHOICE = Flag(("auto",))
 
 
+@checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
 def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool = True, planar: bool | str = "auto",
                   condense: bool | str = "auto") -> Model:
     """Compile a scene to constant tables.
@@ -61,16 +64,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise SceneError(f"compile_scene: scene {scene.scene_name!r} is compiled already; pass the model on to simulate "
                          "or solve_static")
     if not isinstance(scene, Scene):
-        raise SceneError(f"compile_scene: needs a Scene, got {scene!r:.60}; put the parts into one: "
+        raise SceneError(f"compile_scene: needs a Scene, got {shown(scene)}; put the parts into one: "
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
-    if solver not in SOLVERS:
-        raise SceneError(f"compile_scene: solver {solver!r} does not exist: choose 'auto', 'chain' or 'sparse'")
-    if not (planar == "auto" or isinstance(planar, bool)):
-        raise SceneError(f"compile_scene: planar must be 'auto', True or False, got {planar!r}")
-    if not (condense == "auto" or isinstance(condense, bool)):
-        raise SceneError(f"compile_scene: condense must be 'auto', True or False, got {condense!r}")
     scene.check()
     nodes = NodeList(scene)
+    place_points(scene, nodes)
     n = len(nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
@@ -118,7 +116,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
-    state = initial_state(scene, nodes, joints, elements)
+    state, projected = initial_state(scene, nodes, joints, elements)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves,
@@ -127,7 +125,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
-        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes)
+        names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes),
+        load_names=[_timed_by(scene, time) for time in times])
     # the same numbers need no second place
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
@@ -137,6 +136,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         model.not_planar = "planar=False"
     if planar is True and model.plane is None:
         raise SceneError(f"compile_scene: {scene.label} does not stay in a plane: {model.not_planar}; use planar='auto'")
+    model.asked_for_plane = planar is True
     model.text = describe(scene, model)
     # the scene as it is now: parts may be added to it later
     as_compiled = copy(scene)
@@ -406,6 +406,25 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_of: Arra
             # nodes may share a row
             vectors[k].reshape(n + 1, 8)[:, c] = np.bincount(row_of, vector[:, c], minlength=n + 1)
     return vectors, [time for time, _ in groups], weight, constant
+
+
+def _timed_by(scene: Scene, time: Any) -> str:
+    """What has this time function, for messages."""
+    names = ["gravity"] * (scene.gravity_time is time)
+    names += [f"{load.kind} {load.name!r}" for load in [*scene.loads, *scene.distributed] if load.time is time]
+    names += [f"the loads of {net.label}" for net in scene.nets if net.loads is not None and net.time is time]
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+
+
+def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:
+    """Names of the joints at every node that has some; those at points of a body also at its centre."""
+    out: dict[int, list[str]] = {}
+    for joint in [*scene.rigid, *scene.balls]:
+        for node in (joint.a, joint.b):
+            out.setdefault(nodes.number(node), []).append(str(joint.name))
+    for body, arm in nodes.arm_owner:
+        out.setdefault(body, []).extend(out.get(arm, []))
+    return out
 
 
 def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:

@@ -228,8 +228,18 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
     if np.any(local[:, 0] == local[:, 1]) or len(ball) != m - n_trees:
         sets = _Sets(m)
         first = next(j for j, (a, b) in enumerate(local.tolist()) if a == b or not sets.join(a, b))
-        raise SceneError(f"{name(first)}: it joins parts that rigid connections and ball joints already join (a hinge or a "
-                         "closed loop of rigid parts); put a beam into the loop, or remove the joint")
+        a, b = local[first]
+        pair = np.array([a, b]) if a < b else np.array([b, a])
+        again = next((j for j in range(first) if np.array_equal(np.sort(local[j]), pair)), None)
+        if a == b:
+            why = "rigid connections hold both of its sides together, so the joint does nothing; remove it"
+        elif again is not None:
+            why = (f"a second ball joint between the same rigid parts, beside {name(again)}; at the same point it does nothing, "
+                   "elsewhere both are a hinge, which is not supported yet; put a beam into the loop, or remove the "
+                   "joint")
+        else:
+            why = "it closes a loop of rigid parts, which is not supported yet; put a beam into the loop, or remove the joint"
+        raise SceneError(f"{name(first)}: it joins parts that rigid connections and ball joints already join: {why}")
     order = np.lexsort((roots, rank[roots], held[roots] & 7 != 7))
     top = np.full(n_trees, -1)
     top[tree[order[::-1]]] = order[::-1]
@@ -247,9 +257,6 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
     joint = by_key[np.searchsorted(key[by_key], np.minimum(child, above) * m + np.maximum(child, above))]
     side = (sides[joint, 1] == roots[child]).astype(np.int64)
     at_child, at_parent = ball[joint, side], ball[joint, 1 - side]
-    for i in np.flatnonzero(held[roots[child]] & 7 != 0):
-        raise SceneError(f"{name(int(joint[i]))}: both sides are held ({labels[roots[above[i]]]}, {labels[roots[child[i]]]}), "
-                         "the joint does nothing; remove it or one of the supports")
     away = np.any(offset[at_parent], axis=1) | np.any(offset[at_child], axis=1)
     if away.any():
         # parents come before their children
@@ -257,4 +264,12 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
             up, down = int(roots[above[i]]), int(roots[child[i]])
             if away[i] or up in arms:
                 arms[down] = [*arms.get(up, []), (up, offset[at_parent[i]]), (down, -offset[at_child[i]])]
+    for i in np.flatnonzero(held[roots[child]] & 7 != 0):
+        up, down = int(roots[above[i]]), int(roots[child[i]])
+        if down in arms:
+            raise SceneError(f"{name(int(joint[i]))}: it closes a loop of rigid parts from the support of {labels[base[down]]} "
+                             f"to that of {labels[down]} (a linkage), which is not supported yet; make one link of the loop a "
+                             "stiff Beam, or remove the joint or one of the supports")
+        raise SceneError(f"{name(int(joint[i]))}: both sides are held ({labels[up]}, {labels[down]}), the joint does nothing; "
+                         "remove it or one of the supports")
     return base, arms

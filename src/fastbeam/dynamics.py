@@ -63,7 +63,9 @@ def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
         if max(outcome.sizes) > 0.1:
             # far from any solution that says nothing about the scene
             return cause, smaller
-        return f"{cause}: {others} it already", "Leave out one of what holds it."
+        # whether the parts that it joins can move towards each other is all that is known
+        return (f"{cause}: no force of it moves anything, as where {others} it already",
+                "Leave out one of what holds it, or give what it joins mass and room to move.")
     last = [x for x in outcome.sizes if x > 0.0][-1:]
     if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
         k = int(np.argmax(contact.remaining))
@@ -137,7 +139,8 @@ class StepControl:
     rejected: int = 0
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
-        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END.
+        """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK without a
+        step means that `stepper.stop` said so.
 
         Raises
         ------
@@ -145,6 +148,14 @@ class StepControl:
             The smallest step fails.
         """
         start = stepper.save()
+        try:
+            return self._accepted(stepper, start, t, h, step)
+        except KeyboardInterrupt:
+            stepper.load(start)
+            raise
+
+    def _accepted(self, stepper: Stepper, start: tuple[State, Array], t: float, h: float,
+                  step: int) -> tuple[float, float, Outcome]:
         while True:
             whole = stepper.advance(t, h, 1)
             if whole.status == SLIDER_END:
@@ -154,7 +165,11 @@ class StepControl:
             halves = whole
             if whole.status == OK:
                 stepper.load(start)
-                halves = stepper.advance(t, 0.5 * h, 2)
+                halves = stepper.advance(t, 0.5 * h, 2) if whole.steps else whole
+                if halves.status == OK and halves.steps < 2:
+                    stepper.load(start)
+                    halves.steps = 0
+                    return h, h, halves
                 if halves.status == SLIDER_END:
                     stepper.load(start)
                     return h, h, stepper.advance(t, h, 1)

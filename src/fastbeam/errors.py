@@ -34,6 +34,24 @@ class ConvergenceError(RuntimeError):
         self.worst, self.state, self.result = worst, state, result
 
 
+class Interrupted(KeyboardInterrupt):
+    """A run was interrupted (Ctrl-C) and ended as it does at its end: rows complete, files closed, the checkpoint renewed.
+
+    Attributes
+    ----------
+    result : Result or None
+        Everything computed until then.
+    state : State or None
+        The last state, a row of the result; None where a second Ctrl-C cut a step in two.
+    checkpoint : Checkpoint or None
+        Of a run in time: the last state with everything to go on bit for bit.
+    """
+
+    def __init__(self, message: str = "", *, result: Any = None, state: Any = None, checkpoint: Any = None) -> None:
+        super().__init__(message)
+        self.result, self.state, self.checkpoint = result, state, checkpoint
+
+
 class BackendError(ImportError):
     """An optional library is missing; the message says what to install."""
 

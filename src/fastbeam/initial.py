@@ -1,38 +1,36 @@
 """The initial state: positions, triads and velocities that agree with all connections, supports and sliders."""
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from .connections import ARM, POSITION, TRIAD, Connections
+from .connections import ARM, TRIAD, Connections
 from .errors import SceneError
 from .kernels.work import State
 from .numbering import NodeList
+from .projection import project
 from .scene import PointMass, RigidBody, Scene
 from .tables import Elements
 
 Array = np.ndarray
 
 
-def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements]) -> State:
-    """State at t = 0.
+def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements]) -> tuple[State, str]:
+    """State at t = 0, and what a projection of the velocities changed, in words.
 
     Raises
     ------
     SceneError
-        A slider's point off the discrete curve, or velocities that a connection, a support or a slider does not allow, unless
-        the scene asks for their projection.
+        Velocities that a connection, a support or a slider does not allow, unless the scene asks for their projection and there
+        is one.
     """
     n = len(nodes)
     lines = _contact_lines(scene, nodes)
-    for slider, line in zip(scene.sliders, lines):
-        _place(scene, nodes, slider, line)
     v, omega = _given_velocities(scene, nodes)
     _follow_sliders(scene, nodes, v, lines)
     tied = joints.tied
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
     v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
+    changed = ""
     wrong = _mismatch(scene, nodes, joints, v, omega, lines)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
@@ -41,7 +39,13 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             if not scene.project_velocities:
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
-            v, omega = _project(scene, nodes, joints, elements, v, omega, lines)
+            given = v, omega
+            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines)
+            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines))
+            if size > 1e-7 * scale:
+                raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
+                                 "m/s remain; change the rate of a slider or leave a support out")
+            changed = _change(nodes, given, (v, omega), energies)
     # what is held stands still exactly, also after a projection: no step would correct it
     v[~tied & (joints.held & 7 != 0)] = 0.0
     omega[(joints.spin_root == np.arange(n)) & (joints.held & 56 != 0)] = 0.0
@@ -56,7 +60,18 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     if omega.any():
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
-    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(3 * s.size))
+    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(3 * s.size)), changed
+
+
+def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Array], energies: tuple[float, float]) -> str:
+    """What a projection changed: the largest change of a velocity, or of a spin where none changed, and the kinetic energy."""
+    moved, turned = (np.linalg.norm(new - old, axis=1) for new, old in zip(found, given))
+    k, i = int(np.argmax(moved)), int(np.argmax(turned))
+    much = moved[k] > 1e-10 * turned[i] * _size(nodes)
+    what = f"{moved[k]:.6g} m/s at {nodes.labels[k]}" if much else f"{turned[i]:.6g} rad/s at {nodes.labels[i]}"
+    before, after = energies
+    return (f"the initial velocities were projected: they change by up to {what}, the kinetic energy from {before:.6g} to "
+            f"{after:.6g} J")
 
 
 def _size(nodes: NodeList) -> float:
@@ -74,18 +89,42 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     return out
 
 
-def _place(scene: Scene, nodes: NodeList, slider: Any, line: tuple[Array, Array, Array, int]) -> None:
-    """Point masses move onto the discrete curve; anything else has to lie on it."""
-    number, values, _, point = line
-    curve = values @ nodes.phi[number]
-    gap = float(np.linalg.norm(nodes.phi[point] - curve))
-    if isinstance(slider.point.owner, PointMass) and slider.point.owner.position is None:
+def place_points(scene: Scene, nodes: NodeList) -> None:
+    """Move what slides onto its discrete curve, before anything is made of its position: a mass without position all the way,
+    anything else by what the digits of its position lack. A gap would close in the first step, and that blow would stay in the
+    motion for ever.
+
+    Raises
+    ------
+    SceneError
+        A point lies further off its curve, or two sliders want it at different places.
+    """
+    lines = _contact_lines(scene, nodes)
+    for slider, line in zip(scene.sliders, lines):
+        point, mass = line[3], slider.point.owner
+        curve = line[1] @ nodes.phi[line[0]]
+        gap = float(np.linalg.norm(nodes.phi[point] - curve))
+        if not (isinstance(mass, PointMass) and mass.position is None) and gap > 1e-9 * slider.beam.length:
+            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
+                             f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the "
+                             "nodes only; start at a node, use more elements or a higher degree, or slide a PointMass without "
+                             "position")
         nodes.phi[point] = curve
-    elif gap > 1e-9 * slider.beam.length:
-        raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off the discrete curve of "
-                         f"{slider.beam.label} at={slider.at:.6g}: the interpolation of a curved beam meets its shape at the "
-                         "nodes only; start at a node, use more elements or a higher degree, or slide a PointMass without "
-                         "position")
+    for slider, (number, values, _, point) in zip(scene.sliders, lines):
+        gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
+        if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
+            raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
+                             f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes "
+                             "of curved beams")
+    moved = {line[3] for line in lines}
+    for ball in scene.balls:
+        a, b = nodes.number(ball.a), nodes.number(ball.b)
+        gap = float(np.linalg.norm(nodes.phi[a] - nodes.phi[b]))
+        round_off = 32.0 * float(np.finfo(float).eps * np.max(np.abs(nodes.phi)))
+        if {a, b} & moved and gap > 4e-9 * _size(nodes) + round_off:
+            raise SceneError(f"{ball.name}: the slider of {nodes.labels[a if a in moved else b]} puts it {gap:.3g} m away "
+                             "from the other side, on the discrete curve of a beam, which meets its shape at the nodes only; "
+                             "join there, or use more elements or a higher degree")
 
 
 def _given_velocities(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
@@ -168,108 +207,3 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
         if slider.rate is not None:
             out.append((abs(rate - slider.rate), f"slider {slider.name!r} (rate {slider.rate:g} m/s against {rate:g} m/s)"))
     return out
-
-
-def _project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements], v: Array, omega: Array,
-             lines: list[tuple[Array, Array, Array, int]]) -> tuple[Array, Array]:
-    """The consistent velocities nearest to the given ones in the kinetic energy."""
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-    n = len(nodes)
-    mass = _mass_matrix(scene, nodes, elements)
-    # rows of the constraints on (v, omega) of all nodes
-    rows: list[Array] = []
-    columns: list[Array] = []
-    data: list[Array] = []
-    right: list[float] = []
-
-    def skew(x: Array) -> Array:
-        return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
-
-    def add(parts: list[tuple[int, int, Array]], value: Array) -> None:
-        """sum of matrices [m, 3] on (node, 0 = v or 1 = omega) equals value [m]."""
-        m = len(value)
-        for node, which, matrix in parts:
-            i, j = np.nonzero(np.ones((m, 3)))
-            rows.append(len(right) + i)
-            columns.append(6 * node + 3 * which + j)
-            data.append(matrix[i, j])
-        right.extend(float(x) for x in value)
-
-    eye = np.eye(3)
-    for k, entries in joints.entries.items():
-        parts = [(k, 0, -eye)]
-        for kind, target, offset, _ in entries:
-            if kind == POSITION:
-                parts.append((target, 0, eye))
-            elif kind == ARM:
-                parts.append((target, 1, -skew(offset @ nodes.directors[target])))
-            elif target != k:
-                add([(k, 1, -eye), (target, 1, eye)], np.zeros(3))
-        add(parts, np.zeros(3))
-    for k in np.flatnonzero(joints.held).tolist():
-        if joints.held[k] & 7 and k not in joints.entries:
-            add([(k, 0, eye)], np.zeros(3))
-        if joints.held[k] & 56 and joints.spin_root[k] == k:
-            add([(k, 1, eye)], np.zeros(3))
-    for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
-        tangent = slopes @ nodes.phi[number]
-        if slider.rate is None:
-            # any speed along the tangent: two rows across it
-            _, _, across = np.linalg.svd(tangent[None] / np.linalg.norm(tangent))
-            lead, value = across[1:], np.zeros(2)
-        else:
-            lead, value = eye, slider.rate * tangent
-        add([(point, 0, lead), *((int(k), 0, -x * lead) for k, x in zip(number, values))], value)
-    g = sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(len(right), 6 * n))
-    given = np.concatenate((v, omega), axis=1).reshape(-1)
-    # tiny weight on unknowns without mass, so that they keep their value
-    weight = mass + sparse.eye(6 * n) * (1e-9 * mass.diagonal().max())
-    system = sparse.bmat([[weight, g.T], [g, -1e-14 * sparse.eye(len(right)) / mass.diagonal().max()]]).tocsc()
-    solution = splu(system).solve(np.concatenate((weight @ given, right)))[:6 * n].reshape(n, 6)
-    return solution[:, :3].copy(), solution[:, 3:].copy()
-
-
-def _mass_matrix(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Any:
-    """Reduced mass matrix on (v, omega) of all nodes, sparse [6 N, 6 N]."""
-    from scipy import sparse
-    n = len(nodes)
-    d = nodes.directors
-
-    def skew(x: Array) -> Array:
-        """[..., 3] -> [..., 3, 3]"""
-        o = np.zeros(x.shape[:-1])
-        return np.stack((np.stack((o, -x[..., 2], x[..., 1]), -1), np.stack((x[..., 2], o, -x[..., 0]), -1),
-                         np.stack((-x[..., 1], x[..., 0], o), -1)), -2)
-
-    rows, columns, data = [], [], []
-    for part in elements:
-        a, b = np.broadcast_arrays(part.nodes[:, :, None], part.nodes[:, None, :])
-        a, b = a.reshape(-1), b.reshape(-1)
-        density = np.repeat(part.inertia[part.section], part.nodes.shape[1]**2, axis=0)
-        block = np.zeros((a.size, 6, 6))
-        block[:, :3, :3] = (density[:, 0] * part.mass_phi.reshape(-1))[:, None, None] * np.eye(3)
-        for k in (1, 2):
-            sa, sb = skew(d[a, k]), skew(d[b, k])
-            block[:, 3:, 3:] += (density[:, k] * part.mass_dir.reshape(-1))[:, None, None] * np.einsum("mki,mkj->mij", sa, sb)
-        i, j = np.nonzero(np.ones((6, 6)))
-        rows.append((6 * a[:, None] + i).reshape(-1))
-        columns.append((6 * b[:, None] + j).reshape(-1))
-        data.append(block[:, i, j].reshape(-1))
-    for part in [*scene.bodies, *scene.masses]:
-        k = nodes.start(part)
-        block = np.zeros((6, 6))
-        block[:3, :3] = part.mass * np.eye(3)
-        if isinstance(part, RigidBody):
-            block[3:, 3:] = d[k].T @ part.inertia @ d[k]
-        i, j = np.nonzero(np.ones((6, 6)))
-        rows.append(6 * k + i)
-        columns.append(6 * k + j)
-        data.append(block[i, j])
-    for net in scene.nets:
-        if net.masses is not None:
-            at = 6 * (nodes.start(net) + net.junction)[:, None] + np.arange(3)
-            rows.append(at.reshape(-1))
-            columns.append(at.reshape(-1))
-            data.append(np.repeat(net.masses, 3))
-    return sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(6 * n, 6 * n))

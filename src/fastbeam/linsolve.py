@@ -179,31 +179,33 @@ class SuperLU:
                 return np.ascontiguousarray(x)
         return None
 
-    def signs(self, blocks: Array) -> tuple[int, int] | None:
-        """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
-        (Sylvester). None where the matrix is not symmetric or a row exchange spoils the count.
+    def signs(self, blocks: Array, symmetric: bool) -> tuple[int, int] | None:
+        """Numbers of negative eigenvalues of a matrix that is symmetric but for round-off, and of those that are zero to it.
 
-        Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal.
-        Where a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap
-        next to those that vanish."""
-        from scipy import sparse
+        Of one that is not symmetric the same where they are (0, 0): then all its eigenvalues have a positive real part
+        (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
+        neither decides, or the eigenvalues cannot be counted.
+        """
         matrix = self.matrix(blocks)
-        if not abs(matrix - matrix.T).max() <= 1e-8 * abs(matrix).max():
-            return None
-        diagonal = np.abs(matrix.diagonal())
-        pivots = _pivots(matrix)
-        if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
-            return int(np.sum(pivots < 0.0)), 0
-        scale = sparse.diags(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), format="csc")
-        scaled = scale @ (0.5 * (matrix + matrix.T)) @ scale
-        near = _nearest_to_zero(scaled)
-        if near is None:
-            return None
-        zero = np.abs(near) <= ZERO_EIGENVALUE
-        next_one = np.min(np.abs(near[~zero]), initial=1.0)
-        shift = np.sqrt(ZERO_EIGENVALUE * next_one)
-        pivots = _pivots((scaled + shift * sparse.identity(scaled.shape[0], format="csc")).tocsc())
-        return None if pivots is None else (int(np.sum(pivots < 0.0)), int(np.sum(zero)))
+        found = _inertia(0.5 * (matrix + matrix.T))
+        # next to the diagonal: stiffnesses differ by many powers of ten
+        scale = np.sqrt(1.0 / _diagonal(matrix))
+        skew = (matrix - matrix.T).tocoo()
+        if symmetric or found == (0, 0) or np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0) <= 1e-8:
+            return found
+        return (1, 0) if self._determinant_sign(matrix) < 0 else None
+
+    @staticmethod
+    def _determinant_sign(matrix: Any) -> int:
+        """1, -1, or 0 where the matrix is singular."""
+        from scipy.sparse.linalg import splu
+        try:
+            factors = splu(matrix)
+        except RuntimeError:
+            return 0
+        signs = np.concatenate((np.sign(factors.L.diagonal()), np.sign(factors.U.diagonal())))
+        turns = _is_odd(factors.perm_r) ^ _is_odd(factors.perm_c)
+        return int(np.prod(signs)) * (-1 if turns else 1)
 
     def matrix(self, blocks: Array) -> Any:
         """The matrix of blocks [n_blocks, size, 8] by columns."""
@@ -224,6 +226,36 @@ class SuperLU:
         size = np.linalg.norm(b, axis=1)
         worst = float(np.max(np.linalg.norm(b - (matrix @ x.T).T, axis=1) / np.where(size > 0.0, size, 1.0)))
         return worst if np.isfinite(worst) else np.inf
+
+
+def _inertia(matrix: Any) -> tuple[int, int] | None:
+    """Numbers of negative eigenvalues of a symmetric matrix and of those that are zero to round-off, counted as pivots
+    (Sylvester). None where row exchanges spoil the count or eigenvalues are not found.
+
+    Round-off makes the sign of a pivot of a free motion arbitrary, and in long beams grows in it to 1e-9 of the diagonal. Where
+    a pivot is small, the eigenvalues nearest to zero are therefore computed, and negative ones counted behind the gap next to
+    those that vanish."""
+    from scipy import sparse
+    diagonal = np.abs(matrix.diagonal())
+    pivots = _pivots(matrix)
+    if pivots is not None and np.all(np.abs(pivots) > CLEAR_PIVOT * diagonal):
+        return int(np.sum(pivots < 0.0)), 0
+    scale = sparse.diags(np.sqrt(1.0 / _diagonal(matrix)), format="csc")
+    scaled = scale @ matrix @ scale
+    near = _nearest_to_zero(scaled)
+    if near is None:
+        return None
+    zero = np.abs(near) <= ZERO_EIGENVALUE
+    next_one = np.min(np.abs(near[~zero]), initial=1.0)
+    shift = np.sqrt(ZERO_EIGENVALUE * next_one)
+    pivots = _pivots((scaled + shift * sparse.identity(scaled.shape[0], format="csc")).tocsc())
+    return None if pivots is None else (int(np.sum(pivots < 0.0)), int(np.sum(zero)))
+
+
+def _diagonal(matrix: Any) -> Array:
+    """Sizes of its entries, 1 for those that vanish."""
+    diagonal = np.abs(matrix.diagonal())
+    return np.where(diagonal > 0.0, diagonal, 1.0)
 
 
 def _pivots(matrix: Any) -> Array | None:
@@ -335,3 +367,15 @@ class LinearSystem:
             return (f"PARDISO{kind}, {t.counts[0]} factorisations, used again {t.counts[2]} times, {t.counts[1]} refined, "
                     f"largest relative residual {t.worst[0]:.1e}, {fell}")
         return "SuperLU" + (f" ({self._why})" if self._why else "")
+
+
+def _is_odd(order: Array) -> bool:
+    """Whether a permutation takes an odd number of exchanges: those of each of its cycles are one less than its length."""
+    seen = np.zeros(order.size, bool)
+    cycles = 0
+    for k in range(order.size):
+        cycles += not seen[k]
+        while not seen[k]:
+            seen[k] = True
+            k = order[k]
+    return bool((order.size - cycles) % 2)

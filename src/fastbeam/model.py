@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
 
+from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
 from .kernels.blocks import SIX
@@ -20,6 +21,7 @@ from .kernels.slider import Contact, Curves, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
+from .mapping import state_for
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -56,12 +58,20 @@ class Model:
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
     not_planar : str
         Why there is no plane.
+    asked_for_plane : bool
+        Whether it was compiled with planar=True: nothing but the plane is of interest.
     plain : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
         Makes the model of the same scene in space, whose beams are not condensed.
     massless : tuple of str
         Beams without rotary inertia whose triads nothing holds.
+    projected : str
+        What a projection of the initial velocities changed; empty where there was none.
+    joints : dict
+        Names of the joints at a node.
+    load_names : list of str
+        What each time function belongs to.
     """
 
     scene_name: str
@@ -98,9 +108,13 @@ class Model:
     size: tuple[int, ...] = SIX
     plane: Any = None
     not_planar: str = ""
+    asked_for_plane: bool = False
     plain: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
+    projected: str = ""
+    joints: dict[int, list[str]] = field(default_factory=dict)
+    load_names: list[str] = field(default_factory=list)
 
     @property
     def held_mask(self) -> Array:
@@ -195,13 +209,27 @@ class Model:
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 
+    @checked(node=Count(0))
     def node_label(self, node: int) -> str:
-        """Beam and node, body or mass of a global node number."""
+        """Beam and node, body or mass of a global node number.
+
+        Raises
+        ------
+        SceneError
+            There is no such node.
+        """
+        if node >= self.n_nodes:
+            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they run from 0 to "
+                             f"{self.n_nodes - 1}")
         return self.labels[node]
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.dim * self.n_sliders))
+
+    def state_for(self, names: dict[str, list[Any]], state: State) -> State:
+        """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
+        return state_for(self, names, state)
 
     @cached_property
     def _scratch(self) -> int:
@@ -293,7 +321,7 @@ class Model:
         points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
         for k, time in enumerate(self.load_times):
             if time is not None:
-                values = np.array([_factor(time, float(t)) for t in points]).reshape(-1, 3)
+                values = np.array([factor_at(time, float(t)) for t in points]).reshape(-1, 3)
                 # written out: a matrix product rounds a row differently in calls of different length
                 out[:, k] = w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
         return out
@@ -311,16 +339,23 @@ def check_model(who: str, model: Any) -> None:
         Names the function that was called.
     """
     if not isinstance(model, Model):
-        raise SceneError(f"{who}: needs a model, got {model!r:.60}; compile it first: model = fb.compile_scene(scene)")
+        raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")
 
 
-def _factor(time: Callable[[float], float], t: float) -> float:
-    """A time function at t as a number."""
+def factor_at(time: Callable[[float], float], t: float) -> float:
+    """A time function at t as a number.
+
+    Raises
+    ------
+    SceneError
+        It returned something else, or nothing finite.
+    """
     value = time(t)
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"time function of a load or of gravity: must return a number, got {value!r} at t = {t:.6g} s") from None
+    factor = real(value)
+    if factor is None or not abs(factor) <= LARGEST:
+        raise SceneError("time function of a load or of gravity: must return a finite number, got "
+                         f"{shown(value)} at t = {t:.6g} s")
+    return factor
 
 
 def _padded(n: int) -> Array:

@@ -1,6 +1,7 @@
 """Steppers: take a model's state over steps, either in the compiled loop with block elimination or with a sparse solver."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -15,11 +16,12 @@ from .iteration import Iteration
 from .kernels import step as kernels
 from .kernels.blocks import SIX, THREE
 from .kernels.space import assemble_rest
-from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
 from .model import Model
+from .starting import own_state
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -32,6 +34,8 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
+# status of a step that was left before its end
+LEFT = -1
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
 
@@ -100,7 +104,7 @@ class Stepper:
         if compared and model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
         self.model = model
-        start = None if state is None else _own_state(model, state)
+        start = None if state is None else own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
         if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
             raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
@@ -127,8 +131,10 @@ class Stepper:
                                    symmetric=symmetric)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self.alpha = empty_rates(method, model.n_nodes)
-        self._factors = model.load_factors(np.zeros(1), np.ones(1))
+        self._factors = np.ones((1, len(model.load_times)))
         self._spare: Stepper | None = None
+        # asked between the iterations of a loop in Python: whether to leave, with the state before the step
+        self.stop: Callable[[], bool] = bool
         mass = float(model.gravity_weight.sum())
         self._least = LEAST_COMPLIANCE * float(np.min(np.abs(weights)))**2 / mass if mass > 0.0 else np.inf
         self._timed = any(t is not None for t in model.load_times)
@@ -225,9 +231,9 @@ class Stepper:
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
-        event the state is the one before that step."""
+        event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
         result = self._run(t, h, n, done)
-        while result.status == OK and result.steps < n:
+        while result.status == OK and result.steps < n and not self.stop():
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
         return result
 
@@ -311,8 +317,11 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                status, sizes = self._python_step(weight * h)
+                status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
+                if status == LEFT:
+                    parts.restore()
+                    return Outcome(OK, k, iterations, -1, sizes, self._in_space(force))
                 if status != OK:
                     break
                 parts.finish(weight * h)
@@ -348,6 +357,8 @@ class Stepper:
             closed = kernels.gaps_are_closed(self.contact, model.sliders, self.core_state.q, model.length, model.size)
             if closed and kernels.has_converged(size, before, expected):
                 return OK, np.array(sizes)
+            if self.stop():
+                return LEFT, np.array(sizes)
             before, expected = size, kernels.next_increment(size, before)
         return NOT_CONVERGED, np.array(sizes)
 
@@ -381,24 +392,3 @@ class Stepper:
         r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.size)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(of.model.pattern.row_of == row)[0]), float(r[row])
-
-
-def _own_state(model: Model, state: State) -> State:
-    """A copy of a state that fits the model; compiled code reads it without bounds."""
-    if not isinstance(state, State):
-        raise SceneError(f"start: must be a State (result.state, model.state()), got {state!r:.60}")
-    for name, x, mine in zip(State._fields, state, model.state()):
-        if np.shape(x) != mine.shape:
-            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "
-                             "a state of the same model")
-        if not np.isfinite(x).all():
-            raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
-    own = State(*(np.array(x, dtype=float) for x in state))
-    triads = own.q.reshape(-1, 4, 3)[:, 1:]
-    skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
-    if skew > 1e-6:
-        raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
-        if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
-            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
-    return own

@@ -6,15 +6,21 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
 from .kernels.work import State
-from .model import Model
+from .model import Model, factor_at
 from .result import ResultHeader
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "inner")
+# a scene that moves less than round-off times this is at rest: it has no scale of its own
+REST = 1e7
+EPSILON = float(np.finfo(float).eps)
+OBSERVED = Listing(Word(KINDS), "a sequence of kinds, as in ('energy',)")
+POINTS = Names("must map names to nodes, as in points={'tip': beam.end}")
 
 
 class Observer:
@@ -34,13 +40,6 @@ class Observer:
     """
 
     def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
-        if isinstance(kinds, str):
-            raise SceneError(f"observe: must be a sequence of kinds, got {kinds!r}; write observe=({kinds!r},)")
-        if points is not None and not isinstance(points, Mapping):
-            raise SceneError(f"points: must map names to nodes, as in points={{'tip': beam.end}}, got {points!r}")
-        unknown = [k for k in kinds if k not in KINDS]
-        if unknown:
-            raise SceneError(f"observe: {unknown[0]!r} does not exist: choose from 'energy', 'momentum', 'slider', 'inner'")
         self.model = model
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
@@ -83,7 +82,7 @@ class Observer:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
             phi = state.q.reshape(-1, 12)[:, :3]
-            factor = 1.0 if model.gravity_time is None else float(model.gravity_time(t))
+            factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             out["total"] = out["kinetic"] + out["potential"]
@@ -99,6 +98,24 @@ class Observer:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
         return out
+
+    def scales(self, step: float) -> dict[str, float]:
+        """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
+        of the least motion in steps of this size (s) that is no round-off."""
+        model = self.model
+        size = max(model.length, float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3]))))
+        speed, mass = EPSILON * size / step, float(np.sum(model.gravity_weight))
+        rest = {}
+        if self.momentum:
+            rest |= {"lin_mom": REST * mass * speed, "ang_mom": REST * mass * speed * size}
+        if self.energy:
+            # energies of round-off of the coordinates: of motion and strain, and of weight and loads, where it is of first order
+            off = EPSILON * (1.0 - 2.0 * (np.arange(model.q0.size) * 2654435761 >> 16 & 1))  # signs without a pattern
+            off.reshape(-1, 12)[:, :3] *= size
+            load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
+            strain = strain_energy(model, model.q0 + off, self._work)
+            rest["total"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
+        return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
     def _motion(self, q: Array, v: Array) -> None:
         """Kinetic energy and momenta into _out, momenta of the nodes into _p."""
@@ -151,16 +168,17 @@ def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
-        if isinstance(s, str) or np.ndim(s) != 0 or not 0.0 <= s <= owner.length:
-            raise SceneError(f"point {name!r}: s={s!r} lies outside {owner.label} (0 to {owner.length:.6g} m)")
-        first, values, _ = owner.basis.curve("own").evaluate(float(s))
+        at = real(s)
+        if at is None or not 0.0 <= at <= owner.length:
+            raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")
+        first, values, _ = owner.basis.curve("own").evaluate(at)
         local, weights = int(first[0]) + np.arange(values.shape[1]), np.zeros((values.shape[1], 4))
         weights[:, 0] = values[0]
     else:
         node = what.center if isinstance(what, (RigidBody, PointMass)) else what
         if not isinstance(node, NodeRef):
             raise SceneError(f"point {name!r}: must be a node of a beam, a body or a point of one, a mass, or (beam, s), "
-                             f"got {what!r}")
+                             f"got {shown(what)}")
         owner, local, weights = node.owner, np.array([node.index]), np.array([[1.0, *node.offset]])
     try:
         return model.numbers.start(owner) + local, weights

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
+from .arguments import Count, Instance, Word, checked
 from .errors import BackendError, SceneError
 from .result import Result
 
@@ -20,6 +21,12 @@ P = ParamSpec("P")
 PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2), "3d": (0, 1, 2)}
 # a scene is drawn flat when its smallest extent is below this part of the largest
 FLAT = 1e-3
+# beyond this ratio of the extents axes have different scales: with equal ones nothing is left to see of a long shallow scene
+LONGEST = 8.0
+# a smaller part of the largest extent is no shape but round-off or a straight line
+STRAIGHT = 1e-5
+# names in a legend; of more than these a few stand for all
+MOST_NAMES, FEW_NAMES = 24, 8
 # relative deviations below this are drawn on it (logarithmic axis)
 FLOOR = 1e-17
 STYLE = {"font.size": 10.0, "axes.titlesize": 11.0, "axes.labelsize": 10.0, "legend.fontsize": 8.5, "axes.spines.top": False,
@@ -29,6 +36,8 @@ STYLE = {"font.size": 10.0, "axes.titlesize": 11.0, "axes.labelsize": 10.0, "leg
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
             ("total", "black"))
+A_RESULT = Instance(Result, "a Result", "what simulate, solve_static and load_result return")
+PLANE, SHAPES = Word(("auto", *PLANES)), Count(most=1000)
 DRIFTS = (("total", "total energy", "black"), ("lin_mom", "linear momentum", COLOURS[0]),
           ("ang_mom", "angular momentum", COLOURS[1]), ("gap", "gap", COLOURS[2]))
 
@@ -46,6 +55,7 @@ def _styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return drawn
 
 
+@checked(result=A_RESULT, plane=PLANE, n=SHAPES, cmap=Word())
 @_styled
 def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "viridis") -> Figure:
     """Deformed shapes at n snapshots coloured by time; bodies, point masses and slider points as dots, slider paths as lines.
@@ -74,6 +84,7 @@ def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "vi
     return figure
 
 
+@checked(result=A_RESULT)
 @_styled
 def plot_invariants(result: Result) -> Figure:
     """Energies over time (J), and relative deviation of energy, momenta and gap from the start on a logarithmic axis.
@@ -92,6 +103,7 @@ def plot_invariants(result: Result) -> Figure:
     return figure
 
 
+@checked(result=A_RESULT, slider=Word())
 @_styled
 def plot_slider(result: Result, slider: str | None = None) -> Figure:
     """Sliding coordinate s(t) (m), components of the contact force (N), and the path of the slider point in space (m).
@@ -123,12 +135,13 @@ def plot_slider(result: Result, slider: str | None = None) -> Figure:
         axes.plot(*path[:1, pick].T, "o", color="black", ms=6, label="start")
         axes.legend(loc="best")
     if len(axes.axes_of_space) == 3:
-        # the layout does not see the label of the z axis
-        figure.get_layout_engine().set(rect=(0.0, 0.0, 0.94, 1.0))
-    axes.set_title(f"Path of '{name}'" if len(path) else "Path: not recorded")
+        # the layout does not see the labels of the z axis and of the bar
+        figure.get_layout_engine().set(rect=(0.0, 0.04, 0.94, 0.96))
+    _title(axes, f"Path of '{name}'" if len(path) else "Path: not recorded")
     return figure
 
 
+@checked(result=A_RESULT, plane=PLANE, n=SHAPES)
 @_styled
 def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     """One figure with shapes, energies, deviations and, where there are sliders, s(t) and contact forces.
@@ -143,7 +156,7 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     sliders = _slider_names(result)
     panels = 4 if sliders else 2
     low, high = _bounds(result.phi.reshape(-1, 3))
-    flat = PLANES[_flat_plane(high - low) if plane == "auto" else plane] if plane in ("auto", *PLANES) else (0, 1)
+    flat = PLANES[_flat_plane(high - low) if plane == "auto" else plane]
     if len(flat) == 2 and high[flat[0]] - low[flat[0]] > 1.6 * (high[flat[1]] - low[flat[1]]):
         # a wide scene spans the figure, the other panels stand below it
         rows = panels // 2
@@ -168,11 +181,11 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
 
 def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int, cmap: str) -> None:
     import matplotlib as mpl
-    if plane != "auto" and plane not in PLANES:
-        raise SceneError(f"plane '{plane}' does not exist: choose 'auto', {', '.join(repr(name) for name in PLANES)}")
+    if cmap not in mpl.colormaps:
+        raise SceneError(f"cmap {cmap!r:.60} does not exist: choose a colour map of matplotlib, such as 'viridis' or 'plasma'")
     if not len(result.t_snap):
         raise SceneError("the result holds no snapshots: record some to draw shapes")
-    picks = np.unique(np.linspace(0, len(result.t_snap) - 1, max(1, int(n))).round().astype(int))
+    picks = np.unique(np.linspace(0, len(result.t_snap) - 1, n).round().astype(int))
     sliders = {name: _slider_path(result, name) for name in _slider_names(result)}
     everything = np.concatenate([result.phi.reshape(-1, 3), *(path for _, path in sliders.values())])
     axes = _space_axes(figure, place, everything, plane)
@@ -201,8 +214,7 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
             axes.plot(*dot[space, None], "o", color=colour, ms=7, mec="white", mew=0.8, zorder=4)
     mappable = mpl.cm.ScalarMappable(norm=scale, cmap=colours)
     _time_bar(figure, axes, mappable, "load factor [-]" if result.info.get("method") == "static" else "time [s]")
-    # axes in space leave room above their box
-    axes.set_title("Deformed shapes", y=0.93 if len(space) == 3 else None)
+    _title(axes, "Deformed shapes")
 
 
 def _sampling(beam: dict[str, Any]) -> np.ndarray | None:
@@ -235,6 +247,11 @@ def _draw_energies(axes: Any, result: Result) -> None:
     for name, colour in ENERGIES:
         if parts[name] is not None and name not in hidden:
             axes.plot(result.t, parts[name], color=colour, label=name, lw=2.0 if name == "total" else 1.6)
+    if both and parts["potential"] is not None:
+        loads = parts["potential"] - parts["strain"] - parts["gravity"]
+        # what is left of round-off is no load
+        if np.nanmax(np.abs(loads), initial=0.0) > 1e-9 * np.nanmax(np.abs(parts["potential"]), initial=0.0):
+            axes.plot(result.t, loads, color=COLOURS[3], label="loads", lw=1.6)
     _finish(axes, "Energies", "energy [J]")
 
 
@@ -277,14 +294,23 @@ def _draw_forces(axes: Any, result: Result, names: list[str]) -> None:
 def _finish(axes: Any, title: str, label: str, columns: int = 0) -> None:
     axes.set(title=title, xlabel="time [s]", ylabel=label)
     axes.margins(x=0.01)
-    count = len(axes.get_legend_handles_labels()[1])
-    if 0 < count <= 8:
-        # room above the curves, so that the legend covers none
-        if axes.get_yscale() == "linear":
-            low, high = axes.get_ylim()
-            axes.set_ylim(low, high + 0.18 * (high - low))
-        axes.legend(loc="upper left", ncols=columns or min(count, 4), handlelength=1.0, columnspacing=0.9, handletextpad=0.4,
-                    borderaxespad=0.1)
+    handles, labels = axes.get_legend_handles_labels()
+    every = len(labels)
+    if not every:
+        return
+    if every > MOST_NAMES:
+        picks = np.linspace(0, every - 1, FEW_NAMES).round().astype(int)
+        handles, labels = [handles[k] for k in picks], [labels[k] for k in picks]
+    count = len(labels)
+    columns = columns or min(count, 4)
+    # room above the curves, so that the legend covers none
+    if axes.get_yscale() == "linear":
+        low, high = axes.get_ylim()
+        rows = -(-count // columns) + (every > count)
+        axes.set_ylim(low, high + (0.18 if rows <= 2 else 0.1 * rows) * (high - low))
+    axes.legend(handles, labels, loc="upper left", ncols=columns, handlelength=1.0, columnspacing=0.9, handletextpad=0.4,
+                borderaxespad=0.1, alignment="left", fontsize=None if count <= FEW_NAMES else 6.5,
+                title=f"{count} of {every}, in order" if every > count else None, title_fontsize=7.5)
 
 
 def _figure(size: tuple[float, float]) -> Figure:
@@ -293,7 +319,8 @@ def _figure(size: tuple[float, float]) -> Figure:
 
 
 def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> Any:
-    """Axes with equal aspect that show `points`; .axes_of_space lists the coordinates drawn."""
+    """Axes that show `points`, with equal aspect unless one extent in a plane is more than `LONGEST` times the other;
+    .axes_of_space lists the coordinates drawn."""
     low, high = _bounds(points)
     extent = high - low
     space = list(PLANES[_flat_plane(extent) if plane == "auto" else plane])
@@ -304,6 +331,14 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     # a straight beam still gets a box that is a quarter as high as long
     half = np.maximum(0.54 * extent, (0.125 if len(space) == 2 else 0.2) * max(extent.max(), 1e-9))[space]
     middle = (0.5 * (low + high))[space]
+    drawn = extent[space]
+    if len(space) == 2 and STRAIGHT * drawn.max() < drawn.min() < drawn.max() / LONGEST:
+        half = 0.54 * drawn
+        small = int(np.argmin(drawn))
+        (axes.set_xlabel, axes.set_ylabel)[small](f"{'xyz'[space[small]]} [m], other scale")
+        axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+        axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+        return axes
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
     if len(space) == 2:
@@ -320,10 +355,25 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     return axes
 
 
+def _title(axes: Any, text: str) -> None:
+    """A title above the axes; those in space leave room above their box unless it is high."""
+    flatness = 1.0 - _height(axes)
+    axes.set_title(text, y=1.0 - 0.07 * flatness if flatness else None)
+
+
+def _height(axes: Any) -> float:
+    """Height of the box of axes in space over its width, at most 1; of flat axes 1."""
+    if len(axes.axes_of_space) == 2:
+        return 1.0
+    width, depth, height = (high - low for low, high in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim()))
+    return min(1.0, height / max(width, depth))
+
+
 def _time_bar(figure: Figure, axes: Any, mappable: Any, label: str = "time [s]") -> None:
     """Colour bar of time: as high as flat axes, below axes in space."""
     flat = len(axes.axes_of_space) == 2
-    place = axes.inset_axes((1.02, 0.0, 0.02, 1.0) if flat else (0.15, -0.02, 0.7, 0.025))
+    # the labels of a high box reach further down
+    place = axes.inset_axes((1.02, 0.0, 0.02, 1.0) if flat else (0.15, -0.02 - 0.07 * _height(axes) ** 2, 0.7, 0.025))
     figure.colorbar(mappable, cax=place, label=label, orientation="vertical" if flat else "horizontal")
 
 
@@ -375,5 +425,7 @@ def _need_any(result: Result, names: tuple[str, ...], what: str) -> None:
         raise SceneError(f"the result holds no {what}: record at least one of {', '.join(names)}")
 
 
-def _cycle(n: int) -> list[str]:
-    return [COLOURS[k % len(COLOURS)] for k in range(n)]
+def _cycle(n: int) -> list[Any]:
+    """n colours, all different."""
+    import matplotlib as mpl
+    return list(COLOURS[:n]) if n <= len(COLOURS) else list(mpl.colormaps["turbo"](np.linspace(0.03, 0.97, n)))

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import FilePath, check_regular, checked
 from .errors import BackendError, ResultFileError
 from .result import Result, ResultHeader
 
@@ -26,8 +27,11 @@ COUNTS = ("rows", "snapshots", "events", "final_info")
 MARGIN = 1 << 18
 # bytes of the superblock of HDF5; how often a file that is being written is tried
 SUPERBLOCK, ATTEMPTS = 48, 5
+# texts grow a hundredfold when they become objects, lists and dicts most: bounds of honest files
+MOST_EVENTS, MOST_EVENT_BYTES, MOST_PARTS = 100_000, 1 << 25, 1_000_000
 
 
+@checked(path=FilePath())
 def load_result(path: str | PathLike[str]) -> Result:
     """Read a result file, also one whose writer was killed or is still running.
 
@@ -58,6 +62,8 @@ def _load(h5py: Any, path: Path, left_open: bool) -> Result:
             return _Reader(h5py, file, path, left_open).result()
     except ResultFileError:
         raise
+    except MemoryError as error:
+        raise ResultFileError(f"result file '{path}': too large to be read with the memory that is left") from error
     except Exception as error:  # whatever a damaged file makes HDF5, JSON or NumPy raise
         raise ResultFileError(f"result file '{path}': damaged ({type(error).__name__}: {error})") from error
 
@@ -85,6 +91,7 @@ class _Reader:
         committed = self.read("committed", np.int64, ())
         self.present(["header", "events", "final_info", "rows/t", *(["blocks"] if version > 1 else [])])
         text = self.read("header", np.uint8, ()).tobytes()
+        self.bound("header", text)
         header = _parse_header(json.loads(text))
         blocks = self.blocks(committed) if version > 1 else np.append(committed, 0)[None, :]
         if blocks.shape[1] != 5 or np.any(np.diff(blocks[:, :4], axis=0, prepend=0) < 0):
@@ -97,6 +104,11 @@ class _Reader:
         texts = {name: self.read(name, np.uint8, (), int(n), strict).tobytes() for name, n in zip(COUNTS[2:], ends[2:])}
         if strict:
             self.verify(blocks, text, data, texts)
+        for name in texts:
+            self.bound(name, texts[name])
+        if texts["events"].count(b"\n") > MOST_EVENTS or len(texts["events"]) > MOST_EVENT_BYTES:
+            raise self.refuse(f"{texts['events'].count(10)} events of {len(texts['events'])} bytes, more than {MOST_EVENTS} or "
+                              f"{MOST_EVENT_BYTES} bytes are no events of a run")
         events = [json.loads(line) for line in texts["events"].splitlines()]
         info = json.loads(texts["final_info"] or b"{}")
         if not isinstance(info, dict) or not all(isinstance(event, dict) for event in events):
@@ -104,6 +116,11 @@ class _Reader:
         series = data["rows"]
         return Result(model_text=header.model_text, info=_checked_info({**header.info, **info}), names=header.names,
                       t=series.pop("t"), series=series, events=events, **data["snapshots"])
+
+    def bound(self, name: str, text: bytes) -> None:
+        """Refuse texts of which objects would take far more memory than the file."""
+        if parts_of(text) > MOST_PARTS:
+            raise self.refuse(f"damaged, {parts_of(text)} lists in '{name}', more than {MOST_PARTS}")
 
     def attribute(self, name: str) -> Any:
         """An attribute of the root that is one text or number, else None."""
@@ -185,6 +202,11 @@ class _Reader:
                 for name, shape in shapes.items()}
 
 
+def parts_of(text: bytes) -> int:
+    """How many lists and dicts a text of JSON holds at most."""
+    return text.count(b"{") + text.count(b"[")
+
+
 def _parse_header(raw: Any) -> ResultHeader:
     """The header of a file, with the types it should have.
 
@@ -233,9 +255,10 @@ def _check_file(path: Path) -> bool:
     ResultFileError
         There is no such file, it is not HDF5, or it is shorter than it was.
     """
-    if not path.is_file():
-        raise ResultFileError(f"result file '{path}': no such file")
     try:
+        if not path.exists():
+            raise ResultFileError(f"result file '{path}': no such file")
+        check_regular("result file", path, path)
         with path.open("rb") as raw:
             block = raw.read(SUPERBLOCK)
             size = raw.seek(0, 2)
@@ -328,10 +351,13 @@ def import_h5py() -> Any:
     Raises
     ------
     BackendError
-        It is missing.
+        It is missing or cannot be loaded.
     """
     try:
         import h5py
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise BackendError("result files need h5py: pip install h5py") from error
+    except ImportError as error:
+        raise BackendError(f"result files need h5py, which is installed and cannot be loaded ({error}); close other programs if "
+                           "memory is short, else install it anew: pip install --force-reinstall h5py") from error
     return h5py

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .pieces import pieces
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -57,10 +58,13 @@ def describe(scene: Scene, model: Model) -> str:
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
+    if model.projected:
+        lines.append(f"  start              {model.projected}")
     if model.sliders is not None:
         c1 = sum(s.curve == "c1" for s in scene.sliders)
         lines.append(f"  sliding contact    {_plural(model.n_sliders, 'slider')}, discrete gradient"
                      + (f", {c1} on a C1 curve" if c1 else ""))
+    lines += _together(scene, model)
     pattern = model.pattern
     if pattern.plan is not None:
         cost = pattern.plan.target.size / max(pattern.n, 1)
@@ -72,6 +76,18 @@ def describe(scene: Scene, model: Model) -> str:
                      "analysed once; SuperLU as fallback")
     lines.append("  left out           " + ", ".join(_left_out(scene, model)))
     return "\n".join(lines)
+
+
+def _together(scene: Scene, model: Model) -> list[str]:
+    """In how many pieces the scene is, and which ends touch something without a joint."""
+    count, places = pieces(scene, model.numbers, model.held_mask, model.length)
+    lines = [f"  together           {_plural(count, 'connected piece')}"]
+    for place in places[:4]:
+        names = " and ".join(model.labels[k] for k in place[:3]) + (f" and {len(place) - 3} more" if len(place) > 3 else "")
+        lines.append(f"  NOT JOINED         {names} lie at the same place without a joint")
+    if len(places) > 4:
+        lines.append(f"  NOT JOINED         nor are the nodes at {_plural(len(places) - 4, 'other place')}")
+    return lines
 
 
 def _has_loads(scene: Scene) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
 
 Rows = Mapping[str, Any]
@@ -19,6 +20,17 @@ Rows = Mapping[str, Any]
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
 # rows of Result.table: series, label, unit
+# one row of the series that pictures and tables read; words: as many as there are names of that kind
+ROWS: dict[str, tuple[int | str, ...]] = {
+    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "inner_energy", "iterations", "step_size"), ()),
+    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)), **dict.fromkeys(("gap", "s_slide"), ("sliders",)),
+    **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
+# what the entries of names hold: numbers of nodes, or of nodes from 'first' on
+PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
+# what to write for series that are not there
+HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
+         "momentum": "momenta are 'lin_mom' and 'ang_mom'",
+         **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
               ("gap", "gap of sliders", "m"))
@@ -108,20 +120,17 @@ class RowBuffer:
         # counted last: a refused row leaves nothing behind
         self.n_rows = last
 
-    def clear(self) -> None:
-        """Forget all rows, keep the memory (not while views are in use)."""
-        self.n_rows = 0
-
     def views(self) -> dict[str, np.ndarray]:
         """Name -> array [n_rows, ...] without copying; later growth does not change them."""
         return {name: column[: self.n_rows] for name, column in self._data.items()}
 
     def _grow(self, needed: int) -> None:
-        self._capacity = max(needed, 2 * self._capacity)
+        capacity = max(needed, 2 * self._capacity)
+        grown = {name: np.empty((capacity, *old.shape[1:]), dtype=old.dtype) for name, old in self._data.items()}
         for name, old in self._data.items():
-            new = np.empty((self._capacity, *old.shape[1:]), dtype=old.dtype)
-            new[: self.n_rows] = old[: self.n_rows]
-            self._data[name] = new
+            grown[name][: self.n_rows] = old[: self.n_rows]
+        # an interrupt finds all columns grown or none
+        self._data, self._capacity = grown, capacity
 
 
 class ResultBuffer:
@@ -163,6 +172,60 @@ class ResultBuffer:
         return self.result(info)
 
 
+@dataclass(frozen=True)
+class Series:
+    """Numbers of any shape, not finite ones too; arrays are not copied."""
+
+    def __call__(self, value: Any) -> np.ndarray:
+        try:
+            huge = isinstance(value, range) and len(value[:LONGEST_RANGE + 1]) > LONGEST_RANGE
+            foreign = value is None or huge or isinstance(value, (np.ma.MaskedArray, bytearray, memoryview))
+            clean = None if foreign else np.asarray(value)
+        except Exception:          # ragged lists, and what foreign objects raise
+            clean = None
+        if clean is None or clean.dtype.kind not in "iufb":
+            raise Refusal(f"must be numbers, got {shown(value)}")
+        return clean
+
+
+@dataclass(frozen=True)
+class Table:
+    """A mapping with texts as keys and values of one kind, as a new dict."""
+
+    of: Any
+
+    def __call__(self, value: Any) -> dict[str, Any]:
+        if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+            raise Refusal(f"must map names to values, got {shown(value)}")
+        out = {}
+        for key, item in value.items():
+            try:
+                out[key] = self.of(item)
+            except Refusal as refusal:
+                raise Refusal(f"of {key!r:.60} {refusal}") from None
+        return out
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list, tuple or other iterable, as a new list; all of one class where one is given."""
+
+    of: type = object
+
+    def __call__(self, value: Any) -> list[Any]:
+        fits = isinstance(value, Iterable) and not isinstance(value, (str, bytes, type, range))
+        fits = fits and not (isinstance(value, np.ndarray) and value.ndim == 0)
+        items = list(value) if fits else []
+        if not fits or not all(isinstance(item, self.of) for item in items):
+            raise Refusal(f"must be a list{f' of {self.of.__name__}' if self.of is not object else ''}, got {shown(value)}")
+        return items
+
+
+SERIES, NAMED = Series(), Word()
+
+
+@checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
+         phi=SERIES, directors=SERIES, events=Items(dict))
 class Result:
     """A finished or aborted run.
 
@@ -182,8 +245,9 @@ class Result:
         Times of the rows, s.
     series : dict of ndarray
         'kinetic', 'potential', 'strain', 'gravity', 'total' [n] (J); 'lin_mom' (kg m/s), 'ang_mom' (kg m^2/s) [n, 3];
-        'gap', 's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N); 'points', 'slider_position'
-        [n, ..., 3] (m); 'iterations', 'step_size' [n]. Only what was recorded is present.
+        'gap', 's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N; info['contact_force'] says which it is,
+        NaN where no steps tell it); 'points', 'slider_position' [n, ..., 3] (m); 'iterations', 'step_size' [n]. Only what was
+        recorded is present.
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
     events : list of dict
@@ -191,8 +255,8 @@ class Result:
 
     Raises
     ------
-    ValueError
-        A series does not have as many rows as t, or a snapshot array does not fit t_snap.
+    SceneError
+        An argument is of the wrong kind, a series does not have as many rows as t, or a snapshot array does not fit t_snap.
 
     Examples
     --------
@@ -217,12 +281,15 @@ class Result:
         self.events: list[dict[str, Any]] = [dict(event) for event in events]
         self._check_shapes()
 
+    @checked(name=NAMED)
     def point(self, name: str) -> np.ndarray:
         """Path of an observed point [n, 3], m."""
         return self._series("points")[:, self._index("points", "point", name)]
 
+    @checked(name=NAMED)
     def slider(self, name: str) -> dict[str, np.ndarray]:
-        """Of one slider: s [n] (m), force [n, 3] (N, on the slider), gap [n] (m); position [n, 3] (m) where recorded."""
+        """Of one slider: s [n] (m), force [n, 3] (N, on the slider; NaN where no steps tell it), gap [n] (m); position [n, 3] (m)
+        where recorded."""
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
                "gap": self._series("gap")[:, k]}
@@ -230,6 +297,7 @@ class Result:
             out["position"] = self.series["slider_position"][:, k]
         return out
 
+    @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:
         """Relative deviation of a series from its first row [n]: |x - x0| / scale.
 
@@ -247,15 +315,18 @@ class Result:
         scale = scale or np.linalg.norm(rows, axis=1).max()
         return difference / scale if scale != 0.0 else difference
 
+    @checked(name=NAMED)
     def drift(self, name: str) -> float:
         """Largest relative deviation of a series from its start (see `deviation`); NaN where the series holds NaN."""
         return float(self.deviation(name).max(initial=0.0))
 
+    @checked(name=NAMED)
     def is_conserved(self, name: str) -> bool:
         """Whether the run expected this series to be constant: listed in info['conserved'], or no list was stored."""
         conserved = self.info.get("conserved")
         return name not in ("kinetic", "potential") and (conserved is None or name in conserved)
 
+    @checked()
     def table(self) -> str:
         """Neat table of energies, momenta and gap: first value, last value, largest relative drift."""
         lines = [f"{'quantity':<28}{'start':>16}{'end':>16}{'max drift':>14}"]
@@ -271,6 +342,28 @@ class Result:
             lines.append(f"{label:<28}{size[0]:16.8e}{size[-1]:16.8e}{drift}")
         return "\n".join(lines)
 
+    @checked(model=Anything())
+    def state_for(self, model: Any) -> Any:
+        """The state at the end of this run as one of another model, to start from: `simulate(model, start=run.state_for(model))`.
+
+        Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
+        place. Parts that only the other model has take those of its initial state, moved with what they are joined to or slide
+        on; parts that it does not have are left out.
+
+        Raises
+        ------
+        SceneError
+            The result was read from a file, which holds no state; a part has other nodes than its namesake.
+        """
+        state = getattr(self, "state", None)
+        if state is None:
+            raise SceneError("state_for: this result holds no state, files do not keep it; use the result of the run itself, or "
+                             "a checkpoint to go on in the same model")
+        if isinstance(model, type) or not hasattr(model, "state_for") or not hasattr(model, "n_nodes"):
+            raise SceneError(f"state_for: needs a compiled model, got {shown(model)}; model = fb.compile_scene(scene)")
+        return model.state_for(self.names, state)
+
+    @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
         """Write the result to an HDF5 file; `fastbeam.load_result(path)` gives it back.
 
@@ -284,6 +377,7 @@ class Result:
         from .store import save_result
         save_result(self, path, overwrite=overwrite)
 
+    @checked()
     def header(self) -> ResultHeader:
         """The header that a run with these series would have started with."""
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
@@ -298,23 +392,61 @@ class Result:
 
     def _series(self, name: str) -> np.ndarray:
         if name not in self.series:
-            raise SceneError(f"series '{name}' was not recorded: choose from {_listing(self.series)}")
+            hint = HINTS.get(name, "")
+            raise SceneError(f"series '{name:.60}' was not recorded: choose from {_listing(self.series)}{hint and f'; {hint}'}")
         return self.series[name]
 
     def _index(self, kind: str, noun: str, name: str) -> int:
         known = self.names.get(kind, [])
         if name not in known:
-            raise SceneError(f"{noun} '{name}' is not in this result: choose from {_listing(known)}")
-        return known.index(name)
+            raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {_listing(known)}")
+        k, columns = known.index(name), self._series("s_slide" if kind == "sliders" else "points").shape[1]
+        if k >= columns:
+            raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(known)}")
+        return k
 
     def _check_shapes(self) -> None:
+        if self.t.ndim != 1 or self.t_snap.ndim != 1:
+            raise SceneError(f"Result: t and t_snap must be lists of times, got shapes {self.t.shape} and {self.t_snap.shape}")
         n, m, shape = len(self.t), len(self.t_snap), self.phi.shape
+        self._check_names(shape[1] if len(shape) == 3 and m else None)
         for name, x in self.series.items():
+            row = ROWS.get(name)
+            if row is not None and x.ndim and len(x) == n and (
+                    x.ndim != 1 + len(row) or any(isinstance(k, int) and k != size for k, size in zip(row, x.shape[1:]))):
+                raise SceneError(f"series '{name}': a row has shape {x.shape[1:]}, should have {row}")
             if x.ndim == 0 or len(x) != n:
-                raise ValueError(f"series '{name}': shape {x.shape} does not have the {n} rows of t")
+                raise SceneError(f"series '{name}': shape {x.shape} does not have the {n} rows of t")
         if len(shape) != 3 or shape[0] != m or shape[2] != 3 or self.directors.shape != (*shape, 3):
-            raise ValueError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
+            raise SceneError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
                              f"expected ({m}, N, 3) and ({m}, N, 3, 3)")
+
+    def _check_names(self, n_nodes: int | None) -> None:
+        """What `names` says about nodes fits their number (None: no shapes are there)."""
+        for kind in ("sliders", "points"):
+            if not all(isinstance(name, str) for name in self.names.get(kind, [])):
+                raise SceneError(f"names: '{kind}' must hold texts, got {shown(self.names[kind])}")
+        nodes = self.names.get("slider_nodes", [])
+        if not all(_is_node(k, n_nodes) for k in nodes) or nodes and len(nodes) != len(self.names.get("sliders", [])):
+            raise SceneError(f"names: 'slider_nodes' must hold a node number for every slider, got {shown(nodes)}")
+        for kind, keys in PLACES.items():
+            for entry in self.names.get(kind, []):
+                fits = isinstance(entry, Mapping) and all(_is_node(entry.get(key), None) for key in keys)
+                if fits and n_nodes is not None:
+                    fits = entry[keys[0]] + (entry[keys[1]] if len(keys) > 1 else 1) <= n_nodes
+                if not fits:
+                    raise SceneError(f"names: an entry of '{kind}' must hold {' and '.join(keys)} among the "
+                                     f"{'nodes' if n_nodes is None else f'{n_nodes} nodes'}, got {shown(entry)}")
+                inner = [*entry.get("starts", ()), *entry.get("junctions", ())]
+                ends = entry.get("element_ends", ())
+                if not (all(_is_node(k, entry["count"]) for k in inner) and all(
+                        _is_node(k, None) and 0 <= k - entry["first"] < entry["count"] for k in ends)):
+                    raise SceneError(f"names: an entry of '{kind}' names nodes that it does not have")
+
+
+def _is_node(k: Any, n: int | None) -> bool:
+    """Whether k is the number of one of n nodes (None: of any number)."""
+    return isinstance(k, (int, np.integer)) and not isinstance(k, bool) and 0 <= k and (n is None or k < n)
 
 
 def _listing(names: Iterable[str]) -> str:

@@ -10,24 +10,38 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import count, number
-from .checkpoint import Checkpoint, Clock, check_target, start_clock
+from .arguments import Anything, Count, FilePath, Flag, Function, Instance, Number, Word, checked
+from .callback import Callback
+from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
+from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
-from .errors import ConvergenceError, ResultFileError, SceneError
+from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
+from .interrupt import Calls, Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
 from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
-from .observe import Observer
+from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
-from .result import Result, ResultBuffer
+from .result import Result
+from .rows import Rows
+from .starting import check_start
 
 Array = np.ndarray
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
+# events of one kind that name a part each
+MOST_NAMED = 100
+TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
+START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
 
+@checked(model=Anything(), t_end=TIME, step=STEP, order=Count(), method=Word(), rho_inf=Number(), start=START, t_start=TIME,
+         observe=OBSERVED, points=POINTS, every=Count(), snapshots=Count(0, 10**6), file=FilePath(), overwrite=Flag(),
+         checkpoint=FilePath(), checkpoint_every=Number(least=0.0, unit="s"), callback=Function("(t, state)"),
+         tolerance=Number(above=0.0), min_step=STEP, max_step=STEP, max_iterations=Count(most=10_000), backend=Word(),
+         augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
              observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
@@ -35,7 +49,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
              min_step: float | None = None, max_step: float | None = None, max_iterations: int = 25, backend: str = "auto",
-             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None) -> Result:
+             augmentation: float = AUGMENTATION, threads: int | None = None, progress: bool | None = None,
+             mend_start: bool = False) -> Result:
     """Integrate a model in time, with the conserving step (theory.md 4 to 6) or a method to compare it with (theory.md 7).
 
     With the conserving step energy, linear and angular momentum of an isolated system and the gap of its sliders stay at
@@ -46,7 +61,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     model : Model
         From `compile_scene`.
     t_end, step : float
-        End time and step size, s. With `tolerance`, `step` is the first step.
+        End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
+        others, or up to a hundredth longer instead of leaving less than that.
     order : {2, 4}
         4 composes five substeps, one of them backwards: for smooth scenes.
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
@@ -56,7 +72,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Spectral radius at infinity of generalized alpha, default 0.8.
     start, t_start : State or Checkpoint, float
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
-        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time.
+        (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
+        sliders do not allow is refused; a support holds its node where the state has it.
     observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
         What is recorded; `()` computes none of it.
     points : mapping
@@ -64,14 +81,16 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     every : int
         Steps between rows; default: about 500 rows in all. With step control every accepted step is a row.
     snapshots : int
-        About how many whole shapes to keep, at rows.
+        About how many whole shapes to keep, at rows; one a row at most.
     file : path
         Write the result to this HDF5 file as the run goes.
     checkpoint, checkpoint_every : path, float
         Keep a checkpoint in this file, renewed at the first row that many seconds after the last one (0: at every row) and when
         the run ends. An older checkpoint of that name is replaced.
     callback : callable
-        Called with (t, state) at every row; returning True ends the run there.
+        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space that
+        cannot be written to. It may watch and record; where it changes what a load's time function returns, the load acts a step
+        late: an event says so, and step control refuses it.
     tolerance : float
         Step control: local error of a position per step, relative to the size of the scene.
     min_step, max_step : float
@@ -85,9 +104,13 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         plain multipliers. The solution is the same; it keeps sliders that hold the same motion twice regular (theory.md 5.5).
     threads : int
         Of large nets and long beams, which are condensed; default: FASTBEAM_THREADS, else all processors of this process, one for
-        every 2000 elements. Results are the same for any number, to the last bit.
+        every 2000 elements. Results are the same for any number, to the last bit, where beams are condensed; elsewhere PARDISO
+        rounds differently on another number from 5000 unknowns on.
     progress : bool
         Progress bar; default: on anything longer than a second.
+    mend_start : bool
+        Start from the nearest state that joints, supports and sliders allow, where `start` misses it by less than a hundredth of
+        the size of the scene.
 
     Returns
     -------
@@ -103,6 +126,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         A step failed; the error carries the last good state and the result until then.
     ResultFileError
         A file cannot be written; when that happens on the way, the error carries the result until then.
+    Interrupted
+        By Ctrl-C: a KeyboardInterrupt that carries the result until then; files are closed, the checkpoint renewed.
 
     Examples
     --------
@@ -115,40 +140,38 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     True
     """
     check_model("simulate", model)
-    t_end, step = number("t_end", t_end), number("step", step)
-    if not step > 0.0:
-        raise SceneError(f"step: must be > 0 s, got {step:g}")
     state, clock = start_clock(model, start, t_start, step, tolerance is not None)
-    if not t_end > clock.now:
-        raise SceneError(f"t_end: must lie after t_start = {clock.now:g} s, got {t_end:g}")
+    check_times(clock.now, t_end, step)
+    notes = [("projected", model.projected)] if start is None and model.projected else []
+    if state is not None:
+        state, notes = check_start(model, state, step, mend_start)
+    if isinstance(start, Checkpoint):
+        # it goes on as if it had never stopped
+        notes = []
     if checkpoint is not None:
-        checkpoint = check_target(checkpoint, overwrite=True)
-    checkpoint_every = number("checkpoint_every", checkpoint_every)
-    if callback is not None and not callable(callback):
-        raise SceneError(f"callback: must be a function of (t, state), got {callback!r}")
+        checkpoint = check_target(checkpoint, overwrite=True, probe=True)
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
-    every = max(1, n_steps // 500) if every is None else count("every", every)
-    snapshots = count("snapshots", snapshots, least=0)
+    every = max(1, n_steps // 500) if every is None else every
     control = None
     if tolerance is not None:
-        tolerance = number("tolerance", tolerance)
-        if not tolerance > 0.0:
-            raise SceneError(f"tolerance: must be > 0, got {tolerance:g}")
         span = t_end - clock.origin
-        largest = 0.1 * span if max_step is None else number("max_step", max_step)
-        smallest = min(1e-6 * step, largest) if min_step is None else number("min_step", min_step)
+        largest = 0.1 * span if max_step is None else max_step
+        least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
+        smallest = min(max(1e-6 * step, least), largest) if min_step is None else min_step
         if not 0.0 < smallest <= largest:
             raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
+        check_times(clock.now, t_end, smallest, "min_step")
         control = StepControl(tolerance, order, smallest, largest)
     memory = start.memory if isinstance(start, Checkpoint) else None
     stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation,
                       threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
+    run.notes = notes
     return run.go(every)
 
 
@@ -160,77 +183,54 @@ class _Run:
                  progress: bool | None, checkpoint: Any, checkpoint_every: float) -> None:
         self.model, self.stepper, self.observer, self.clock = model, stepper, observer, clock
         self.t_start, self.t_end, self.step, self.order = clock.now, t_end, clock.step, order
-        self.callback, self.control = callback, control
+        self.callback = None if callback is None else Callback(model, callback, t_end)
+        self.control = control
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
             "conserved": _conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
-        header = observer.header(self.info)
-        self.memory = ResultBuffer(header)
-        self.writer: Any = None
-        if file is not None:
-            from .store import ResultWriter
-            self.writer = ResultWriter(file, header, overwrite=overwrite)
-        self.file_error: ResultFileError | None = None
+        at_end = stepper.method.at_end
+        if observer.slider:
+            self.info["contact_force"] = AT_END if at_end else AT_ROWS
+        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
+        self.rows = Rows(observer, stepper, clock, forces, t_end, observer.header(self.info), snapshots, file, overwrite)
+        self.memory, self.event = self.rows.memory, self.rows.event
         self.turns_are_resolved = True
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
-        self.snapshots = snapshots
-        self.shape_gap = (t_end - clock.origin) / max(snapshots - 1, 1)
-        self.next_shape = clock.origin
-        self.pending: tuple[float, dict[str, Any]] | None = None
         self.iterations = self.steps = 0
+        # kind and text of what is to be said of the start
+        self.notes: list[tuple[str, str]] = []
+        self.interrupts = Interrupts()
+        self.calls = Calls(stepper, self.interrupts)
+        # whether the clock lags behind the state
+        self.between = False
 
-    # --- rows ---------------------------------------------------------------------------------------------------------
-    def open_row(self, t: float, iterations: int, size: float) -> None:
-        """A row waits until the next step is known: the contact force of a row is the mean of the steps around it (4.5)."""
-        self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
-        if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
-            self.shape(t)
-            while self.next_shape <= t + 1e-9 * self.shape_gap:
-                self.next_shape += self.shape_gap
-
-    def close_row(self, before: Array | None, after: Array | None) -> None:
-        """Finish the waiting row with the contact forces of the steps before and after it."""
-        if self.pending is None:
-            return
-        (t, row), self.pending = self.pending, None
-        if self.observer.slider:
-            # forces at the end of a step are those of its time; otherwise the mean of the steps around it (4.5)
-            around = (before if before is not None else after,) if self.stepper.method.at_end else (before, after)
-            known = [f for f in around if f is not None]
-            row["contact_force"] = (np.mean(known, axis=0) if known else np.zeros(3 * self.model.n_sliders)).reshape(-1, 3)
-        self.feed("append", row, t)
-
-    def shape(self, t: float) -> None:
-        q = self.stepper.state.q.reshape(-1, 4, 3)
-        self.feed("snapshot", t, q[:, 0], q[:, 1:])
-
-    def event(self, event: dict[str, Any]) -> None:
-        self.feed("event", event)
-
-    def feed(self, call: str, *what: Any) -> None:
-        """Hand something to memory and file. A file that cannot be written is left behind; the run ends at its next row."""
-        getattr(self.memory, call)(*what)
-        if self.writer is not None:
-            try:
-                getattr(self.writer, call)(*what)
-            except ResultFileError as failed:
-                self.writer, self.file_error = None, failed
-
-    def keep_checkpoint(self, due: bool = False) -> None:
-        """Renew the checkpoint file where its time has come."""
-        if self.checkpoint is None or not (due or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every):
+    def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
+        """Renew the checkpoint file, at the end of a run or where its time has come."""
+        due = present is not None or time.perf_counter() - self.last_checkpoint >= self.checkpoint_every
+        if self.checkpoint is None or not due:
             return
         try:
-            self.present().save(self.checkpoint, overwrite=True)
+            (present or self.present()).save(self.checkpoint, overwrite=True)
         except ResultFileError as failed:
-            self.checkpoint, self.file_error = None, self.file_error or failed
+            self.checkpoint, self.rows.file_error = None, self.rows.file_error or failed
         self.last_checkpoint = time.perf_counter()
 
     def present(self) -> Checkpoint:
         return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
 
     # --- what a user must not miss ------------------------------------------------------------------------------------
+    def name_massless(self) -> None:
+        """An event for each beam whose triads nothing holds."""
+        massless = self.model.massless if self.stepper.plane is None else ()
+        for beam in massless[:MOST_NAMED]:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
+                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        if len(massless) > MOST_NAMED:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+
     def watch_turns(self, t: float, h: float) -> None:
         """An event where a step turns a triad further than it can resolve, once a run."""
         node, turn = self.stepper.largest_turn()
@@ -252,63 +252,93 @@ class _Run:
                                         "run; use a smaller step, bring the scene near the origin and at rest, and compare "
                                         "with solver='sparse', eliminate_inner=False"})
 
+    def call_back(self, t: float, size: float) -> bool:
+        """Call the user's function; whether the run ends here. Loads that it changes are lagging."""
+        known = self.callback.found
+        stop = self.callback(t, size, self.stepper.copy_state())
+        if self.callback.found != known:
+            text = f"{self.callback.found}. A load that a callback sets acts a step late, so that errors are of first order"
+            if self.control is not None:
+                raise ConvergenceError(f"{text}, which step control cannot see; use a fixed step, or make loads functions of "
+                                       "time alone", step=self.steps, time=t, state=self.stepper.copy_state())
+            self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
+        return stop
+
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
+        with self.interrupts:
+            return self.run(every)
+
+    def run(self, every: int) -> Result:
         begin = time.perf_counter()
         clock = self.clock
         if clock.before is None and self.stepper.method.at_end:
             clock.before = self.stepper.state.force.copy()
-        error: ConvergenceError | None = None
-        # the first row compiles the kernels of its quantities
-        self.stepper.begin_compilation()
-        self.open_row(self.t_start, 0, 0.0)
-        for beam in self.model.massless if self.stepper.plane is None else ():
-            self.event({"kind": "massless", "time": self.t_start,
-                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
-                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        error: ConvergenceError | KeyboardInterrupt | None = None
         try:
+            # the first row compiles the kernels of its quantities
+            self.stepper.begin_compilation()
+            self.rows.first()
+            for kind, text in self.notes:
+                self.event({"kind": kind, "time": self.t_start, "text": text})
+            self.name_massless()
             for t, outcome, size, row_due in self.chunks(every):
                 self.iterations += outcome.iterations
                 self.steps += outcome.steps
                 if outcome.steps:
-                    self.close_row(clock.before, outcome.force[0])
-                    clock.before = outcome.force[1]
+                    self.rows.close(t, size, outcome.force[0], outcome.steps)
+                    clock.before, clock.before_size = outcome.force[1], size
+                self.between = False
                 if row_due:
-                    self.open_row(t, outcome.iterations // max(outcome.steps, 1), size)
+                    self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch_turns(t, size)
-                    if self.callback is not None and self.callback(t, self.stepper.state):
-                        self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
-                        break
+                    if self.callback is not None:
+                        with self.interrupts.at_once():
+                            ended = self.call_back(t, size)
+                        if ended:
+                            self.event({"kind": "stopped", "time": t, "text": "the callback ended the run"})
+                            break
                     self.keep_checkpoint()
-                if self.file_error is not None:
+                if self.rows.file_error is not None:
                     break
+                self.interrupts.serve()
+            self.rows.broken_off = False
         except ConvergenceError as failed:
-            error = failed
+            # it comes with the last good state
+            error, self.between, self.rows.broken_off = failed, False, False
             self.event({"kind": "failed", "time": failed.time, "text": str(failed)})
+        except KeyboardInterrupt as stopped:
+            error, self.between = stopped, self.between and not self.calls.intact
+            self.rows.broken_off = self.between or self.calls.slow
+            self.event({"kind": "interrupted", "time": clock.now, "text": f"the run was interrupted at t = {clock.now:.6g} s"})
         finally:
-            self.close_row(clock.before, None)
+            self.rows.close()
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,
-                          "scale": {k: v for k, v in self.observer.scale.items() if v > 0.0} | {"gap": self.model.length},
+                          "scale": self.observer.scales(self.step) | {"gap": self.model.length},
                           "wall_time": time.perf_counter() - begin}
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
             self.watch_drift()
-            if self.writer is not None:
-                try:
-                    self.writer.close(self.info)
-                except ResultFileError as failed:
-                    self.file_error = failed
-        self.keep_checkpoint(due=True)
-        if self.file_error is not None:
-            self.memory.event({"kind": "file", "time": clock.now, "text": str(self.file_error)})
+            self.rows.end(self.info)
+        # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
+        present = None if self.between else self.present()
+        if present is not None:
+            self.keep_checkpoint(present)
+        if self.rows.file_error is not None:
+            self.memory.event({"kind": "file", "time": clock.now, "text": str(self.rows.file_error)})
         result = self.memory.close(self.info)
-        result.checkpoint = self.present()
-        result.state = result.checkpoint.state
-        final = error or self.file_error
+        if present is not None:
+            result.checkpoint, result.state = present, present.state
+        final = error or self.rows.file_error
+        if isinstance(error, KeyboardInterrupt) or self.interrupts.asked:
+            self.interrupts.asked = False
+            way = "" if present is None else ", .checkpoint goes on from there"
+            raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
+                              result=result, state=present and present.state, checkpoint=present) from final
         if final is not None:
             final.result = result
             raise final
@@ -319,23 +349,40 @@ class _Run:
         clock = self.clock
         t, h = clock.now, clock.size
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
-        quiet = quiet and self.writer is None and self.callback is None and self.checkpoint is None
-        while self.t_end - t > 1e-14 * max(abs(self.t_start), abs(self.t_end)):
+        quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
+        left, last = clock.plan(self.t_end) if self.control is None else (0, 0.0)
+        while t < self.t_end:
             begin = time.perf_counter()
+            self.between = True
+            whole = left > 0
             if self.control is not None:
                 planned = min(max(h, self.control.smallest), self.control.largest)
-                size, h, outcome = self.control.advance(self.stepper, t, min(planned, self.t_end - t), self.steps)
+                rest = self.t_end - t
+                # neither a sliver at the end nor a step beyond the largest
+                sliver = planned < rest < (1.0 + SLIVER) * planned
+                cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
+                size, h, outcome = self.calls.controlled(self.control, t, cut, self.steps)
                 # a step that was cut to meet the end says nothing about the next
-                h = max(h, planned) if size == self.t_end - t else h
-            else:
-                whole = int((self.t_end - t) / self.step * (1.0 + 1e-12) + 1e-9)
-                size = self.step if whole else self.t_end - t
-                outcome = (self.stepper.advance(clock.origin, size, min(every, whole), clock.done) if whole
-                           else self.stepper.advance(t, size, 1))
-            if self.control is None and size == self.step:
+                h = max(h, planned) if size == rest or size == cut != planned else h
+                reached = self.t_end if size == rest else t + size
+            elif whole:
+                size = self.step
+                outcome = self.calls.advance(clock.origin, size, min(every, left), clock.done)
+                left -= outcome.steps
                 reached = clock.count(outcome.steps)
+                if outcome.status == OK and not left and not last:
+                    reached = self.t_end
             else:
-                reached = t + size if self.control is not None and outcome.status == OK else t + size * outcome.steps
+                size = last
+                outcome = self.calls.advance(t, size, 1)
+                reached = self.t_end
+            if outcome.status == OK and not outcome.steps:
+                # left before the first step was done
+                self.between, h = False, clock.size
+                self.interrupts.serve()
+                continue
+            if not whole:
+                reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
             if outcome.status == SLIDER_END:
                 yield from self.end_of_beam(reached, outcome, size)
@@ -346,8 +393,6 @@ class _Run:
                     # the last good state is a row
                     yield reached, outcome, size, True
                 raise failed
-            if abs(reached - self.t_end) <= 1e-9 * size:
-                reached = self.t_end
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size = h
@@ -360,11 +405,13 @@ class _Run:
         outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
         if outcome.steps:
             yield t, outcome, h, True
+        self.between, self.calls.intact = True, False
         last, final, slider = run_to_end_of_beam(self.stepper, t, h)
         if last > 0.0:
             t += last
             self.clock.leave_grid(t)
             yield t, final, last, True
+        self.between = False
         s = float(self.stepper.state.s[slider])
         length = float(self.model.slider_lengths[slider])
         end = "start" if s < 0.5 * length else "end"

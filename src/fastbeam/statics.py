@@ -2,48 +2,63 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from .arguments import count, number
+from .arguments import Anything, Count, Flag, Instance, Number, Numbers, Word, checked
 from .dynamics import failure
-from .errors import ConvergenceError, SceneError
+from .errors import ConvergenceError, Interrupted, SceneError
+from .interrupt import Interrupts
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.work import State
-from .model import Model, check_model
+from .model import Model, check_model, factor_at
 from .newton import Outcome, Stepper
-from .observe import Observer
+from .observe import OBSERVED, POINTS, Observer
+from .planar import find_plane
 from .progress import Progress
 from .result import Result, ResultBuffer
+from .starting import check_start
 
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
 LARGEST_INCREMENT = 4.0
-TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s): a buckling or limit load was "
+TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
                     "passed on the way; a larger imperfection or a run in time finds a stable one",
-        "free": "the tangent of this equilibrium has {} zero eigenvalue(s): a buckling load is met, or a part can move or spin "
-                "freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
+        "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
+                "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
+WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
+SHARE = Number(above=0.0, most=1.0)
+START = Instance(State, "a State (result.state, model.state())", "of a checkpoint: checkpoint.state")
 
 
-def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float = 1e-6, at_time: float | None = None,
-                 start: State | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
-                 max_iterations: int = 20, backend: str = "auto", threads: int | None = None) -> Result:
+@checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
+         smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
+         max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag())
+def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
+                 smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
+                 observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
+                 backend: str = "auto", threads: int | None = None, mend_start: bool = False) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
     ----------
     model : Model
-        Without sliders: a sliding point has no static equilibrium of its own here, let it come to rest by `simulate`.
-    load_step, smallest_step : float
-        First and smallest increment of the load factor, which runs from 0 to 1.
+        Without sliders: a sliding point has no static equilibrium here. Find that of the scene without the slider and go on from
+        it in the whole scene, `simulate(whole, start=result.state_for(whole), ...)`. A planar scene has to be held in its plane,
+        any other one in space.
+    load_step, largest_load_step, smallest_step : float
+        First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1].
+    levels : sequence of float
+        Increasing load factors in (0, 1] that steps end at, so that they have rows; other steps are rows as well.
     at_time : float
         Where time functions of loads are evaluated, s; needed when the scene has some.
     start : State
-        Begin from this shape instead of the reference.
+        Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
         As in `simulate`; rows are load steps, `result.t` the load factor.
     max_iterations : int
@@ -51,13 +66,18 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
     backend : {'auto', 'pardiso', 'superlu'}
     threads : int
         As in `simulate`.
+    mend_start : bool
+        As in `simulate`.
 
     Returns
     -------
     Result
         With the equilibrium in `.state`, ready as `start` of `simulate`. `info["unstable_directions"]` and
-        `info["free_directions"]` count the negative and the zero eigenvalues of its tangent (None where moments make it
-        unsymmetric); any is an event too: a buckling or limit load was passed, or is met, or something is held by nothing.
+        `info["free_directions"]` count the negative and the zero eigenvalues of its tangent; any is an event too: a buckling or
+        limit load was passed, or is met, or something is held by nothing. `info["counted_in"]` is "space" or "plane": a planar
+        scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
+        counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
+        negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8).
 
     Raises
     ------
@@ -65,22 +85,30 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         A scene that is not compiled, an argument out of range, something that is held by nothing, sliders.
     ConvergenceError
         The smallest load step fails; carries the last equilibrium and the result until then.
+    Interrupted
+        By Ctrl-C; carries the same.
     """
     check_model("solve_static", model)
     if model.n_sliders:
-        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders; find their rest position with simulate, or take "
-                         "them out of the scene")
-    load_step, smallest_step = number("load_step", load_step), number("smallest_step", smallest_step)
-    at_time = None if at_time is None else number("at_time", at_time)
-    max_iterations = count("max_iterations", max_iterations)
-    if not 0.0 < smallest_step <= load_step <= 1.0:
+        raise SceneError(f"solve_static: scene {model.scene_name!r} has sliders, which it cannot bring to rest; leave the "
+                         "sliders and what hangs on them out, solve that scene, and start the whole one from there: "
+                         "fb.simulate(model, start=result.state_for(model), ...)")
+    load_step = min(load_step, largest_load_step)
+    if not smallest_step <= load_step:
         raise SceneError(f"load_step: needs 0 < smallest_step <= load_step <= 1, got {smallest_step!r} and {load_step!r}")
+    stops = [*([] if levels is None else levels), 1.0]
+    if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
+        raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
     timed = [t for t in model.load_times if t is not None]
     if timed and at_time is None:
         raise SceneError("solve_static: loads have time functions; say with at_time=... where to evaluate them")
-    check_supports(model)
-    factors = np.array([1.0 if t is None else float(t(at_time)) for t in model.load_times])
+    factors = np.array([1.0 if t is None else factor_at(t, at_time or 0.0) for t in model.load_times])
+    notes: list[Any] = []
+    if start is not None:
+        start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver = _StaticSolver(model, start, max_iterations, backend, threads)
+    flat = solver.stepper.plane is not None
+    held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
     observer = Observer(model, ("energy",) if "energy" in observe else (), points)
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": []}
@@ -99,36 +127,68 @@ def solve_static(model: Model, *, load_step: float = 0.25, smallest_step: float 
         return result
 
     bar = Progress(1.0, f"{model.scene_name}: load")
-    record(0.0, 0, 0.0)
+    for kind, text in notes:
+        buffer.event({"kind": kind, "time": 0.0, "text": text})
     reached, step = 0.0, load_step
-    while reached < 1.0:
-        step = min(step, 1.0 - reached)
-        target = 1.0 if reached + step > 1.0 - 1e-12 else reached + step
-        status, sizes = solver.equilibrium(target * factors)
-        if status == OK:
-            solver.history.append(len(sizes))
-            record(target, len(sizes), step)
-            bar.update(target - reached)
-            reached = target
-            step *= 2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0
-            continue
-        if step <= smallest_step * (1.0 + 1e-12):
-            failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
-            error = failure(solver.stepper, failed, reached, len(solver.history))
-            text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
-            bar.close()
-            raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
-                                   "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
-                                   "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
-                                   residuals=error.residuals, worst=error.worst,
-                                   state=State(*(x.copy() for x in solver.state)), result=finish())
-        step = max(smallest_step, 0.25 * step)
-    bar.close()
-    for (kind, text), found in zip(TOLD.items(), solver.signs(factors) or (None, None)):
-        info[kind + "_directions"] = found
-        if found:
-            buffer.event({"kind": kind, "time": 1.0, "text": text.format(found)})
+    with _interruptible(solver, buffer, finish, bar):
+        record(0.0, 0, 0.0)
+        while reached < 1.0:
+            solver.interrupts.serve()
+            stop = next(level for level in stops if level > reached)
+            size = min(step, stop - reached)
+            target = stop if reached + size > stop - 1e-12 else reached + size
+            status, sizes = solver.equilibrium(target * factors)
+            if status == OK:
+                solver.history.append(len(sizes))
+                record(target, len(sizes), size)
+                bar.update(target - reached)
+                reached = target
+                # a step that was cut to meet a level says nothing against the size planned
+                grown = size * (2.0 if len(sizes) <= 6 else 1.4 if len(sizes) <= 9 else 1.0)
+                step = min(max(grown, step if size < step else 0.0), largest_load_step)
+                continue
+            if size <= smallest_step * (1.0 + 1e-12):
+                failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
+                error = failure(solver.stepper, failed, reached, len(solver.history))
+                text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
+                bar.close()
+                raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
+                                       "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
+                                       "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
+                                       residuals=error.residuals, worst=error.worst,
+                                       state=State(*(x.copy() for x in solver.state)), result=finish())
+            step = max(smallest_step, 0.25 * size)
+        bar.close()
+        counted_in = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
+        counted = solver.signs(factors, counted_in == "plane")
+        if counted is None and flat and counted_in == "space":
+            # about the normal of a plane moments have a potential
+            counted_in, counted = "plane", solver.signs(factors, True)
+        info["counted_in"] = counted_in
+        for (kind, text), found in zip(TOLD.items(), counted or (None, None)):
+            info[kind + "_directions"] = found
+            if found:
+                buffer.event({"kind": kind, "time": 1.0, "text": text.format(found, WHERE[counted_in])})
     return finish()
+
+
+@contextmanager
+def _interruptible(solver: _StaticSolver, buffer: ResultBuffer, finish: Callable[[], Result], bar: Progress) -> Iterator[None]:
+    """Ctrl-C waits for the end of a load step, or of an iteration where these are called from Python, and brings the result.
+
+    Raises
+    ------
+    Interrupted
+    """
+    try:
+        with Interrupts() as solver.interrupts:
+            yield
+    except KeyboardInterrupt as stopped:
+        bar.close()
+        text = "interrupted; the last equilibrium is in .state, everything until then in .result"
+        buffer.event({"kind": "interrupted", "time": bar.done, "text": f"at load factor {bar.done:.6g}: interrupted"})
+        result = finish()
+        raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
 
 
 class _StaticSolver:
@@ -137,12 +197,13 @@ class _StaticSolver:
     def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
-        moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
+        self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
-                               symmetric=not moments)
+                               symmetric=not self.moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
         self.stepper.core_state.v[:] = 0.0
         self.history: list[int] = []
+        self.interrupts = Interrupts()
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 
@@ -157,7 +218,15 @@ class _StaticSolver:
             kernels.external_forces(self.core.loads, factors, self.work.f_ext)
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
-        """Solve for load factors [K]; on a failure the state is the last equilibrium."""
+        """Solve for load factors [K]; on a failure or interrupt the state is the last equilibrium."""
+        before = self.stepper.core_state.q.copy()
+        try:
+            return self._equilibrium(factors)
+        except KeyboardInterrupt:
+            self.stepper.core_state.q[:] = before
+            raise
+
+    def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
         self._load(factors)
         before = state.q.copy()
@@ -189,19 +258,22 @@ class _StaticSolver:
         """The same state around SuperLU without elimination of inner nodes, see `Stepper.spare`."""
         spare = self._plain(self.stepper.plane is not None)
         spare.stepper.core_state = self.stepper.core_state
+        spare.interrupts = self.interrupts
         return spare
 
-    def signs(self, factors: Array) -> tuple[int, int] | None:
-        """Numbers of negative and of zero eigenvalues of the tangent in space at the last equilibrium, that of load factors [K];
-        also in directions that a planar scene cannot follow. None where moments make it unsymmetric."""
-        if self.stepper.plane is not None or not self.stepper.pivots_everywhere:
-            return self._plain(False).signs(factors)
+    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
+        """Numbers of negative and of zero eigenvalues of the tangent at the last equilibrium, that of load factors [K]: in space,
+        also in directions that a planar scene cannot follow, or in its plane. None where moments leave it undecided."""
+        if in_plane != (self.stepper.plane is not None) or not self.stepper.pivots_everywhere:
+            return self._plain(in_plane).signs(factors, in_plane)
         model, work = self.core, self.work
         self._load(factors)
         work.line.use[0] = 0.0
         kernels.assemble_static(*self.stepper.kind[:2], model.simo, model.green, None, model.ties, model.static_held,
                                 self.stepper.core_state, work)
-        return self.linear.superlu.signs(work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8))
+        size = len(model.size)
+        return self.linear.superlu.signs(work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8),
+                                         symmetric=in_plane or not self.moments)
 
     def _in_python(self) -> tuple[int, list[float]]:
         parts = self.stepper.parts
@@ -219,17 +291,20 @@ class _StaticSolver:
             if kernels.has_converged(sizes[-1], before, expected):
                 return OK, sizes
             before, expected = sizes[-1], kernels.next_increment(sizes[-1], before)
+            self.interrupts.serve()
         return NOT_CONVERGED, sizes
 
 
-def check_supports(model: Model) -> None:
-    """Every connected part must be held against all six rigid motions.
+def check_supports(model: Model, flat: bool = False) -> bool:
+    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene. Returns
+    whether all six are prevented.
 
     Raises
     ------
     SceneError
         Names the part and the motion that nothing prevents.
     """
+    held_in_space = True
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     pattern = model.pattern
@@ -262,6 +337,12 @@ def check_supports(model: Model) -> None:
     if model.ties is not None:
         mask[model.ties.slave] = 0
     point = model.numbers.rank == 9
+    eye6 = np.eye(6)
+    within = eye6
+    if flat:
+        axes = model.plane.axes
+        within = np.zeros((6, 3))
+        within[:3, 0], within[:3, 1], within[3:, 2] = axes
     by_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
     for nodes in by_part:
         if np.all(point[nodes]) and np.all(mask[nodes] & 7):
@@ -276,16 +357,44 @@ def check_supports(model: Model) -> None:
         if np.any((mask[nodes] & 56 != 0) & ~point[nodes]):
             held.append(np.hstack((none, eye)))
         matrix = np.concatenate(held)
-        # the triangle of a QR has the same singular values
-        _, values, motions = np.linalg.svd(np.linalg.qr(np.concatenate((matrix, np.zeros((6, 6)))), mode="r"))
+        values, motions = _free_motions(matrix, eye6)
         if values[5] > 1e-9:
             continue
+        held_in_space = False
+        if flat:
+            values, motions = _free_motions(matrix, within)
+            if values[2] > 1e-9:
+                continue
         what = model.labels[nodes[0]].split(" node ")[0]
-        shift, turn = motions[5][:3], motions[5][3:]
+        shift, turn = motions[-1][:3], motions[-1][3:]
         how = "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
-        n_free = int(np.sum(values[:6] <= 1e-9))
-        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of 6 rigid motions are free); "
-                         "add a Clamp, or Pins that do not lie on one line")
+        n_free = int(np.sum(values <= 1e-9))
+        kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
+        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of {kind} are free); "
+                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}"
+                         + ("" if flat else _planar_hint(model, shift, turn)))
+    return held_in_space
+
+
+def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
+    """Singular values [k] of what supports feel of the rigid motions basis [6, k], and the motions [k, 6], the freest last."""
+    k = basis.shape[1]
+    # the triangle of a QR has the same singular values
+    triangle = np.linalg.qr(np.concatenate((matrix @ basis, np.zeros((k, k)))), mode="r")
+    _, values, motions = np.linalg.svd(triangle)
+    return values, motions @ basis.T
+
+
+def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
+    """What to say to someone whose scene would do in its plane."""
+    plane, reason = (model.plane, "") if model.plane is not None else find_plane(model)
+    if plane is None:
+        return f"; it would do in a plane, but it is not planar: {reason}" if reason and model.not_planar == reason else ""
+    normal = plane.axes[2]
+    inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
+    if np.linalg.norm(inside) > 1e-6:
+        return ""
+    return "; within its plane it is held: compile it with planar=True" + (" and start in the plane" if model.plane else "")
 
 
 def _axis(v: Array) -> str:

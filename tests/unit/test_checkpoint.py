@@ -281,3 +281,85 @@ def test_full_disk_ends_the_run_and_keeps_what_there_is(monkeypatch: pytest.Monk
     assert [x.name for x in tmp_path.iterdir()] == ["a"]
     whole = fb.simulate(model, t_end=1.0, step=H)
     assert_same_state(fb.simulate(model, start=result.checkpoint, t_end=1.0, step=H).state, whole.state)
+
+
+# -------------------------------------------------------------------------------------------------------------------- places
+needs_posix = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs links and pipes")
+
+
+@needs_posix
+def test_checkpoint_goes_through_a_link_to_the_file_it_leads_to(tmp_path: Path) -> None:
+    model = fb.compile_scene(bead())
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "disk" / "real")
+    for t_end in (0.05, 0.1):  # the first time the link leads to nothing
+        fb.simulate(model, t_end=t_end, step=H, checkpoint=tmp_path / "link")
+        assert (tmp_path / "link").is_symlink()
+        assert fb.load_checkpoint(tmp_path / "disk" / "real").t == pytest.approx(t_end)
+    assert sorted(x.name for x in tmp_path.rglob("*")) == ["disk", "link", "real"]
+
+
+@needs_posix
+def test_rights_of_a_checkpoint_stay(good: Any, tmp_path: Path) -> None:
+    good.save(tmp_path / "a")
+    (tmp_path / "a").chmod(0o600)
+    good.save(tmp_path / "a", overwrite=True)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o600
+
+
+@needs_posix
+def test_devices_pipes_and_loops_of_links_are_refused_before_the_run(good: Any, tmp_path: Path) -> None:
+    model = fb.compile_scene(bead())
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "null").symlink_to("/dev/null")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for name, message in (("pipe", "is a device, pipe or socket and no file"), ("null", "is a device, pipe or socket"),
+                          ("loop", "cannot be written"), ("x" * 300, "cannot be written .*; choose another path"),
+                          ("", "is a folder; give the name of a file")):
+        for use in (lambda path: fb.simulate(model, t_end=0.1, step=H, checkpoint=path, callback=too_late),
+                    lambda path: good.save(path, overwrite=True)):
+            with pytest.raises(fb.ResultFileError, match=f"checkpoint '.*{name}': .*{message}"):
+                use(tmp_path / name)
+    with pytest.raises(fb.ResultFileError, match="pipe': is a device, pipe or socket"):
+        fb.load_checkpoint(tmp_path / "pipe")
+    for wrong in (5, b"run", "a\0b", None):
+        with pytest.raises(fb.SceneError, match="Checkpoint.save: path must be the path of a file"):
+            good.save(wrong)
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["loop", "null", "pipe"]
+
+
+def too_late(t: float, state: Any) -> None:
+    pytest.fail("the run began")
+
+
+def test_longest_possible_name_will_do(good: Any, tmp_path: Path) -> None:
+    fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, checkpoint=tmp_path / ("x" * 255))
+    assert fb.load_checkpoint(tmp_path / ("x" * 255)).steps == 10
+
+
+def test_folder_that_cannot_be_written_is_refused_before_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # not by its rights, which mean nothing to root
+    def refuse(self: Path, *arguments: Any, **options: Any) -> Any:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(module.Path, "open", refuse)
+    with pytest.raises(fb.ResultFileError, match="run': cannot be written .*Read-only file system.*; choose another path"):
+        fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, checkpoint=tmp_path / "run", callback=too_late)
+
+
+def test_disk_that_becomes_unwritable_leaves_the_result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # not even what was begun can be removed
+    def refuse(*arguments: Any, **options: Any) -> Any:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    def fail_later(t: float, state: Any) -> None:
+        if t > 0.055:
+            monkeypatch.setattr(module.Path, "open", refuse)
+            monkeypatch.setattr(module.Path, "unlink", refuse)
+
+    model = fb.compile_scene(bead())
+    with pytest.raises(fb.ResultFileError, match="run': cannot be written .*Read-only") as caught:
+        fb.simulate(model, t_end=0.1, step=H, every=1, checkpoint=tmp_path / "run", checkpoint_every=0.0, callback=fail_later)
+    monkeypatch.undo()
+    assert caught.value.result.checkpoint.steps == len(caught.value.result.t) - 1 == 6
+    assert fb.load_checkpoint(tmp_path / "run").steps == 5

@@ -290,7 +290,7 @@ def test_condensing_is_left_to_large_nets() -> None:
 
 
 def test_arguments_out_of_range_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(SceneError, match="condense must be 'auto', True or False, got 'yes'"):
+    with pytest.raises(SceneError, match="condense: must be 'auto', True or False, got 'yes'"):
         fb.compile_scene(fb.Scene(grid(2)), condense="yes")
     model = fb.compile_scene(fb.Scene(grid(3)), condense=True)
     with pytest.raises(SceneError, match="threads"):

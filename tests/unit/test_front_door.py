@@ -1,7 +1,9 @@
 """Command line and progress bar."""
 from __future__ import annotations
 
+import io
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -102,6 +104,12 @@ def test_progress_is_silent_during_the_first_second(clock: Clock, capsys: pytest
     assert bar.done == 10 and captured.err == captured.out == ""
 
 
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "_is_terminal", lambda stream: True)
+
+
+@pytest.mark.usefixtures("terminal")
 def test_progress_appears_on_stderr_after_a_second_and_counts_earlier_work(clock: Clock,
                                                                           capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("tqdm")
@@ -120,7 +128,6 @@ def test_progress_appears_on_stderr_after_a_second_and_counts_earlier_work(clock
 def test_progress_obeys_environment_and_argument(clock: Clock, capsys: pytest.CaptureFixture[str],
                                                  monkeypatch: pytest.MonkeyPatch, variable: str, enabled: bool | None,
                                                  shown: bool) -> None:
-    pytest.importorskip("tqdm")
     monkeypatch.setenv("FASTBEAM_PROGRESS", variable)
     with Progress(2, "steps", enabled) as bar:
         clock.now += 2.0
@@ -128,6 +135,48 @@ def test_progress_obeys_environment_and_argument(clock: Clock, capsys: pytest.Ca
     assert ("50%" in capsys.readouterr().err) is shown
 
 
+def test_log_files_get_a_line_every_ten_seconds(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with Progress(1000, "long run") as bar:
+        for _ in range(350):
+            clock.now += 0.1
+            bar.update()
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["long run: 10% in 00:10, 01:30 left", "long run: 20% in 00:20, 01:20 left",
+                     "long run: 30% in 00:30, 01:10 left"]
+
+
+def test_log_files_stay_empty_in_runs_of_some_seconds(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with Progress(80, "short run") as bar:
+        for _ in range(80):
+            clock.now += 0.1
+            bar.update()
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("on_terminal", [True, False])
+def test_no_time_beyond_99_hours_is_foretold(on_terminal: bool, clock: Clock, capsys: pytest.CaptureFixture[str],
+                                             monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("tqdm")
+    monkeypatch.setattr(progress, "_is_terminal", lambda stream: on_terminal)
+    with Progress(1e6, "steps") as bar:
+        for _ in range(3):
+            clock.now += 12.0
+            bar.update()
+        said = capsys.readouterr().err
+    assert "over 99 h" in said and not re.search(r"\d{3,}:\d\d:\d\d", said)
+
+
+def test_progress_survives_a_closed_stream(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = io.StringIO()
+    gone.close()
+    monkeypatch.setattr(sys, "stderr", gone)
+    with Progress(2, "steps") as bar:
+        clock.now += 20.0
+        bar.update()
+    assert bar.done == 1
+
+
+@pytest.mark.usefixtures("terminal")
 def test_progress_needs_no_tqdm(clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tqdm", None)
     with Progress(2, "steps") as bar:

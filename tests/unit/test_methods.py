@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import fastbeam as fb
 from fastbeam.model import Model
@@ -253,6 +254,21 @@ def test_loads_act_at_their_time(name: str) -> None:
     assert_same_motion(later.state, now.state, 1e-10)
 
 
+@pytest.mark.parametrize("name", AT_END)
+def test_start_needs_nothing_that_new_versions_of_scipy_warn_of(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    # from 1.18 on these make another kind of matrix of dense arrays some day
+    def of_sparse(function: Any) -> Any:
+        def warned(*arguments: Any, **options: Any) -> Any:
+            parts = arguments[0] if isinstance(arguments[0], (list, tuple)) else arguments
+            assert any(sparse.issparse(part) for part in parts)
+            return function(*arguments, **options)
+        return warned
+
+    for noun in ("block_diag", "kron", "kronsum", "tril", "triu"):
+        monkeypatch.setattr(sparse, noun, of_sparse(getattr(sparse, noun)))
+    assert simulate(fb.compile_scene(bead()), name).info["steps"] == STEPS
+
+
 @pytest.mark.parametrize("name", OTHERS)
 def test_an_equilibrium_stays_where_it_is(name: str) -> None:
     model = fb.compile_scene(cantilever())
@@ -290,8 +306,8 @@ def test_step_control_and_order_four_go_with_the_midpoint_rule() -> None:
 # ---------------------------------------------------------------------------------------------------------------- refused
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"method": "leapfrog"}, "'leapfrog' does not exist.*'energy_momentum'.*'midpoint'.*'trapezoidal'.*'generalized_alpha'"),
-    ({"method": None}, "method: None"),
-    ({"method": ["midpoint"]}, "method: .*midpoint.* does not exist"),
+    ({"method": None}, "method: must be a text, got None"),
+    ({"method": ["midpoint"]}, r"method: must be a text, got \['midpoint'\]"),
     ({"method": "generalized_alpha", "rho_inf": 1.2}, r"rho_inf: .*\[0, 1\].*1\.2"),
     ({"method": "generalized_alpha", "rho_inf": -0.1}, r"rho_inf: .*\[0, 1\].*-0\.1"),
     ({"method": "generalized_alpha", "rho_inf": float("nan")}, "rho_inf"),

@@ -159,7 +159,7 @@ def test_a_net_of_beams_refuses_the_chain_solver() -> None:
 
 def test_an_unknown_solver_is_refused() -> None:
     rod = Scene(Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1))
-    with pytest.raises(SceneError, match="solver 'pardiso' does not exist: choose 'auto', 'chain' or 'sparse'"):
+    with pytest.raises(SceneError, match="solver: 'pardiso' does not exist: choose 'auto', 'chain' or 'sparse'"):
         compile_scene(rod, solver="pardiso")
 
 

@@ -198,7 +198,7 @@ def test_planar_false_says_so() -> None:
 
 @pytest.mark.parametrize("value", [None, 1, 0, "yes", 1.0])
 def test_other_values_of_planar_are_refused(value: Any) -> None:
-    with pytest.raises(fb.SceneError, match="planar must be 'auto', True or False"):
+    with pytest.raises(fb.SceneError, match="planar: must be 'auto', True or False"):
         fb.compile_scene(flight(), planar=value)
 
 

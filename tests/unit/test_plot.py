@@ -13,7 +13,8 @@ from fastbeam.errors import BackendError, SceneError
 from fastbeam.plot import plot_invariants, plot_overview, plot_shapes, plot_slider
 from fastbeam.result import Result
 
-pytest.importorskip("matplotlib")
+matplotlib = pytest.importorskip("matplotlib")
+mpl_toolkits = pytest.importorskip("mpl_toolkits.mplot3d") and pytest.importorskip("mpl_toolkits")
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
 
@@ -64,6 +65,18 @@ def test_invariants_show_energies_and_deviations_above_the_floor() -> None:
     assert min(np.min(line.get_ydata()) for line in lower.get_lines()) == 1e-17
 
 
+def test_energies_that_are_drawn_add_up_to_the_total() -> None:
+    run = swing()
+    strain, gravity, loads = 0.5 * run.t, 2.0 * run.t**2, -3.0 * run.t
+    run.series |= {"strain": strain, "gravity": gravity, "potential": strain + gravity + loads}
+    run.series["total"] = run.series["kinetic"] + run.series["potential"]
+    lines = {line.get_label(): line.get_ydata() for line in plot_invariants(run).axes[0].get_lines()}
+    np.testing.assert_allclose(sum(y for name, y in lines.items() if name != "total"), lines["total"], rtol=1e-12)
+    assert set(lines) == {"kinetic", "strain", "gravity", "loads", "total"}
+    run.series["potential"] = strain + gravity
+    assert "loads" not in [line.get_label() for line in plot_invariants(run).axes[0].get_lines()]
+
+
 def test_series_that_are_not_conserved_have_no_deviation_curve() -> None:
     run = swing()
     run.info["conserved"] = ["total"]
@@ -97,11 +110,58 @@ def test_overview_holds_a_panel_for_everything_recorded(tmp_path: Path, sliders:
     assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
+def shallow(sag: float) -> Result:
+    """A wire of 120 m that sags, in three shapes."""
+    x = np.linspace(-60.0, 60.0, 13)
+    phi = np.zeros((3, 13, 3))
+    phi[:, :, 0], phi[:, :, 2] = x, -sag * (1.0 - (x / 60.0) ** 2) * np.array([0.5, 0.7, 1.0])[:, None]
+    return Result(t=[0.0, 1.0, 2.0], series={"total": np.ones(3)}, names={"beams": [{"name": "wire", "first": 0, "count": 13}]},
+                  t_snap=[0, 1, 2], phi=phi, directors=np.tile(np.eye(3), (3, 13, 1, 1)))
+
+
+@pytest.mark.parametrize(("sag", "equal"), [(1.2, False), (14.0, False), (16.0, True), (1e-6, True)])
+def test_long_shallow_scenes_are_drawn_with_different_scales(sag: float, equal: bool) -> None:
+    axes = plot_shapes(shallow(sag)).axes[0]
+    assert (axes.get_aspect() == 1.0) is equal
+    assert axes.get_ylabel() == ("z [m]" if equal else "z [m], other scale")
+    low, high = axes.get_ylim()
+    assert (sag / (high - low) > 0.8) is not equal
+
+
+@pytest.mark.parametrize("n", [3, 9, 24, 60])
+def test_every_slider_has_its_colour_and_a_legend_is_there(n: int) -> None:
+    figure = plot_overview(swing(sliders=tuple(f"ring {k}" for k in range(n))))
+    axes = next(axes for axes in figure.axes if axes.get_title() == "Sliding coordinate")
+    assert len({tuple(np.round(matplotlib.colors.to_rgba(line.get_color()), 6)) for line in axes.lines}) == n
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert len(texts) == (n if n <= 24 else 8) and texts[0] == "ring 0" and texts[-1] == f"ring {n - 1}"
+    assert axes.get_legend().get_title().get_text() == ("" if n <= 24 else "8 of 60, in order")
+    # no curve behind the legend
+    figure.draw_without_rendering()
+    box = axes.get_legend().get_window_extent().transformed(axes.transData.inverted())
+    assert box.y0 > max(line.get_ydata().max() for line in axes.lines)
+
+
+@pytest.mark.parametrize("height", [0.4, 1.0, 4.0])
+def test_titles_in_space_stand_above_the_shapes(height: float) -> None:
+    run = swing(spatial=True)
+    phi = run.phi * (1.0, 1.0, height / 0.48)
+    tall = Result(t=run.t, series=run.series | {"slider_position": phi[:, 7:]}, names=run.names, t_snap=run.t_snap, phi=phi,
+                  directors=run.directors)
+    figure = plot_shapes(tall)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    title = axes.title.get_window_extent()
+    for line in axes.lines:
+        x, y, _ = mpl_toolkits.mplot3d.proj3d.proj_transform(*line.get_data_3d(), axes.get_proj())
+        assert axes.transData.transform(np.column_stack((x, y)))[:, 1].max() < title.y0
+
+
 def test_requests_that_the_result_cannot_meet_are_refused() -> None:
     empty = Result(t=[0.0])
     with pytest.raises(SceneError, match="holds no snapshots"):
         plot_shapes(empty)
-    with pytest.raises(SceneError, match="plane 'yx' does not exist: choose 'auto', 'xy'"):
+    with pytest.raises(SceneError, match="plot_shapes, plane: 'yx' does not exist: choose 'auto', 'xy', 'xz', 'yz' or '3d'"):
         plot_shapes(swing(), plane="yx")
     with pytest.raises(SceneError, match="holds no slider"):
         plot_slider(empty)

@@ -198,6 +198,16 @@ def test_missing_node_is_an_error(index):
         straight(degree=2).node(index)
 
 
+@pytest.mark.parametrize("index", [9, -1, 10**6, 1.0, None])
+def test_a_node_that_the_beam_does_not_have_is_refused_also_without_the_beam(index: object) -> None:
+    boom = Beam.straight("boom", (0, 0, 0), (1, 0, 0), section=Section.circle(radius=0.01, E=1e9, rho=1e3), elements=4, degree=2)
+    assert NodeRef(boom, 8) == boom.end
+    with pytest.raises(SceneError, match=r"NodeRef: beam 'boom' has no node .*, nodes run from 0 to 8"):
+        NodeRef(boom, index)
+    with pytest.raises(SceneError, match="NodeRef: beam 'boom' takes no offset, got .*; join a RigidBody there"):
+        NodeRef(boom, 0, (0, 0, 1))
+
+
 def test_arc_length_between_nodes_lists_the_neighbours():
     with pytest.raises(SceneError, match=r"beam 'boom': no node at s=0\.6, the nearest nodes lie at s = 0\.5 and 0\.75 m"):
         straight(degree=2).at(0.6)
@@ -250,7 +260,7 @@ def test_straight_beam_needs_a_length_and_a_name():
         Beam.straight("x", (1, 2, 3), np.zeros((5, 3)), **COMMON)
     with pytest.raises(SceneError, match=r"beam 'x': start must be 3 finite numbers, got \(0, nan, 0\)"):
         Beam.straight("x", (0, np.nan, 0), (1, 2, 3), **COMMON)
-    with pytest.raises(SceneError, match="beam: name must be a non-empty text, got ''"):
+    with pytest.raises(SceneError, match="Beam.straight: name must be a non-empty text, got ''"):
         Beam.straight("", (0, 0, 0), (1, 2, 3), **COMMON)
 
 
@@ -313,6 +323,6 @@ def test_spline_points_are_checked():
 def test_arc_lengths_outside_the_beam_are_refused():
     with pytest.raises(SceneError, match=r"beam 'boom': s=2\.1 lies outside it \(0 to 2 m\)"):
         straight().reference([0.0, 2.1])
-    with pytest.raises(SceneError, match=r"s must have shape \[n\]"):
+    with pytest.raises(SceneError, match=r"s must be arc lengths, finite numbers of shape \[n\]"):
         straight().reference(np.zeros((2, 2)))
     assert np.array_equal(straight().reference(2.0 + 1e-10)[0], [[2, 0, 0]])

@@ -104,6 +104,16 @@ def test_supports_refuse_what_is_no_node(kind):
         kind(BOOM.start, name=7)
 
 
+@pytest.mark.parametrize("kind", [Clamp, Pin])
+def test_supports_say_what_they_take(kind):
+    with pytest.raises(SceneError, match="at missing; it takes at, name"):
+        kind()
+    with pytest.raises(SceneError, match="got .*; each support holds one node, write one for every node"):
+        kind(BOOM.start, BOOM.end)
+    with pytest.raises(SceneError, match="takes at, name without a name, got 3 arguments"):
+        kind(BOOM.start, "foot", 3)
+
+
 def test_pin_refuses_points_away_from_the_centre():
     with pytest.raises(SceneError, match="a pin holds the centre of a body; for another point clamp a PointMass"):
         Pin(WHEEL.point((1, 0, 0)))
@@ -187,6 +197,10 @@ def test_rigid_motion_takes_one_several_or_all():
     assert motion.objects == (BOOM, WHEEL, CART) and motion.spin.tolist() == [0, 0, 1] and motion.about.tolist() == [1, 0, 0]
     with pytest.raises(SceneError, match="rigid motion: objects must be beams, nets, bodies and point masses, got 'all'"):
         RigidMotion("all")
+    # a list that a filter left empty is not "everything"
+    for nothing in ([], (), (x for x in ())):
+        with pytest.raises(SceneError, match="rigid motion: objects is empty, so it would move nothing; name the parts"):
+            RigidMotion(nothing, velocity=(1, 0, 0))
     with pytest.raises(SceneError, match="rigid motion: about must be 3 finite numbers"):
         RigidMotion(about=None)
 

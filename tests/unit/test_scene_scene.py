@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -226,3 +227,27 @@ def test_nouns_load_no_heavy_library():
             "print([m for m in ('numba', 'scipy', 'matplotlib', 'h5py', 'fastbeam.kernels') if m in sys.modules])")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_long_chain_of_masses_is_placed_from_its_end(backwards):
+    masses = [PointMass(f"m{k}", mass=1.0) for k in range(3000)]
+    links = [BallJoint(a, b) for a, b in zip([RAIL.end, *masses[:-1]], masses)]
+    scene = Scene(RAIL, *(masses[::-1] if backwards else masses), *links)
+    begin = time.perf_counter()
+    scene.check()
+    assert time.perf_counter() - begin < 2.0
+    assert scene.position_of(masses[-1]).tolist() == RAIL.reference(RAIL.length)[0][0].tolist()
+
+
+def test_chain_of_masses_that_two_ends_place_apart_is_refused():
+    masses = [PointMass(f"m{k}", mass=1.0) for k in range(5)]
+    links = [BallJoint(a, b) for a, b in zip([RAIL.start, *masses], [*masses, RAIL.end])]
+    with pytest.raises(SceneError, match="point mass 'm0': .* and .* place it .* m apart; make them agree"):
+        Scene(RAIL, *masses, *links).check()
+
+
+def test_masses_joined_to_each_other_alone_have_no_place():
+    a, b, c = (PointMass(name, mass=1.0) for name in "abc")
+    with pytest.raises(SceneError, match="point mass 'a' has no position"):
+        Scene(RAIL, a, b, c, BallJoint(a, b), BallJoint(b, c), BallJoint(c, a)).check()

@@ -192,7 +192,7 @@ def test_pardiso_without_mkl_says_what_to_install(monkeypatch: pytest.MonkeyPatc
 
 
 def test_unknown_solver_is_refused() -> None:
-    with pytest.raises(fb.SceneError, match="solver 'dense' does not exist: choose 'auto', 'chain' or 'sparse'"):
+    with pytest.raises(fb.SceneError, match="solver: 'dense' does not exist: choose 'auto', 'chain' or 'sparse'"):
         fb.compile_scene(free_beam(), solver="dense")
 
 

@@ -154,7 +154,7 @@ while True:
     if k % 5 == 0:
         writer.snapshot(0.1 * k, np.full((60, 3), float(k)), np.full((60, 3, 3), float(k)))
         writer.event({{"kind": "tick", "time": 0.1 * k, "text": "x" * (k % 97)}})
-    before = writer._count["rows"]
+    before = writer._state.count["rows"]
     if before and before != getattr(writer, "told", 0):
         writer.told = before
         print(before, flush=True)
@@ -258,7 +258,7 @@ def test_files_of_version_1_are_read_and_cut_to_the_common_rows(tmp_path: Path) 
     path = tmp_path / "run.h5"
     with ResultWriter(path, header()) as writer:
         fill(writer, 6)
-    counts = (6, 2, writer._count["events"], 0)
+    counts = (6, 2, writer._state.count["events"], 0)
     with h5py.File(path, "r+") as file:
         del file["blocks"], file["committed"]
         file["committed"] = np.array(counts)

@@ -3,12 +3,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from fastbeam.arguments import (
+    LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown, whole,
+)
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array
@@ -21,8 +24,57 @@ if TYPE_CHECKING:
 DEGREES = {"lagrange": (1, 8), "bspline": (2, 5)}
 DIRECTORS = ("greville", "control")
 STRAINS = ("simo_reissner", "green_lagrange")
+MOST_ELEMENTS = 10**7
 
 
+@dataclass(frozen=True)
+class Elements:
+    """A number of elements, or the arc lengths of their ends."""
+
+    def __call__(self, value: Any) -> int | Array:
+        count = whole(value)
+        if count is not None:
+            if not 1 <= count <= MOST_ELEMENTS:
+                raise Refusal(f"must be a whole number >= 1 (at most {MOST_ELEMENTS:g}) or the increasing arc lengths of the "
+                              f"element ends, got {shown(value)}")
+            return count
+        ends = numbers(value)
+        if ends is None or ends.ndim != 1:
+            raise Refusal("must be a whole number >= 1 or the increasing arc lengths of the element ends, got "
+                          f"{shown(value)}")
+        return Numbers((None,), "finite arc lengths")(ends)
+
+
+@dataclass(frozen=True)
+class CurveOf:
+    """An object with `length` and `reference(s)`."""
+
+    def __call__(self, value: Any) -> Any:
+        if isinstance(value, type) or not callable(getattr(value, "reference", None)) or not hasattr(value, "length"):
+            hint = "use Beam.from_curve(...)" if callable(value) else "use Beam.straight(...) or a curve object"
+            raise Refusal(f"must have length and reference(s), got {shown(value)}; {hint}")
+        Number(above=0.0, unit="m")(value.length)
+        return value
+
+
+@dataclass(frozen=True)
+class ArcLengths:
+    """One arc length or several, as an array [n]."""
+
+    def __call__(self, value: Any) -> Array:
+        s = numbers(value)
+        if s is None or s.ndim > 1 or not np.all(np.abs(s) <= LARGEST):
+            raise Refusal(f"must be arc lengths, finite numbers of shape [n], got {shown(value)}")
+        return np.atleast_1d(s)
+
+
+# degree and interpolation belong together
+COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
+          "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
+OWNERS = ("beam", "body", "point mass")
+
+
+@checked(owner=Anything(), index=Anything(), offset=Vector)
 @dataclass(frozen=True, eq=False)
 class NodeRef:
     """One node of a beam, or a point fixed to a rigid body or point mass. Made by `beam.start`, `body.point(...)` and so on.
@@ -34,11 +86,31 @@ class NodeRef:
         Node of the beam, counted from 0; 0 for bodies and masses.
     offset : ndarray (3,)
         Position relative to the centre in the body triad, m; zero except for bodies.
+
+    Raises
+    ------
+    SceneError
+        The owner is none or has no such node, or the offset is not 3 finite numbers, or one of a beam or mass.
     """
 
     owner: Any
     index: int = 0
-    offset: Array = field(default_factory=lambda: checks.constant(np.zeros(3)))
+    offset: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        kind = getattr(self.owner, "kind", None)
+        if kind not in OWNERS or isinstance(self.owner, type):
+            raise SceneError(f"NodeRef: owner must be a Beam, RigidBody or PointMass, got {shown(self.owner)}; nodes are made by "
+                             "beam.start, beam.end, beam.node(i), net.node(i), body.point(offset)")
+        last = self.owner.n_nodes - 1 if isinstance(self.owner, Beam) else 0
+        index = whole(self.index)
+        if index is None or not 0 <= index <= last:
+            hint = f"; use its node({index}) to count from the end" if index is not None and -last - 1 <= index < 0 else ""
+            raise SceneError(f"NodeRef: {self.owner.label} has no node {shown(self.index)}, nodes run from 0 to {last}{hint}")
+        if np.any(self.offset) and kind != "body":
+            raise SceneError(f"NodeRef: {self.owner.label} takes no offset, got {shown(self.offset)}; only bodies do; join a "
+                             "RigidBody there with a RigidConnection and use its point(offset)")
+        checks.fill(self, index=index)
 
     @property
     def is_center(self) -> bool:
@@ -68,6 +140,7 @@ class NodeRef:
         return hash((id(self.owner), self.index, tuple(self.offset.tolist())))
 
 
+@checked(name=Name(), curve=CurveOf(), **COMMON)
 @dataclass(frozen=True, eq=False)
 class Beam:
     """One beam: a reference curve with triads, a section and an interpolation. The stress-free state is the reference.
@@ -109,28 +182,21 @@ class Beam:
 
     def __post_init__(self) -> None:
         who = checks.label("beam", self.name)
-        if not hasattr(self.curve, "reference") or not hasattr(self.curve, "length"):
-            hint = "use Beam.from_curve(...)" if callable(self.curve) else "use Beam.straight(...) or a curve object"
-            raise SceneError(f"{who}: curve must have length and reference(s), got {self.curve!r}; {hint}")
-        checks.number(who, "length", self.curve.length, above=0.0, unit="m")
-        if not isinstance(self.section, Section):
-            raise SceneError(f"{who}: section must be a Section, got {self.section!r}; use Section.rectangle(...) for instance")
-        if self.interpolation not in DEGREES:
-            raise SceneError(f"{who}: interpolation {self.interpolation!r} does not exist: choose 'lagrange' (degree 1 to 8) "
-                             "or 'bspline' (degree 2 to 5)")
+        if not isinstance(self.interpolation, str) or self.interpolation not in DEGREES:
+            raise SceneError(f"{who}: interpolation {shown(self.interpolation)} does not exist: choose 'lagrange' (degree 1 to "
+                             "8) or 'bspline' (degree 2 to 5)")
         low, high = DEGREES[self.interpolation]
-        degree = _whole(self.degree)
+        degree = whole(self.degree)
         if degree is None or not low <= degree <= high:
-            raise SceneError(f"{who}: degree={self.degree!r} lies outside {low} to {high} of interpolation "
+            raise SceneError(f"{who}: degree={shown(self.degree)} lies outside {low} to {high} of interpolation "
                              f"{self.interpolation!r}")
-        checks.choice(who, "directors", self.directors, DIRECTORS)
         if self.interpolation == "lagrange" and self.directors != "greville":
             raise SceneError(f"{who}: directors={self.directors!r} exists only for interpolation 'bspline'; leave it out")
-        checks.choice(who, "strain", self.strain, STRAINS)
         checks.fill(self, degree=degree, elements=_element_ends(who, self.elements, self.length))
 
     # --- ways to make one ---------------------------------------------------------------------------------------------
     @classmethod
+    @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number(), **COMMON)
     def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0, **common: Any) -> Beam:
         """Straight beam from `start` to `end` (3,), m.
 
@@ -154,8 +220,6 @@ class Beam:
         ([0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
         """
         who = checks.label("beam", name)
-        start, end = checks.vector(who, "start", start), checks.vector(who, "end", end)
-        twist = checks.number(who, "twist", twist)
         length = float(np.linalg.norm(end - start))
         if length <= 1e-14 * float(np.max(np.abs([start, end]))):
             raise SceneError(f"{who}: start and end coincide at {checks.shown(start)}; a beam needs a length > 0 m")
@@ -163,6 +227,8 @@ class Beam:
         return cls(name, StraightLine(start, triad, length, twist), **common)
 
     @classmethod
+    @checked(name=Name(), start=Vector, tangent=Vector, normal=Vector, radius=Number(above=0.0, unit="m"),
+             angle=Number(above=0.0, unit="rad"), **COMMON)
     def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float, **common: Any) -> Beam:
         """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
 
@@ -174,17 +240,16 @@ class Beam:
             Tangent and normal are not orthogonal (1e-6), or radius or angle is not positive.
         """
         who = checks.label("beam", name)
-        start = checks.vector(who, "start", start)
         t, n = checks.direction(who, "tangent", tangent), checks.direction(who, "normal", normal)
         if abs(float(t @ n)) > 1e-6:
             angle_between = math.degrees(math.acos(max(-1.0, min(1.0, float(t @ n)))))
             raise SceneError(f"{who}: normal={checks.shown(normal)} must be orthogonal to tangent={checks.shown(tangent)}, "
                              f"the angle between them is {angle_between:.6g} degrees")
-        radius = checks.number(who, "radius", radius, above=0.0, unit="m")
-        angle = checks.number(who, "angle", angle, above=0.0, unit="rad")
         return cls(name, Arc(start, checks.triad_from(who, t, n), radius, angle), **common)
 
     @classmethod
+    @checked(name=Name(), radius=Number(above=0.0, unit="m"), pitch=Number(), turns=Number(above=0.0), center=Vector, axis=Vector,
+             start_direction=Vector, **COMMON)
     def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: Any = (0.0, 0.0, 0.0),
               axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Any) -> Beam:
         """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
@@ -197,10 +262,6 @@ class Beam:
             Radius or turns is not positive, or start_direction is parallel to the axis.
         """
         who = checks.label("beam", name)
-        center = checks.vector(who, "center", center)
-        radius = checks.number(who, "radius", radius, above=0.0, unit="m")
-        pitch = checks.number(who, "pitch", pitch)
-        turns = checks.number(who, "turns", turns, above=0.0)
         e3, hint = checks.direction(who, "axis", axis), checks.direction(who, "start_direction", start_direction)
         if float(np.linalg.norm(np.cross(e3, hint))) < 1e-6:
             raise SceneError(f"{who}: start_direction={checks.shown(start_direction)} is parallel to axis={checks.shown(axis)}")
@@ -208,6 +269,7 @@ class Beam:
         return cls(name, Helix(center, checks.constant(np.array([e1, e2, e3])), radius, pitch, turns), **common)
 
     @classmethod
+    @checked(name=Name(), curve=Anything(), frame=Anything(), d2=Vector, **COMMON)
     def from_curve(cls, name: str, curve: Callable[[float], Any], *, frame: Callable[[float], Any] | None = None,
                    d2: Any = None, **common: Any) -> Beam:
         """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
@@ -223,6 +285,7 @@ class Beam:
         return cls(name, FittedCurve(checks.label("beam", name), curve, frame=frame, d2=d2), **common)
 
     @classmethod
+    @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector, **COMMON)
     def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Any) -> Beam:
         """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
 
@@ -246,6 +309,7 @@ class Beam:
         """Reference length, m."""
         return float(self.curve.length)
 
+    @checked(s=ArcLengths())
     def reference(self, s: Any) -> tuple[Array, Array]:
         """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
 
@@ -254,12 +318,10 @@ class Beam:
         SceneError
             An arc length lies outside the beam.
         """
-        s = np.atleast_1d(np.asarray(s, dtype=float))
         slack = 1e-9 * self.length
-        if s.ndim != 1 or not np.all((s >= -slack) & (s <= self.length + slack)):
-            bad = s[~((s >= -slack) & (s <= self.length + slack))]
-            text = f"s={bad.flat[0]:.6g} lies outside it" if bad.size else f"s must have shape [n], got {list(s.shape)};"
-            raise SceneError(f"{self.label}: {text} (0 to {self.length:.6g} m)")
+        inside = (s >= -slack) & (s <= self.length + slack)
+        if not np.all(inside):
+            raise SceneError(f"{self.label}: s={s[~inside][0]:.6g} lies outside it (0 to {self.length:.6g} m)")
         return self.curve.reference(np.clip(s, 0.0, self.length))
 
     # --- nodes --------------------------------------------------------------------------------------------------------
@@ -278,7 +340,7 @@ class Beam:
     @property
     def n_nodes(self) -> int:
         """Number of nodes."""
-        return self.basis.n_nodes
+        return self.n_elements * self.degree + 1 if self.interpolation == "lagrange" else self.n_elements + self.degree
 
     @property
     def node_s(self) -> Array:
@@ -295,6 +357,7 @@ class Beam:
         """The node at s = length."""
         return NodeRef(self, self.n_nodes - 1)
 
+    @checked(index=Anything())
     def node(self, index: int) -> NodeRef:
         """Node by number; negative numbers count from the end.
 
@@ -303,12 +366,13 @@ class Beam:
         SceneError
             There is no such node.
         """
-        clean, n = _whole(index), self.n_nodes
+        clean, n = whole(index), self.n_nodes
         if clean is None or not -n <= clean < n:
-            raise SceneError(f"{self.label}: node {index!r} does not exist, nodes run from 0 to {n - 1} (or from the end, -1 to "
-                             f"{-n})")
+            raise SceneError(f"{self.label}: node {shown(index)} does not exist, nodes run from 0 to {n - 1} (or from the end, "
+                             f"-1 to {-n})")
         return NodeRef(self, clean % n)
 
+    @checked(s=Number(unit="m"))
     def at(self, s: float) -> NodeRef:
         """The node at arc length s (m), which must be one of `node_s` within 1e-9 of the length.
 
@@ -317,7 +381,6 @@ class Beam:
         SceneError
             No node lies there; the message lists the two nearest.
         """
-        s = checks.number(self.label, "s", s)
         gap = np.abs(self.node_s - s)
         index = int(np.argmin(gap))
         if gap[index] > 1e-9 * self.length:
@@ -331,22 +394,11 @@ class Beam:
                 f"{self.strain}>")
 
 
-def _whole(value: Any) -> int | None:
-    """`value` as an int, or None where it is not a whole number."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        return None
-    return int(value)
-
-
 def _element_ends(who: str, elements: Any, length: float) -> int | Array:
     """The number of elements, or their checked ends [n + 1]; both outer ends are set exactly."""
-    count = _whole(elements)
-    if count is not None and count >= 1:
-        return count
-    if count is not None or np.ndim(elements) != 1 or isinstance(elements, (str, bytes)):
-        raise SceneError(f"{who}: elements must be a whole number >= 1 or the increasing arc lengths of the element ends, "
-                         f"got {elements!r}")
-    ends = np.array(checks.array(who, "elements", elements, np.shape(elements), "finite arc lengths"))
+    if isinstance(elements, int):
+        return elements
+    ends = np.array(elements)
     if ends.size < 2 or abs(ends[0]) > 1e-9 * length or abs(ends[-1] - length) > 1e-9 * length:
         raise SceneError(f"{who}: elements must run from 0 to the length {length:.10g} m, got {checks.shown(elements)}")
     ends[0], ends[-1] = 0.0, length

@@ -3,15 +3,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from fastbeam.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take
 from fastbeam.errors import SceneError
 
 Array = np.ndarray
 TimeFactor = Callable[[float], float]
-Field = Array | Callable[[Array], Array]
+FieldLike = Array | Callable[[Array], Array]
 
 
 def fill(obj: Any, **values: Any) -> None:
@@ -20,63 +22,24 @@ def fill(obj: Any, **values: Any) -> None:
         object.__setattr__(obj, key, value)
 
 
-def constant(array: Array) -> Array:
-    """A read-only contiguous float copy of `array`."""
-    copy = np.array(array, dtype=float, order="C")
-    copy.setflags(write=False)
-    return copy
-
-
-def shown(value: Any) -> str:
-    """A value as a short text for messages: lists and arrays of numbers with six digits, anything else by its repr."""
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        return repr(value)
-    if isinstance(value, str) or value is None or array.size > 12:
-        return repr(value) if array.size <= 12 else f"an array of shape {array.shape}"
-    if array.ndim == 0:
-        return f"{float(array):.6g}"
-    if array.ndim == 1:
-        return "(" + ", ".join(f"{x:.6g}" for x in array) + ")"
-    return str(np.round(array, 6).tolist())
-
-
-def label(kind: str, name: Any) -> str:
-    """`kind 'name'`; the name must be a non-empty text."""
-    if not isinstance(name, str) or not name.strip():
-        raise SceneError(f"{kind}: name must be a non-empty text, got {name!r}")
+def label(kind: str, name: str) -> str:
+    """`kind 'name'`."""
     return f"{kind} {name!r}"
 
 
-def number(who: str, what: str, value: Any, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
-    """A finite float, optionally `> above` or `>= least`."""
-    bound = "finite" if above is None and least is None else (f"> {above:g}" if above is not None else f">= {least:g}")
-    tail = f" {unit}" if unit else ""
-    try:
-        clean = math.nan if isinstance(value, (str, bytes, bool)) else float(value)
-    except (TypeError, ValueError):
-        clean = math.nan
-    if not math.isfinite(clean) or (above is not None and clean <= above) or (least is not None and clean < least):
-        need = "a finite number" if bound == "finite" else f"a finite number {bound}{tail}"
-        raise SceneError(f"{who}: {what} must be {need}, got {shown(value)}")
-    return clean
+def number(who: str, what: str, value: Any, **bounds: Any) -> float:
+    """A finite float, optionally `above=`, `least=`, `most=`, with a `unit=`."""
+    return take(Number(**bounds), f"{who}: {what}", value)
 
 
-def array(who: str, what: str, value: Any, shape: tuple[int, ...], need: str) -> Array:
-    """A read-only array of finite floats of the given shape."""
-    try:
-        clean = None if isinstance(value, (str, bytes)) or value is None else np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        clean = None
-    if clean is None or clean.shape != shape or not np.all(np.isfinite(clean)):
-        raise SceneError(f"{who}: {what} must be {need}, got {shown(value)}")
-    return constant(clean)
+def array(who: str, what: str, value: Any, shape: tuple[int | None, ...], need: str) -> Array:
+    """A read-only array of finite floats of the given shape (None: any size)."""
+    return take(Numbers(shape, need), f"{who}: {what}", value)
 
 
 def vector(who: str, what: str, value: Any) -> Array:
     """Three finite numbers as a read-only array."""
-    return array(who, what, value, (3,), "3 finite numbers")
+    return take(Vector, f"{who}: {what}", value)
 
 
 def direction(who: str, what: str, value: Any) -> Array:
@@ -89,44 +52,71 @@ def direction(who: str, what: str, value: Any) -> Array:
     return constant(scaled / math.sqrt(float(scaled @ scaled)))
 
 
-def choice(who: str, what: str, value: Any, options: tuple[str, ...]) -> str:
-    """One of a few words."""
-    if value not in options:
-        listed = " or ".join(repr(option) for option in options)
-        raise SceneError(f"{who}: {what} {value!r} does not exist: choose {listed}")
-    return value
+@dataclass(frozen=True)
+class Factor:
+    """A function t -> factor; it is tried at t = 0."""
+
+    def __call__(self, value: Any) -> TimeFactor:
+        if not callable(value) or isinstance(value, type):
+            raise Refusal(f"must be a function of t that returns a number, or None, got {shown(value)}")
+        start = tried(value, 0.0, "at t = 0")
+        clean = real(start)
+        if clean is None or not abs(clean) <= LARGEST:
+            raise Refusal(f"must return a finite number at t = 0, got {shown(start)}")
+        return value
 
 
-def time_factor(who: str, what: str, value: Any) -> TimeFactor | None:
-    """A callable t -> float, finite at t = 0, or None for a constant factor 1."""
-    if value is None:
-        return None
-    if not callable(value):
-        raise SceneError(f"{who}: {what} must be a function of t that returns a number, or None, got {value!r}")
-    start = value(0.0)
+def tried(function: Callable[[Any], Any], at: Any, where: str) -> Any:
+    """What a function of the user returns; where it raises something, a Refusal that says so."""
     try:
-        finite = np.ndim(start) == 0 and math.isfinite(float(start))
-    except (TypeError, ValueError):
-        finite = False
-    if not finite:
-        raise SceneError(f"{who}: {what} must return a finite number at t = 0, got {start!r}")
-    return value
+        return function(at)
+    except Exception as error:
+        text = f"must not fail, {where} it raises {type(error).__name__}: {error}"
+        raise Refusal(f"{text:.200}") from error
 
 
-def field(who: str, what: str, value: Any, length: float) -> Field:
-    """Three numbers, or a callable s[n] -> [n, 3] that is tried at four arc lengths of the beam."""
-    if not callable(value):
-        return vector(who, what, value)
-    field_values(who, what, value, np.linspace(0.0, length, 4))
-    return value
+def called(who: str, what: str, function: Callable[[float], Any], t: float) -> Any:
+    """What a function of the user returns at t.
+
+    Raises
+    ------
+    SceneError
+        It raised something.
+    """
+    try:
+        return tried(function, t, f"at {t:.6g}")
+    except Refusal as refusal:
+        raise SceneError(f"{who}: {what} {refusal}") from refusal.__cause__
 
 
-def field_values(who: str, what: str, value: Field, s: Array) -> Array:
+@dataclass(frozen=True)
+class Field:
+    """Three numbers, or a function s[n] -> [n, 3]."""
+
+    def __call__(self, value: Any) -> Any:
+        if not callable(value):
+            return Vector(value)
+        if isinstance(value, type):
+            raise Refusal(f"must be 3 finite numbers or a function of s[n] that returns [n, 3], got {shown(value)}")
+        return value
+
+
+def try_field(who: str, what: str, value: Any, length: float) -> None:
+    """Try a field at four arc lengths of its beam."""
+    if callable(value):
+        field_values(who, what, value, np.linspace(0.0, length, 4))
+
+
+def field_values(who: str, what: str, value: FieldLike, s: Array) -> Array:
     """Values [n, 3] of a field at the arc lengths s[n]."""
     s = np.atleast_1d(np.asarray(s, dtype=float))
     if not callable(value):
         return np.tile(value, (s.size, 1))
-    return np.array(array(who, f"{what}(s)", value(s), (s.size, 3), f"finite numbers of shape [n, 3] (here [{s.size}, 3])"))
+    try:
+        values = tried(value, s, f"at s = {shown(s)}")
+    except Refusal as refusal:
+        raise SceneError(f"{who}: {what}(s) {refusal}") from refusal.__cause__
+    return np.array(array(who, f"{what}(s)", values, (s.size, 3), f"finite numbers of shape [n, 3] (here [{s.size}, 3])"))
 
 
 def triad_from(who: str, d1: Array, d2_hint: Array) -> Array:
@@ -152,14 +142,22 @@ def default_triad(who: str, d1: Array, d2_hint: Any = None) -> Array:
     return triad_from(who, d1, across)
 
 
-def rotation(who: str, what: str, value: Any) -> Array:
+@dataclass(frozen=True)
+class Rotation:
     """Orthonormal right-handed rows (3, 3); input may deviate by 1e-6 and is cleaned (nearest rotation)."""
-    rows = array(who, what, value, (3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")
-    defect = float(np.max(np.abs(rows @ rows.T - np.eye(3))))
-    if defect > 1e-6:
-        raise SceneError(f"{who}: {what} must be three orthonormal rows, they deviate by {defect:.3g} (allowed: 1e-6)")
-    if np.linalg.det(rows) < 0.0:
-        raise SceneError(f"{who}: {what} are left-handed; d3 must be d1 x d2")
-    exact = np.array_equal(rows @ rows.T, np.eye(3))
-    left, _, right = np.linalg.svd(rows)
-    return rows if exact else constant(left @ right)
+
+    def __call__(self, value: Any) -> Array:
+        rows = Numbers((3, 3), "3 x 3 finite numbers (rows d1, d2, d3)")(value)
+        defect = float(np.max(np.abs(rows @ rows.T - np.eye(3))))
+        if defect > 1e-6:
+            raise Refusal(f"must be three orthonormal rows, they deviate by {defect:.3g} (allowed: 1e-6)")
+        if np.linalg.det(rows) < 0.0:
+            raise Refusal("are left-handed; d3 must be d1 x d2")
+        exact = np.array_equal(rows @ rows.T, np.eye(3))
+        left, _, right = np.linalg.svd(rows)
+        return rows if exact else constant(left @ right)
+
+
+def rotation(who: str, what: str, value: Any) -> Array:
+    """Three finite orthonormal rows."""
+    return take(Rotation(), f"{who}: {what}", value)

@@ -112,10 +112,11 @@ class FittedCurve:
 
     def __init__(self, who: str, curve: Callable[[float], Any], *, breaks: Any = (0.0, 0.25, 0.5, 0.75, 1.0),
                  frame: Callable[[float], Any] | None = None, d2: Any = None) -> None:
-        if not callable(curve):
-            raise SceneError(f"{who}: curve must be a function of t in [0, 1] that returns 3 numbers, got {curve!r}")
-        if frame is not None and not callable(frame):
-            raise SceneError(f"{who}: frame must be a function of t that returns d2 or rows d1, d2, d3, got {frame!r}")
+        if not callable(curve) or isinstance(curve, type):
+            raise SceneError(f"{who}: curve must be a function of t in [0, 1] that returns 3 numbers, got {checks.shown(curve)}")
+        if frame is not None and (not callable(frame) or isinstance(frame, type)):
+            raise SceneError(f"{who}: frame must be a function of t that returns d2 or rows d1, d2, d3, got "
+                             f"{checks.shown(frame)}")
         if frame is not None and d2 is not None:
             raise SceneError(f"{who}: give frame or d2, not both")
         self.who, self.frame = who, frame
@@ -146,7 +147,8 @@ class FittedCurve:
         """Coefficients [25, 3] of one panel, the size of their tail, and whether the panel need not be halved."""
         t = 0.5 * (a + b) + 0.5 * (b - a) * NODES
         t[0], t[-1] = a, b
-        points = np.array([checks.vector(self.who, f"curve({x:.6g})", curve(float(x))) for x in t])
+        points = np.array([checks.vector(self.who, f"curve({x:.6g})", checks.called(self.who, "curve", curve, float(x)))
+                           for x in t])
         coef = TO_COEF @ points
         speed = np.linalg.norm(DERIVE @ points, axis=1)
         tail = float(np.max(np.abs(coef[-3:])))
@@ -272,9 +274,10 @@ class FittedCurve:
         assert self.frame is not None
         d2 = np.empty_like(d1)
         for k, x in enumerate(t):
-            value = self.frame(float(x))
+            value = checks.called(self.who, "frame", self.frame, float(x))
             what = f"frame({x:.6g})"
-            if np.shape(value) == (3, 3):
+            found = checks.numbers(value)
+            if found is not None and found.shape == (3, 3):
                 rows = checks.rotation(self.who, what, value)
                 miss = float(np.linalg.norm(rows[0] - d1[k]))
                 if miss > 1e-6:
@@ -311,10 +314,9 @@ def spline_through(who: str, points: Any, *, d2: Any = None) -> FittedCurve:
     """
     from scipy.interpolate import CubicSpline
 
-    shape = np.shape(points)
-    if len(shape) != 2 or shape[0] < 2:
-        raise SceneError(f"{who}: points must have shape [m, 3] with m >= 2, got shape {list(shape)}")
-    knots = checks.array(who, "points", points, (shape[0], 3), "finite numbers of shape [m, 3]")
+    knots = checks.array(who, "points", points, (None, 3), "finite numbers of shape [m, 3] with m >= 2")
+    if len(knots) < 2:
+        raise SceneError(f"{who}: points must have shape [m, 3] with m >= 2, got shape {list(knots.shape)}")
     chords = np.linalg.norm(np.diff(knots, axis=0), axis=1)
     if np.min(chords) <= 1e-12 * np.sum(chords):
         i = int(np.argmin(chords))

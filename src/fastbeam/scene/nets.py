@@ -6,15 +6,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fastbeam.arguments import Anything, Name, Word, checked, shown, whole
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import DEGREES, STRAINS, Beam, NodeRef
-from fastbeam.scene.checks import Array, TimeFactor
+from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef
+from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.curves import StraightLine
 from fastbeam.scene.sections import Section
 from fastbeam.shapes import gll_nodes
 
 JOINTS = ("rigid", "ball")
+# arrays whose shapes belong together; the constructor compares them
+TABLES = ("nodes", "edges", "section", "section_of", "elements", "degree", "d2", "joints", "pins", "clamps", "masses", "loads",
+          "velocity", "spin")
 
 
 class NetBeam(Beam):
@@ -24,6 +28,7 @@ class NetBeam(Beam):
     index: int
 
 
+@checked(name=Name(), strain=Word(STRAINS), time=Factor(), **dict.fromkeys(TABLES, Anything()))
 class Net:
     """Straight beams between nodes: frames with welded nodes, cable nets with ball joints, and mixtures.
 
@@ -86,7 +91,6 @@ class Net:
                  spin: Any = None) -> None:
         self.name = name
         who = self.label
-        checks.label(self.kind, name)
         self.nodes = _table(who, "nodes", nodes, None, "m")
         n = len(self.nodes)
         self.edges = _integers(who, "edges", edges, (None, 2), n, f"node numbers from 0 to {n - 1}")
@@ -94,13 +98,17 @@ class Net:
         if m == 0:
             raise SceneError(f"{who}: edges must hold at least one pair of node numbers, got none")
         self.sections, self.section_of = _sections(who, section, section_of, m)
-        self.elements = _integers(who, "elements", np.full(m, elements) if np.ndim(elements) == 0 else elements, (m,), None,
-                                  "whole numbers >= 1", least=1)
+        same = whole(elements)
+        if same is not None:
+            # what does not fit an array has none of its own
+            elements = np.full(m, min(max(same, 0), MOST_ELEMENTS + 1))
+        self.elements = _integers(who, "elements", elements, (m,), MOST_ELEMENTS + 1,
+                                  f"whole numbers >= 1 (at most {MOST_ELEMENTS:g})", least=1)
         low, high = DEGREES["lagrange"]
-        if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not low <= degree <= high:
-            raise SceneError(f"{who}: degree={degree!r} lies outside {low} to {high}")
+        if whole(degree) is None or not low <= degree <= high:
+            raise SceneError(f"{who}: degree={shown(degree)} lies outside {low} to {high}")
         self.degree = int(degree)
-        self.strain = checks.choice(who, "strain", strain, STRAINS)
+        self.strain = strain
         self.lengths, self.triads = _lines(who, self.nodes, self.edges, d2)
         self.ball = _joints(who, joints, n)
         self.pins = _integers(who, "pins", pins, (None,), n, f"node numbers from 0 to {n - 1}")
@@ -110,7 +118,7 @@ class Net:
             i = int(np.argmax(self.masses < 0.0))
             raise SceneError(f"{who}: masses must be >= 0 kg, node {i} has {self.masses[i]:.6g}")
         self.loads = None if loads is None else _table(who, "loads", loads, n, "N")
-        self.time = checks.time_factor(who, "time", time)
+        self.time = time
         self.velocity = None if velocity is None else _table(who, "velocity", _each(velocity, n), n, "m/s")
         self.spin = None if spin is None else _table(who, "spin", _each(spin, n), n, "rad/s")
         free = np.bincount(self.edges.reshape(-1), minlength=n) == 0
@@ -125,6 +133,7 @@ class Net:
         """`net 'name'`."""
         return f"{self.kind} {self.name!r}"
 
+    @checked(k=Anything())
     def beam(self, k: int) -> NetBeam:
         """Beam k, of edge k: for sliders, loads along it, and points of observation.
 
@@ -142,6 +151,7 @@ class Net:
             self._beams[k] = beam
         return self._beams[k]
 
+    @checked(i=Anything())
     def node(self, i: int) -> NodeRef:
         """Node i, as the end of the first beam there: for supports, joints, loads, sliders and points of observation.
 
@@ -160,9 +170,10 @@ class Net:
         return int(np.searchsorted(self.node_start, at, side="right")) - 1
 
     def _number(self, what: str, value: Any, n: int) -> int:
-        if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)) or not 0 <= value < n:
-            raise SceneError(f"{self.label}: {what} {value!r} does not exist, they run from 0 to {n - 1}")
-        return int(value)
+        k = whole(value)
+        if k is None or not 0 <= k < n:
+            raise SceneError(f"{self.label}: {what} {shown(value)} does not exist, they run from 0 to {n - 1}")
+        return k
 
     # --- the list of the nodes of all beams, one beam after the other ---------------------------------------------------
     @property
@@ -252,35 +263,39 @@ class Net:
 
 def _each(value: Any, n: int) -> Any:
     """One vector for every node, where only one is given."""
-    return np.broadcast_to(value, (n, 3)) if np.shape(value) == (3,) else value
+    found = checks.numbers(value)
+    return np.broadcast_to(found, (n, 3)) if found is not None and found.shape == (3,) else value
 
 
 def _table(who: str, what: str, value: Any, n: int | None, unit: str, columns: int | None = 3) -> Array:
     """A constant copy [n, columns] or [n] of finite numbers."""
     tail = () if columns is None else (columns,)
-    shown = f"[{'n' if n is None else n}{''.join(f', {c}' for c in tail)}]"
-    try:
-        clean = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise SceneError(f"{who}: {what} must be numbers of shape {shown} ({unit}), got {checks.shown(value)}") from None
+    need = f"numbers of shape [{'n' if n is None else n}{''.join(f', {c}' for c in tail)}] ({unit})"
+    clean = checks.numbers(value)
+    if clean is None:
+        raise SceneError(f"{who}: {what} must be {need}, got {shown(value)}")
     if clean.ndim != 1 + len(tail) or clean.shape[1:] != tail or len(clean) == 0 or n not in (None, len(clean)):
-        raise SceneError(f"{who}: {what} must be numbers of shape {shown} ({unit}), got shape {list(clean.shape)}")
-    bad = ~np.isfinite(clean).reshape(len(clean), -1).all(axis=1)
+        raise SceneError(f"{who}: {what} must be {need}, got shape {list(clean.shape)}")
+    bad = ~(np.abs(clean) <= checks.LARGEST).reshape(len(clean), -1).all(axis=1)
     if bad.any():
         i = int(np.argmax(bad))
-        raise SceneError(f"{who}: {what} must be finite ({unit}), node {i} has {checks.shown(clean[i])}")
+        raise SceneError(f"{who}: {what} must be finite ({unit}), at most {checks.LARGEST:g} in size, node {i} "
+                         f"has {shown(clean[i])}")
     return checks.constant(clean)
 
 
 def _integers(who: str, what: str, value: Any, shape: tuple[int | None, ...], below: int | None, need: str,
               least: int = 0) -> Array:
     """A constant copy of whole numbers from `least` up to, not including, `below`."""
-    shown = "[" + ", ".join("m" if s is None else str(s) for s in shape) + "]"
+    wanted = "[" + ", ".join("m" if s is None else str(s) for s in shape) + "]"
+    floats = checks.numbers(value)
+    if floats is None:
+        raise SceneError(f"{who}: {what} must be {need}, shape {wanted}, got {shown(value)}")
     clean = np.asarray(value)
     if clean.size == 0 and len(shape) == clean.ndim == 1:
         clean = clean.astype(np.int64)
     if clean.dtype.kind not in "iu" or clean.ndim != len(shape) or any(s not in (None, t) for s, t in zip(shape, clean.shape)):
-        raise SceneError(f"{who}: {what} must be {need}, shape {shown}, got an array of {clean.dtype} with shape "
+        raise SceneError(f"{who}: {what} must be {need}, shape {wanted}, got an array of {clean.dtype} with shape "
                          f"{list(clean.shape)}")
     wrong = clean < least if below is None else (clean < least) | (clean >= below)
     if wrong.any():
@@ -294,7 +309,7 @@ def _integers(who: str, what: str, value: Any, shape: tuple[int | None, ...], be
 def _sections(who: str, section: Any, section_of: Any, m: int) -> tuple[tuple[Section, ...], Array]:
     sections = (section,) if isinstance(section, Section) else tuple(section) if isinstance(section, (list, tuple)) else ()
     if not sections or not all(isinstance(s, Section) for s in sections):
-        raise SceneError(f"{who}: section must be a Section or a list of them, got {section!r:.60}; use Section.circle(...) for "
+        raise SceneError(f"{who}: section must be a Section or a list of them, got {shown(section)}; use Section.circle(...) for "
                          "instance")
     if section_of is None and len(sections) > 1:
         raise SceneError(f"{who}: has {len(sections)} sections; say with section_of=[...] which edge has which")
@@ -305,11 +320,16 @@ def _sections(who: str, section: Any, section_of: Any, m: int) -> tuple[tuple[Se
 
 def _joints(who: str, joints: Any, n: int) -> Array:
     """Whether a node is a ball joint, bool [n]."""
-    words = np.asarray(joints)
+    words = np.asarray(joints if isinstance(joints, (str, list, tuple, np.ndarray)) and _is_flat(joints) else 0)
     if words.ndim > 1 or (words.ndim == 1 and words.size != n) or words.dtype.kind != "U" or not np.isin(words, JOINTS).all():
         raise SceneError(f"{who}: joints must be 'rigid', 'ball' or one of both words for each of the {n} nodes, "
-                         f"got {joints!r:.60}")
+                         f"got {shown(joints)}")
     return np.broadcast_to(words == "ball", (n,)).copy()
+
+
+def _is_flat(words: Any) -> bool:
+    """Whether words are a text, an array or a list of texts only."""
+    return isinstance(words, (str, np.ndarray)) or all(isinstance(word, str) for word in words)
 
 
 def _lines(who: str, nodes: Array, edges: Array, d2: Any) -> tuple[Array, Array]:
@@ -327,10 +347,11 @@ def _lines(who: str, nodes: Array, edges: Array, d2: Any) -> tuple[Array, Array]
         hint = np.stack((-d1[:, 1], d1[:, 0], np.zeros(len(d1))), axis=1)
         hint[np.hypot(d1[:, 0], d1[:, 1]) < 1e-6] = (0.0, 1.0, 0.0)
     else:
-        hint = np.broadcast_to(checks.vector(who, "d2", d2), d1.shape) if np.shape(d2) == (3,) else np.asarray(d2, dtype=float)
-        if hint.shape != d1.shape or not np.isfinite(hint).all():
-            raise SceneError(f"{who}: d2 must be 3 finite numbers or an array of them of shape [{len(d1)}, 3], got shape "
-                             f"{list(hint.shape)}")
+        given = checks.numbers(d2)
+        hint = np.broadcast_to(given, d1.shape) if given is not None and given.shape == (3,) else given
+        if hint is None or hint.shape != d1.shape or not np.all(np.abs(hint) <= checks.LARGEST):
+            raise SceneError(f"{who}: d2 must be 3 finite numbers or an array of them of shape [{len(d1)}, 3], got "
+                             + (shown(d2) if hint is None else f"shape {list(hint.shape)}"))
     across = hint / np.maximum(np.linalg.norm(hint, axis=1), 1e-300)[:, None]
     for _ in range(2):
         across = across - np.einsum("kc,kc->k", across, d1)[:, None] * d1

@@ -3,20 +3,80 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
+from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
 
+from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, Word, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array, Field, TimeFactor
+from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
+from fastbeam.scene.checks import Array, Factor, Field, FieldLike, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
 
 ZERO = (0.0, 0.0, 0.0)
 CURVES = ("own", "c1")
+MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
 
 
+@dataclass(frozen=True)
+class Node:
+    """A node from a NodeRef, RigidBody (its centre) or PointMass."""
+
+    def __call__(self, value: Any) -> NodeRef:
+        if isinstance(value, NodeRef):
+            return value
+        if isinstance(value, (RigidBody, PointMass)):
+            return value.center
+        if isinstance(value, Beam):
+            raise Refusal(f"names all of {value.label}; use its start, end, node(i) or at(s)")
+        if isinstance(value, Net):
+            raise Refusal(f"names all of {value.label}; use its node(i), or a node of its beam(k)")
+        hint = "; use beam.start, beam.end or beam.node(i)" if isinstance(value, (int, float, np.number)) else ""
+        hint = hint or ("; give the object itself, not a name" if isinstance(value, str) else "")
+        raise Refusal(f"must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {shown(value)}{hint}")
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Three numbers; a function of time is another argument."""
+
+    def __call__(self, value: Any) -> Array:
+        if callable(value):
+            raise Refusal(f"must be 3 finite numbers, got {shown(value)}; what changes in time is given as time=a function of t")
+        return Vector(value)
+
+
+@dataclass(frozen=True)
+class ABeam:
+    """A Beam."""
+
+    def __call__(self, value: Any) -> Beam:
+        if not isinstance(value, Beam):
+            hint = "; use its beam(k)" if isinstance(value, Net) else ""
+            hint = f"; give {value.owner.label} itself" if isinstance(value, NodeRef) and isinstance(value.owner, Beam) else hint
+            raise Refusal(f"must be a Beam, got {shown(value)}{hint}")
+        return value
+
+
+@dataclass(frozen=True)
+class Movable:
+    """One Beam, Net, RigidBody or PointMass or several, as a tuple."""
+
+    def __call__(self, value: Any) -> tuple[Any, ...]:
+        one = isinstance(value, MOVABLE) or not isinstance(value, Iterable) or isinstance(value, (str, bytes, type, np.ndarray))
+        objects = (value,) if one else tuple(islice(value, MOST_OBJECTS + 1))
+        wrong = [item for item in objects if not isinstance(item, MOVABLE)]
+        if not objects:
+            raise Refusal("is empty, so it would move nothing; name the parts that move, or leave objects out to move everything")
+        if wrong or len(objects) > MOST_OBJECTS:
+            hint = f"; give {wrong[0].owner.label} itself" if wrong and isinstance(wrong[0], NodeRef) else "; None: everything"
+            raise Refusal(f"must be beams, nets, bodies and point masses, got {shown(wrong[0] if wrong else objects)}{hint}")
+        return objects
+
+
+@checked(name=Name(), mass=MASS, position=Vector, velocity=Vector)
 @dataclass(frozen=True, eq=False)
 class PointMass:
     """Point mass (kg, > 0). `position` (3,) m may be left out where a slider or a joint places it.
@@ -37,13 +97,6 @@ class PointMass:
     position: Array | None = None
     velocity: Array | None = None
 
-    def __post_init__(self) -> None:
-        who = checks.label(self.kind, self.name)
-        checks.fill(self, mass=checks.number(who, "mass", self.mass, above=0.0, unit="kg"))
-        for key in ("position", "velocity"):
-            value = getattr(self, key)
-            checks.fill(self, **{key: None if value is None else checks.vector(who, key, value)})
-
     @property
     def label(self) -> str:
         """`point mass 'name'`."""
@@ -55,6 +108,7 @@ class PointMass:
         return NodeRef(self)
 
 
+@checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=Rotation(), velocity=Vector, spin=Vector)
 @dataclass(frozen=True, eq=False)
 class RigidBody:
     """Rigid body: one node at the centre of mass with a body triad.
@@ -92,11 +146,8 @@ class RigidBody:
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
-        directors = np.eye(3) if self.directors is None else self.directors
-        checks.fill(self, mass=checks.number(who, "mass", self.mass, above=0.0, unit="kg"), inertia=_inertia(who, self.inertia),
-                    position=checks.vector(who, "position", self.position),
-                    directors=checks.rotation(who, "directors", directors),
-                    velocity=checks.vector(who, "velocity", self.velocity), spin=checks.vector(who, "spin", self.spin))
+        directors = checks.constant(np.eye(3)) if self.directors is None else self.directors
+        checks.fill(self, inertia=_inertia(who, self.inertia), directors=directors)
 
     @property
     def label(self) -> str:
@@ -108,14 +159,26 @@ class RigidBody:
         """The centre of mass as a node."""
         return NodeRef(self)
 
+    @checked(offset=Vector)
     def point(self, offset: Any) -> NodeRef:
-        """The point at `offset` (3,) m from the centre of mass, in the body triad."""
-        return NodeRef(self, 0, checks.vector(self.label, "offset", offset))
+        """The point at `offset` (3,) m from the centre of mass, in the body triad.
+
+        Raises
+        ------
+        SceneError
+            The offset is not 3 finite numbers.
+        """
+        return NodeRef(self, 0, offset)
+
+
+MOVABLE = (Beam, Net, RigidBody, PointMass)
+MOST_OBJECTS = 10**6
 
 
 def _inertia(who: str, value: Any) -> Array:
     """Symmetric inertia tensor (3, 3) of a possible body from principal moments or a tensor."""
-    if np.shape(value) == (3,):
+    found = checks.numbers(value)
+    if found is not None and found.shape == (3,):
         value = np.diag(checks.array(who, "inertia", value, (3,), "3 finite numbers"))
     tensor = checks.array(who, "inertia", value, (3, 3), "3 finite principal moments or a finite 3 x 3 tensor")
     scale = float(np.max(np.abs(tensor)))
@@ -131,27 +194,7 @@ def _inertia(who: str, value: Any) -> Array:
     return checks.constant(0.5 * (tensor + tensor.T))
 
 
-def as_node(who: str, what: str, value: Any) -> NodeRef:
-    """A node from a NodeRef, RigidBody (its centre) or PointMass."""
-    if isinstance(value, NodeRef):
-        return value
-    if isinstance(value, (RigidBody, PointMass)):
-        return value.center
-    if isinstance(value, Beam):
-        raise SceneError(f"{who}: {what} names all of {value.label}; use its start, end, node(i) or at(s)")
-    if isinstance(value, Net):
-        raise SceneError(f"{who}: {what} names all of {value.label}; use its node(i), or a node of its beam(k)")
-    raise SceneError(f"{who}: {what} must be a node of a beam, a RigidBody, a point of one, or a PointMass, got {value!r}")
-
-
-def as_beam(who: str, value: Any) -> Beam:
-    """A Beam, or an error that says what came instead."""
-    if not isinstance(value, Beam):
-        hint = "; use its beam(k)" if isinstance(value, Net) else ""
-        raise SceneError(f"{who}: beam must be a Beam, got {value!r}{hint}")
-    return value
-
-
+@checked(at=Node(), name=Name("each support holds one node, write one for every node"))
 @dataclass(frozen=True, eq=False)
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
@@ -162,8 +205,6 @@ class _Support:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        who = self.kind if self.name is None else checks.label(self.kind, self.name)
-        checks.fill(self, at=as_node(who, "at", self.at))
         if self.name is None:
             checks.fill(self, name=f"{self.kind} of {self.at.label}")
 
@@ -198,6 +239,7 @@ class Pin(_Support):
                              "join it with BallJoint(body.point(...), mass)")
 
 
+@checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))
 @dataclass(frozen=True, eq=False)
 class _Joint:
     """Common part of the joints: two nodes of different owners or at least different nodes."""
@@ -210,11 +252,10 @@ class _Joint:
 
     def __post_init__(self) -> None:
         who = self.kind if self.name is None else checks.label(self.kind, self.name)
-        a, b = as_node(who, "a", self.a), as_node(who, "b", self.b)
+        a, b = self.a, self.b
         if a.owner is b.owner and a.index == b.index:
             same = a.label if isinstance(a.owner, Beam) else a.owner.label
             raise SceneError(f"{who}: both sides are {same}; a joint needs two different nodes")
-        checks.fill(self, a=a, b=b)
         if self.name is None:
             checks.fill(self, name=f"{self.kind} of {a.label} and {b.label}")
 
@@ -243,6 +284,7 @@ class BallJoint(_Joint):
     kind: ClassVar[str] = "ball joint"
 
 
+@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR)
 @dataclass(frozen=True, eq=False)
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
@@ -264,12 +306,11 @@ class Load:
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
-        checks.fill(self, at=as_node(who, "at", self.at), force=checks.vector(who, "force", self.force),
-                    moment=checks.vector(who, "moment", self.moment), time=checks.time_factor(who, "time", self.time))
         if isinstance(self.at.owner, PointMass) and np.any(self.moment):
             raise SceneError(f"{who}: {self.at.label} has no rotation and takes no moment; use a RigidBody or leave moment out")
 
 
+@checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR)
 @dataclass(frozen=True, eq=False)
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
@@ -287,33 +328,33 @@ class DistributedLoad:
     name: str
     beam: Beam
     _: KW_ONLY
-    force: Field | None = None
-    moment: Field | None = None
+    force: FieldLike | None = None
+    moment: FieldLike | None = None
     time: TimeFactor | None = None
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
-        beam = as_beam(who, self.beam)
         if self.force is None and self.moment is None:
             raise SceneError(f"{who}: give force or moment per length")
         for key in ("force", "moment"):
-            value = getattr(self, key)
-            checks.fill(self, **{key: None if value is None else checks.field(who, key, value, beam.length)})
-        checks.fill(self, time=checks.time_factor(who, "time", self.time))
+            checks.try_field(who, key, getattr(self, key), self.beam.length)
 
+    @checked(s=ArcLengths())
     def force_at(self, s: Array) -> Array:
         """Force per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "force", _field_or_zero(self.force), s)
 
+    @checked(s=ArcLengths())
     def moment_at(self, s: Array) -> Array:
         """Moment per length [n, 3] at the arc lengths s[n], without the time factor."""
         return checks.field_values(checks.label(self.kind, self.name), "moment", _field_or_zero(self.moment), s)
 
 
-def _field_or_zero(value: Field | None) -> Field:
+def _field_or_zero(value: FieldLike | None) -> FieldLike:
     return np.zeros(3) if value is None else value
 
 
+@checked(beam=ABeam(), velocity=FIELD, spin=FIELD)
 @dataclass(frozen=True, eq=False)
 class InitialVelocity:
     """Initial velocity (m/s) and angular velocity in space (rad/s) along a beam: 3 numbers or functions s[n] -> [n, 3].
@@ -328,28 +369,30 @@ class InitialVelocity:
 
     beam: Beam
     _: KW_ONLY
-    velocity: Field = ZERO
-    spin: Field = ZERO
+    velocity: FieldLike = ZERO
+    spin: FieldLike = ZERO
 
     def __post_init__(self) -> None:
-        beam = as_beam(self.kind, self.beam)
         for key in ("velocity", "spin"):
-            checks.fill(self, **{key: checks.field(self.label, key, getattr(self, key), beam.length)})
+            checks.try_field(self.label, key, getattr(self, key), self.beam.length)
 
     @property
     def label(self) -> str:
         """`initial velocity of beam 'name'`."""
         return f"{self.kind} of {self.beam.label}"
 
+    @checked(s=ArcLengths())
     def velocity_at(self, s: Array) -> Array:
         """Velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "velocity", self.velocity, s)
 
+    @checked(s=ArcLengths())
     def spin_at(self, s: Array) -> Array:
         """Angular velocity [n, 3] at the arc lengths s[n]."""
         return checks.field_values(self.label, "spin", self.spin, s)
 
 
+@checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
     """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
@@ -359,7 +402,7 @@ class RigidMotion:
     Raises
     ------
     SceneError
-        An object is of another kind, or a vector is not 3 finite numbers.
+        An object is of another kind, there is none in a list, or a vector is not 3 finite numbers.
     """
 
     kind: ClassVar[str] = "rigid motion"
@@ -370,17 +413,8 @@ class RigidMotion:
     spin: Array = ZERO
     about: Array = ZERO
 
-    def __post_init__(self) -> None:
-        objects = self.objects
-        if objects is not None:
-            objects = tuple(objects) if isinstance(objects, Iterable) and not isinstance(objects, str) else (objects,)
-            for item in objects:
-                if not isinstance(item, (Beam, Net, RigidBody, PointMass)):
-                    raise SceneError(f"{self.kind}: objects must be beams, nets, bodies and point masses, got {item!r}")
-        checks.fill(self, objects=objects, **{key: checks.vector(self.kind, key, getattr(self, key))
-                                              for key in ("velocity", "spin", "about")})
 
-
+@checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES))
 @dataclass(frozen=True, eq=False)
 class Slider:
     """Lets a point slide without friction along a beam (theory.md 5).
@@ -418,10 +452,8 @@ class Slider:
     curve: str = "c1"
 
     def __post_init__(self) -> None:
-        who = checks.label(self.kind, self.name)
-        point, beam, at = as_node(who, "point", self.point), as_beam(who, self.beam), checks.number(who, "at", self.at)
+        beam, at = self.beam, self.at
         # round-off at the ends is not worth an error
         if -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
             at = min(max(at, 0.0), beam.length)
-        checks.fill(self, point=point, beam=beam, at=at, curve=checks.choice(who, "curve", self.curve, CURVES),
-                    rate=None if self.rate is None else checks.number(who, "rate", self.rate))
+        checks.fill(self, at=at)

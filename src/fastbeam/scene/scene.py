@@ -1,18 +1,22 @@
 """The scene: a list of parts, and every check that concerns more than one of them."""
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
+from fastbeam.arguments import Flag, Name, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array, TimeFactor
+from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
+    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    Slider,
 )
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
@@ -24,6 +28,26 @@ Joint = RigidConnection | BallJoint
 P = TypeVar("P")
 
 
+@dataclass(frozen=True)
+class APart:
+    """A part of a scene."""
+
+    def __call__(self, value: Any) -> Part:
+        if isinstance(value, NetBeam):
+            raise Refusal(f"{value.label} belongs to {value.net.label}; add the net")
+        if not isinstance(value, KINDS):
+            hint = " (Beam, RigidBody, Load, ...)"
+            if isinstance(value, (list, tuple)):
+                hint = "; unpack it: scene.add(*parts)"
+            elif isinstance(value, type):
+                hint = "; call it to make one"
+            elif isinstance(value, NodeRef):
+                hint = f"; add {value.owner.label}"
+            raise Refusal(f"{shown(value)} is no part of a scene{hint}")
+        return value
+
+
+@checked(parts=APart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
 class Scene:
     """A set of parts under one gravity.
 
@@ -58,19 +82,16 @@ class Scene:
     <scene 'scene': 1 beam ('rail'), 1 point mass ('cart'), 1 clamp, 1 slider ('run'), gravity (0, 0, -9.81)>
     """
 
+    kind: ClassVar[str] = "scene"
+
     def __init__(self, *parts: Part, name: str = "scene", gravity: Any = (0.0, 0.0, 0.0),
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
-        who = checks.label("scene", name)
-        self.name = name
-        self.gravity = checks.vector(who, "gravity", gravity)
-        self.gravity_time = checks.time_factor(who, "gravity_time", gravity_time)
-        if not isinstance(project_velocities, (bool, np.bool_)):
-            raise SceneError(f"{who}: project_velocities must be True or False, got {project_velocities!r}")
-        self.project_velocities = bool(project_velocities)
+        self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
-        self._link_table: tuple[int, dict[int, list[Slider | Joint]]] = (0, {})
-        self.add(*parts)
+        self._link_table: tuple[int, tuple[dict[int, list[Slider | Joint]], dict[int, Array]]] = (0, ({}, {}))
+        self.parts.extend(parts)
 
+    @checked(parts=APart())
     def add(self, *parts: Part) -> Scene:
         """Append parts; returns the scene.
 
@@ -79,12 +100,6 @@ class Scene:
         SceneError
             A part is of an unknown kind.
         """
-        for part in parts:
-            if isinstance(part, NetBeam):
-                raise SceneError(f"{self.label}: {part.label} belongs to {part.net.label}; add the net")
-            if not isinstance(part, KINDS):
-                hint = "; unpack it: scene.add(*parts)" if isinstance(part, (list, tuple)) else ""
-                raise SceneError(f"{self.label}: {part!r} is no part of a scene{hint or ' (Beam, RigidBody, Load, ...)'}")
         self.parts.extend(parts)
         return self
 
@@ -163,6 +178,7 @@ class Scene:
         return self._of(Slider)
 
     # --- positions ----------------------------------------------------------------------------------------------------
+    @checked(thing=Node())
     def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
         """Position (3,) m at t = 0 of a node, body or mass; a mass without position is placed by its slider or joint.
 
@@ -171,54 +187,86 @@ class Scene:
         SceneError
             Nothing places the mass.
         """
-        if isinstance(thing, PointMass):
-            return self._mass_position(thing, ())
-        if isinstance(thing, RigidBody):
-            return np.array(thing.position)
-        return self._node_position(thing, ())
+        return np.array(self._node_position(thing))
 
-    def _node_position(self, node: NodeRef, visited: tuple[PointMass, ...]) -> Array:
+    def _node_position(self, node: NodeRef) -> Array:
         owner = node.owner
         if isinstance(owner, Beam):
             return owner.reference(owner.node_s[node.index])[0][0]
         if isinstance(owner, RigidBody):
             return owner.position + node.offset @ owner.directors
-        return self._mass_position(owner, visited)
+        if owner.position is not None:
+            return owner.position
+        known = self._links()[1]
+        if id(owner) not in known:
+            found = self._reached(owner, None)
+            if found is None:
+                self._no_place(owner)
+            way, position = found
+            # whatever leads there is there
+            known.update((id(mass), position) for mass in way)
+        return known[id(owner)]
 
-    def _mass_position(self, mass: PointMass, visited: tuple[PointMass, ...]) -> Array:
-        if mass.position is not None:
-            return np.array(mass.position)
-        for _, position in self._placements(mass, visited):
-            return position
+    @staticmethod
+    def _no_place(mass: PointMass) -> NoReturn:
         raise SceneError(f"{mass.label} has no position: give position=(x, y, z), or place it by a Slider, BallJoint or "
                          "RigidConnection")
 
-    def _placements(self, mass: PointMass, visited: tuple[PointMass, ...] = ()) -> Iterator[tuple[Slider | Joint, Array]]:
+    def _placements(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Array]]:
         """(slider or joint, where it places a mass without position); joints may lead through other masses."""
-        visited = (*visited, mass)
-        for link in self._links().get(id(mass), []):
-            if isinstance(link, Slider):
-                yield link, link.beam.reference(link.at)[0][0]
-                continue
-            other = link.b if link.a.owner is mass else link.a
-            if any(other.owner is known for known in visited):
-                continue
-            if isinstance(other.owner, PointMass) and other.owner.position is None:
-                found = next(self._placements(other.owner, visited), None)
+        for link, place, other in self._leads(mass):
+            if other is None:
+                yield link, place()
+            elif other is not mass:
+                found = self._reached(other, mass)
                 if found is not None:
                     yield link, found[1]
-            else:
-                yield link, self._node_position(other, visited)
 
-    def _links(self) -> dict[int, list[Slider | Joint]]:
-        """Sliders, then ball joints, then rigid connections of every point mass, by id; rebuilt when parts were added."""
+    def _leads(self, mass: PointMass) -> Iterator[tuple[Slider | Joint, Callable[[], Array], PointMass | None]]:
+        """What a mass without position hangs on: (slider or joint, where that is, the mass without position there or None)."""
+        for link in self._links()[0].get(id(mass), []):
+            if isinstance(link, Slider):
+                yield link, partial(self._slider_position, link), None
+                continue
+            other = link.b if link.a.owner is mass else link.a
+            unplaced = isinstance(other.owner, PointMass) and other.owner.position is None
+            yield link, partial(self._node_position, other), other.owner if unplaced else None
+
+    @staticmethod
+    def _slider_position(slider: Slider) -> Array:
+        return slider.beam.reference(slider.at)[0][0]
+
+    def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
+        """The masses that lead from one without position to the first that something else places, not through another, and that
+        place; None where nothing does."""
+        way, open_leads, visited = [mass], [self._leads(mass)], {id(mass), id(avoid)}
+        known = self._links()[1] if avoid is None else {}
+        while way:
+            for _, place, other in open_leads[-1]:
+                if other is None:
+                    return way, place()
+                if id(other) in known:
+                    return way, known[id(other)]
+                if id(other) not in visited:
+                    visited.add(id(other))
+                    way.append(other)
+                    open_leads.append(self._leads(other))
+                    break
+            else:
+                way.pop()
+                open_leads.pop()
+        return None
+
+    def _links(self) -> tuple[dict[int, list[Slider | Joint]], dict[int, Array]]:
+        """Sliders, then ball joints, then rigid connections of every point mass, by id, and the places of masses that were found;
+        rebuilt when parts were added."""
         if self._link_table[0] != len(self.parts):
             table: dict[int, list[Slider | Joint]] = {}
             for link in [*self.sliders, *self.balls, *self.rigid]:
                 for node in _held_nodes(link):
                     if isinstance(node.owner, PointMass):
                         table.setdefault(id(node.owner), []).append(link)
-            self._link_table = (len(self.parts), table)
+            self._link_table = (len(self.parts), (table, {}))
         return self._link_table[1]
 
     def _tolerance(self) -> float:
@@ -250,8 +298,10 @@ class Scene:
         tolerance = self._tolerance()
         for slider in self.sliders:
             self._check_slider(slider)
+        placed_once = self._placed_once()
         for mass in self.masses:
-            self._check_place(mass, tolerance)
+            if id(mass) not in placed_once:
+                self._check_place(mass, tolerance)
         for slider in self.sliders:
             self._check_contact(slider, tolerance)
         for ball in self.balls:
@@ -301,11 +351,30 @@ class Scene:
         if not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{_who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
+    def _placed_once(self) -> set[int]:
+        """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can
+        disagree. In a long chain of masses the search from each of them would take the square of its length."""
+        out: set[int] = set()
+        seen: set[int] = set()
+        for mass in self.masses:
+            if mass.position is not None or id(mass) in seen:
+                continue
+            group, front, places = {id(mass)}, [mass], 0
+            while front:
+                for _, _, other in self._leads(front.pop()):
+                    places += other is None
+                    if other is not None and id(other) not in group:
+                        group.add(id(other))
+                        front.append(other)
+            seen |= group
+            out |= group if places == 1 else set()
+        return out
+
     def _check_place(self, mass: PointMass, tolerance: float) -> None:
         """A mass has a position, and all that place it agree."""
         if mass.position is not None:
             return
-        self.position_of(mass)
+        self._node_position(mass.center)
         (first, place), *others = self._placements(mass)
         for link, position in others:
             # once a slider or ball joint says where, a rigid connection keeps the distance that results

@@ -3,10 +3,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from fastbeam.arguments import Number, Numbers, Word, checked
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array
@@ -14,8 +15,13 @@ from fastbeam.scene.checks import Array
 STIFFNESS = ("EA", "GA2", "GA3", "GJ", "EI2", "EI3")
 # 31/32 zeta(5) = sum of 1/n^5 over odd n
 ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699
+LENGTH, FACTOR = Number(above=0.0, unit="m"), Number(above=0.0)
+MASS, INERTIA = Number(above=0.0, unit="kg/m"), Number(least=0.0, unit="kg m")
+MATERIAL = {"E": Number(above=0.0, unit="N/m^2"), "G": Number(above=0.0, unit="N/m^2"), "rho": Number(above=0.0, unit="kg/m^3"),
+            "nu": Number(), "shear_factor": FACTOR, "name": Word()}
 
 
+@checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, name=Word())
 @dataclass(frozen=True, eq=False)
 class Section:
     """Stiffness and inertia of a cross-section; d2 and d3 are its principal axes, X2 and X3 the coordinates along them.
@@ -39,6 +45,8 @@ class Section:
         A value is not finite or out of range.
     """
 
+    kind: ClassVar[str] = "section"
+
     _: KW_ONLY
     EA: float
     GA2: float
@@ -51,14 +59,6 @@ class Section:
     rhoI3: float
     name: str = ""
     _matrix: Array | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        who = f"section {self.name!r}" if self.name else "section"
-        for key in STIFFNESS:
-            checks.fill(self, **{key: checks.number(who, key, getattr(self, key), above=0.0)})
-        checks.fill(self, rhoA=checks.number(who, "rhoA", self.rhoA, above=0.0, unit="kg/m"))
-        for key in ("rhoI2", "rhoI3"):
-            checks.fill(self, **{key: checks.number(who, key, getattr(self, key), least=0.0, unit="kg m")})
 
     @property
     def C(self) -> Array:
@@ -84,6 +84,7 @@ class Section:
         return self.rhoA, self.rhoI2, self.rhoI3
 
     @classmethod
+    @checked(height=LENGTH, width=LENGTH, GJ=FACTOR, **MATERIAL)
     def rectangle(cls, *, height: float, width: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
                   shear_factor: float = 5.0 / 6.0, GJ: float | None = None, name: str = "") -> Section:
         """Rectangle of `height` along d2 and `width` along d3 (m); E in N/m^2, rho in kg/m^3.
@@ -103,17 +104,15 @@ class Section:
         >>> round(bar.EA), round(bar.EI3, 3), round(bar.rhoA, 4)
         (42000000, 1400.0, 1.57)
         """
-        who = _who("rectangle", name)
-        h = checks.number(who, "height", height, above=0.0, unit="m")
-        w = checks.number(who, "width", width, above=0.0, unit="m")
-        E, G, rho, _ = _material(who, E, rho, nu, G)
-        k = checks.number(who, "shear_factor", shear_factor, above=0.0)
+        h, w, k = height, width, shear_factor
+        G = _shear_modulus(_who("rectangle", name), E, nu, G)
         twist = G * _rectangle_torsion(h, w) if GJ is None else GJ
         area, i22, i33 = h * w, w * h**3 / 12.0, h * w**3 / 12.0       # int X2^2 dA, int X3^2 dA
         return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=twist, EI2=E * i33, EI3=E * i22,
                    rhoA=rho * area, rhoI2=rho * i22, rhoI3=rho * i33, name=name)
 
     @classmethod
+    @checked(radius=LENGTH, **MATERIAL)
     def circle(cls, *, radius: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
                shear_factor: float | None = None, name: str = "") -> Section:
         """Full circle of `radius` (m); E in N/m^2, rho in kg/m^3.
@@ -133,11 +132,10 @@ class Section:
         >>> round(rod.EI2, 4), round(rod.EI2 / rod.GJ, 3)
         (549.7787, 1.3)
         """
-        who = _who("circle", name)
-        r = checks.number(who, "radius", radius, above=0.0, unit="m")
-        return cls._round(who, r, 0.0, E, rho, nu, G, shear_factor, name)
+        return cls._round(_who("circle", name), radius, 0.0, E, rho, nu, G, shear_factor, name)
 
     @classmethod
+    @checked(radius=LENGTH, thickness=LENGTH, **MATERIAL)
     def tube(cls, *, radius: float, thickness: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
              shear_factor: float | None = None, name: str = "") -> Section:
         """Circular tube of outer `radius` and wall `thickness` (m); E in N/m^2, rho in kg/m^3.
@@ -151,27 +149,26 @@ class Section:
             A size or constant is not positive, the wall is thicker than the radius, or nu lies outside (-1, 0.5].
         """
         who = _who("tube", name)
-        r = checks.number(who, "radius", radius, above=0.0, unit="m")
-        wall = checks.number(who, "thickness", thickness, above=0.0, unit="m")
-        if wall > r:
-            raise SceneError(f"{who}: thickness={wall:g} exceeds the outer radius {r:g} m")
-        return cls._round(who, r, r - wall, E, rho, nu, G, shear_factor, name)
+        if thickness > radius:
+            raise SceneError(f"{who}: thickness={thickness:g} exceeds the outer radius {radius:g} m")
+        return cls._round(who, radius, radius - thickness, E, rho, nu, G, shear_factor, name)
 
     @classmethod
     def _round(cls, who: str, outer: float, inner: float, E: Any, rho: Any, nu: Any, G: Any, shear_factor: Any,
                name: str) -> Section:
         """Circle or tube from both radii."""
-        E, G, rho, nu = _material(who, E, rho, nu, G)
+        G = _shear_modulus(who, E, nu, G)
         if shear_factor is None:
             m2 = (inner / outer) ** 2
             shear_factor = 6 * (1 + nu) * (1 + m2) ** 2 / ((7 + 6 * nu) * (1 + m2) ** 2 + (20 + 12 * nu) * m2)
-        k = checks.number(who, "shear_factor", shear_factor, above=0.0)
+        k = shear_factor
         area = math.pi * (outer - inner) * (outer + inner)
         second = area * (outer**2 + inner**2) / 4.0
         return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=2 * G * second, EI2=E * second, EI3=E * second,
                    rhoA=rho * area, rhoI2=rho * second, rhoI3=rho * second, name=name)
 
     @classmethod
+    @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, name=Word())
     def from_matrix(cls, C: Any, *, rhoA: float, rhoI2: float, rhoI3: float, name: str = "") -> Section:
         """Section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
 
@@ -183,7 +180,6 @@ class Section:
             C is not 6 x 6, not symmetric (1e-9 of its entries' scale) or not positive definite.
         """
         who = _who("from_matrix", name)
-        C = checks.array(who, "C", C, (6, 6), "6 x 6 finite numbers")
         diagonal = np.diag(C)
         if np.any(diagonal <= 0.0):
             raise SceneError(f"{who}: C must be positive definite, its smallest eigenvalue is "
@@ -208,15 +204,11 @@ def _who(kind: str, name: str) -> str:
     return f"section {name!r}" if name else f"Section.{kind}"
 
 
-def _material(who: str, E: Any, rho: Any, nu: Any, G: Any) -> tuple[float, float, float, float]:
-    """Checked (E, G, rho, nu); G from nu unless given."""
-    E = checks.number(who, "E", E, above=0.0, unit="N/m^2")
-    rho = checks.number(who, "rho", rho, above=0.0, unit="kg/m^3")
-    nu = checks.number(who, "nu", nu)
+def _shear_modulus(who: str, E: float, nu: float, G: float | None) -> float:
+    """G, from nu unless given."""
     if not -1.0 < nu <= 0.5:
         raise SceneError(f"{who}: nu={nu:g} lies outside (-1, 0.5]")
-    G = E / (2.0 * (1.0 + nu)) if G is None else checks.number(who, "G", G, above=0.0, unit="N/m^2")
-    return E, G, rho, nu
+    return E / (2.0 * (1.0 + nu)) if G is None else G
 
 
 def _rectangle_torsion(height: float, width: float) -> float:

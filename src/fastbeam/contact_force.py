@@ -1,0 +1,110 @@
+"""Contact forces at the times of rows, to second order, from the mean forces of steps (theory.md (4.5))."""
+from __future__ import annotations
+
+import numpy as np
+
+from .checkpoint import Clock
+from .kernels.step import OK
+from .newton import Stepper
+
+Array = np.ndarray
+# steps ahead and back are this share of the others: their forces are as good as the state
+PART = 0.25
+# what rows hold, for the result
+AT_ROWS = ("mean of the steps before and after a row; from short steps ahead or back at both ends of the run and beside a "
+           "shorter step; second order; NaN where these fail")
+AT_END = "at the time of the row"
+# sizes of steps that are equal; and those from which forces alternate alike, such as a last step that takes a sliver along
+EQUAL, ALIKE = 1e-9, 0.02
+
+
+class ContactForces:
+    """Forces of all sliders at rows. Between two steps of the same size it is the mean of theirs. The first and the last row of a
+    run, and one beside a shorter step, have no such neighbours: there a few steps are taken ahead or back, for their forces only.
+
+    Parameters
+    ----------
+    stepper : Stepper
+        Its state is the same to the last bit after every call.
+    controlled : bool
+        Steps are two of half the size, so that forces do not alternate from one to the next.
+    t_start, t_end : float
+        Between which loads with time functions may be asked for.
+    """
+
+    def __init__(self, stepper: Stepper, controlled: bool, t_start: float, t_end: float) -> None:
+        self.stepper, self.controlled = stepper, controlled
+        self.t_start, self.t_end = t_start, t_end
+        self.timed = any(time is not None for time in stepper.model.load_times)
+
+    @property
+    def unknown(self) -> Array:
+        """[3 S]"""
+        return np.full(3 * self.stepper.model.n_sliders, np.nan)
+
+    def first(self, clock: Clock) -> Array | None:
+        """The force at the first row [3 S]; None where the run goes on from a checkpoint and the next step will tell."""
+        size = clock.before_size
+        if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step, ALIKE)):
+            return None
+        clock.before = None
+        return self._at(clock.now, clock.size)
+
+    def between(self, clock: Clock, t: float, size: float, after: Array, steps: int) -> Array:
+        """The force [3 S] at the last row; size, after: of the steps that followed, mean forces of the first [3 S]; t: the
+        present time, their end."""
+        before, step = clock.before, clock.before_size
+        assert before is not None and step is not None
+        if is_equal(step, size):
+            return np.mean([before, after], axis=0)
+        if self.controlled and steps > 1 or is_equal(step, size, ALIKE):
+            return (size * before + step * after) / (step + size)
+        # only the last step of a run has another size, so the state is the one at its end
+        return self._at(t, -step, back=size)
+
+    def last(self, clock: Clock) -> Array:
+        """The force [3 S] at the end of a run."""
+        if clock.before_size is None:
+            return self.unknown
+        step = clock.before_size if self.controlled else clock.step
+        return self._at(clock.now, -step)
+
+    def _at(self, t: float, step: float, *, back: float = 0.0) -> Array:
+        """The force [3 S] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run,
+        negative to look back. Leaves no trace."""
+        stepper = self.stepper
+        saved, fallbacks = stepper.save(), stepper.linear.fallbacks
+        # loads are not asked for where the run does not go
+        room = (self.t_end - t if step > 0.0 else t - back - self.t_start) if self.timed else np.inf
+        h = PART * float(np.copysign(min(abs(step), max(room, 0.0)), step))
+        if h == 0.0:
+            return self.unknown
+        try:
+            # a beam may end soon
+            for size in (h, 0.1 * h):
+                if back and stepper.advance(t, -back, 1).status != OK:
+                    break
+                found = self._fitted(t - back, size)
+                stepper.load(saved)
+                if found is not None:
+                    return found
+        finally:
+            stepper.load(saved)
+            stepper.linear.fallbacks = fallbacks
+        return self.unknown
+
+    def _fitted(self, t: float, h: float) -> Array | None:
+        """The force at time t, that of the state, from three steps. It is taken to change linearly; means of steps alternate
+        besides (4.5)."""
+        forces = []
+        for k in range(3):
+            outcome = self.stepper.advance(t, h, 1, k)
+            if outcome.status != OK:
+                return None
+            forces.append(outcome.force[1])
+        return forces[0] + 0.5 * forces[1] - 0.5 * forces[2]
+
+
+def is_equal(one: float, other: float, share: float = EQUAL) -> bool:
+    """Whether two steps have the same size, but for this share of it."""
+    return abs(one - other) <= share * max(one, other)

@@ -1,0 +1,167 @@
+"""States of compiled scenes in space, seen from outside of a step: what ties and sliders ask of them, and a state of one model
+brought to another."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from .errors import SceneError
+
+if TYPE_CHECKING:
+    from .kernels.work import State
+    from .model import Model
+
+Array = np.ndarray
+
+
+def follow(model: Model, x: Array) -> Array:
+    """Coordinates, or their rates, [N, 4, 3], with those of tied nodes and of welded ends from the nodes they follow."""
+    out = x.copy()
+    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
+    root = first[of]
+    welded = np.flatnonzero(root != np.arange(len(x)))
+    if welded.size:
+        # the triads of welded ends turn alike
+        d = model.q0.reshape(-1, 4, 3)[:, 1:]
+        turn = d[welded] @ d[root[welded]].transpose(0, 2, 1)
+        out[welded, 0], out[welded, 1:] = x[root[welded], 0], turn @ x[root[welded], 1:]
+    ties = model.ties
+    if ties is None:
+        return out
+    owner = np.repeat(np.arange(len(x)), np.diff(ties.start))
+    out[ties.slave, 0] = 0.0
+    place, arm, triad = (np.flatnonzero(ties.kind == kind) for kind in range(3))
+    # what a tied node takes from another is never tied itself
+    np.add.at(out[:, 0], owner[place], x[ties.target[place], 0])
+    np.add.at(out[:, 0], owner[arm], (ties.offset.reshape(-1, 1, 3)[arm] @ x[ties.target[arm], 1:])[:, 0])
+    turns = triad[ties.target[triad] != owner[triad]]
+    out[owner[turns], 1:] = ties.rotation.reshape(-1, 3, 3)[turns] @ x[ties.target[turns], 1:]
+    return out
+
+
+def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
+    """Nodes [n] under the contact of slider k at s, their shape functions and slopes [n]."""
+    curves, sliders = model.curves, model.sliders
+    assert curves is not None and sliders is not None
+    c = int(sliders.curve[k])
+    base, n, o, p, co = (int(i) for i in curves.meta[c])
+    ends = curves.ends[o:o + n + 1]
+    e = int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, n - 1))
+    count, size = int(curves.count[p + e]), curves.shape[c, :2]
+    coef = curves.coef[co + e * size[0] * size[1]:][:size[0] * size[1]].reshape(size)[:count].T
+    scale = 2.0 / (ends[e + 1] - ends[e])
+    xi = scale * (s - ends[e]) - 1.0
+    return (base + int(curves.first[p + e]) + np.arange(count), legendre.legval(xi, coef),
+            scale * legendre.legval(xi, legendre.legder(coef)))
+
+
+def contact(model: Model, k: int, s: float, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Of slider k at s: gap, tangent of the curve, and velocity of the point relative to the curve, [3]; q, v [N, 4, 3]."""
+    assert model.sliders is not None
+    nodes, values, slopes = curve_at(model, k, s)
+    point = int(model.sliders.point[k])
+    return q[point, 0] - values @ q[nodes, 0], slopes @ q[nodes, 0], v[point, 0] - values @ v[nodes, 0]
+
+
+def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> State:
+    """A state of another model, with these names, as one of this model: parts of the same name and shape keep their coordinates
+    and velocities, sliders of the same name their place. Parts that the other does not have take those of this model's initial
+    state, moved with what they are joined to or slide on.
+
+    Raises
+    ------
+    SceneError
+        A part has other nodes than its namesake, or no part has a namesake.
+    """
+    fresh = model.state()
+    own, given = ([x.reshape(-1, 4, 3) for x in (y.q, y.v)] for y in (fresh, state))
+    known = np.zeros(model.n_nodes, bool)
+    for mine, other in _namesakes(model.names, names):
+        known[mine] = True
+        for x, y in zip(own, given):
+            x[mine] = y[other]
+    if not known.any():
+        raise SceneError(f"state_for: no beam, net, body or mass of scene {model.scene_name!r} has its name in this result; map "
+                         "between scenes with equal names")
+    before = [x.reshape(-1, 4, 3) for x in (model.q0, model.v0)]
+    _carry_along(model, own, known)
+    for k, name in enumerate(model.names["sliders"]):
+        if name in names.get("sliders", []):
+            j = names["sliders"].index(name)
+            fresh.s[k], fresh.force[3 * k:3 * k + 3] = state.s[j], state.force[3 * j:3 * j + 3]
+        else:
+            _put_on_curve(model, k, fresh.s[k], own, before, known)
+    fresh.q[:], fresh.v[:] = (follow(model, x).reshape(-1) for x in own)
+    return fresh
+
+
+def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:
+    """Nodes of all parts that both have."""
+    out = []
+    for kind, noun in (("beams", "beam"), ("nets", "net"), ("bodies", "body"), ("masses", "point mass")):
+        there = {entry["name"]: entry for entry in other.get(kind, [])}
+        for entry in mine.get(kind, []):
+            found = there.get(entry["name"])
+            if found is None:
+                continue
+            if kind in ("bodies", "masses"):
+                spans = [slice(x["node"], x["node"] + 1) for x in (entry, found)]
+            elif entry["count"] != found["count"]:
+                raise SceneError(f"state_for: {noun} {entry['name']!r} has {found['count']} nodes in the result and "
+                                 f"{entry['count']} in the model; give both the same elements and degree")
+            else:
+                key = "s" if kind == "beams" else "starts"
+                here, theirs = (np.asarray(x[key], dtype=float) for x in (entry, found))
+                if here.shape != theirs.shape or np.any(np.abs(here - theirs) > 1e-9 * np.max(np.abs(here), initial=0.0)):
+                    raise SceneError(f"state_for: the nodes of {noun} {entry['name']!r} lie elsewhere along it in the result "
+                                     "than in the model; give both the same length, elements, degree and interpolation")
+                spans = [slice(x["first"], x["first"] + x["count"]) for x in (entry, found)]
+            out.append((spans[0], spans[1]))
+    return out
+
+
+def _carry_along(model: Model, own: list[Array], known: Array) -> None:
+    """Bodies and masses that only this model has go where known nodes that follow them are."""
+    ties = model.ties
+    if ties is None:
+        return
+    for k in ties.slave[known[ties.slave]]:
+        entries = range(int(ties.start[k]), int(ties.start[k + 1]))
+        place = [e for e in entries if ties.kind[e] == 0]
+        new = {int(ties.target[e]) for e in entries} - {int(k)}
+        if len(place) != 1 or any(known[i] for i in new):
+            continue
+        root = int(ties.target[place[0]])
+        turn = [e for e in entries if ties.kind[e] == 2 and int(ties.target[e]) == root]
+        for x in own:
+            if turn:
+                x[root, 1:] = ties.rotation.reshape(-1, 3, 3)[turn[0]].T @ x[k, 1:]
+            arms = [ties.offset.reshape(-1, 3)[e] @ x[int(ties.target[e]), 1:] for e in entries if ties.kind[e] == 1]
+            x[root, 0] = x[k, 0] - sum(arms, np.zeros(3))
+        known[root] = True
+
+
+def _put_on_curve(model: Model, k: int, s: float, own: list[Array], before: list[Array], known: Array) -> None:
+    """A part that only this model has goes to its slider's place on a curve, with the rate that it has in the initial state."""
+    assert model.sliders is not None
+    point = int(model.sliders.point[k])
+    ties = model.ties
+    tied = ties is not None and ties.start[point + 1] > ties.start[point]
+    root = point
+    if ties is not None and tied:
+        targets = {int(i) for i in ties.target[ties.start[point]:ties.start[point + 1]]} - {point}
+        if len(targets) != 1:
+            return
+        root = targets.pop()
+    if known[root] or (known[point] and not tied):
+        return
+    placed = [follow(model, x) for x in own]
+    gap, tangent, relative = contact(model, k, s, *placed)
+    _, along, moving = contact(model, k, s, *before)
+    rate = float(moving @ along / (along @ along))
+    own[0][root, 0] -= gap
+    own[1][root, 0] -= relative - rate * tangent
+    known[root] = True

@@ -1,0 +1,92 @@
+"""What hangs together in a scene, and what lies together without a joint."""
+from __future__ import annotations
+
+import numpy as np
+
+from .numbering import NodeList
+from .scene import Scene
+
+Array = np.ndarray
+# nodes closer than this share of the size of the scene lie at the same place
+TOUCHING = 1e-9
+# no plane of a regular grid is normal to it
+DIRECTION = np.array([0.5377431, 0.7218043, 0.4356827])
+
+
+def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[int, list[list[int]]]:
+    """How many pieces the joints, nets and sliders leave, and the nodes of every place where a free end of a beam touches another
+    node without a joint.
+
+    Parameters
+    ----------
+    scene : Scene
+    nodes : NodeList
+    held : int [N]
+        Masks of held unknowns: ends that stand on supports side by side are not meant to be joined.
+    length : float
+        Size of the scene, m.
+    """
+    n = len(nodes)
+    joints = [np.array([(nodes.number(j.a), nodes.number(j.b)) for j in [*scene.rigid, *scene.balls]], np.int64).reshape(-1, 2),
+              np.array(nodes.arm_owner, np.int64).reshape(-1, 2),
+              *(nodes.start(net) + pairs for net in scene.nets for pairs in net.pairs())]
+    ends = [np.array([(nodes.start(b), nodes.start(b) + b.n_nodes - 1) for b in scene.beams], np.int64).reshape(-1, 2),
+            *(nodes.start(net) + net.end_node for net in scene.nets)]
+    first_and_last = np.concatenate(ends)
+    # a beam is a chain of its nodes
+    goes_on = np.zeros(n, bool)
+    for first, last in ([nodes.start(part), nodes.start(part) + part.n_nodes] for part in [*scene.beams, *scene.nets]):
+        goes_on[first:last] = True
+    goes_on[first_and_last[:, 1]] = False
+    chain = np.flatnonzero(goes_on)
+    contacts = np.array([(nodes.number(s.point), nodes.start(s.beam)) for s in scene.sliders], np.int64).reshape(-1, 2)
+    joined = _components(n, np.concatenate(joints))
+    count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts))).max()) + 1
+    alone = np.bincount(joined, minlength=n)[joined] == 1
+    alone[contacts[:, 0]] = False
+    free = np.zeros(n, bool)
+    free[first_and_last] = True
+    return count, _touching(scene, nodes, joined, free & alone, held, length)
+
+
+def _components(n: int, edges: Array) -> Array:
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    return connected_components(graph, directed=False)[1]
+
+
+def _touching(scene: Scene, nodes: NodeList, joined: Array, free: Array, held: Array, length: float) -> list[list[int]]:
+    """Nodes at the same place as a free end, place by place."""
+    phi = nodes.phi
+    tolerance = TOUCHING * length + 16.0 * float(np.finfo(float).eps * np.max(np.abs(phi)))
+    at = np.arange(len(nodes))
+    for beam in scene.beams:
+        if beam.interpolation == "bspline":
+            # control points do not lie on the beam
+            at[nodes.start(beam) + 1:nodes.start(beam) + beam.n_nodes - 1] = -1
+    at = at[at >= 0]
+    # what lies together has neighbouring places along any direction
+    height = phi[at] @ DIRECTION
+    order = np.argsort(height, kind="stable")
+    at, height = at[order], height[order]
+    begin = np.flatnonzero(np.concatenate(([True], np.diff(height) > tolerance)))
+    some = np.logical_or.reduceat(free[at], begin)
+    some &= np.maximum.reduceat(joined[at], begin) != np.minimum.reduceat(joined[at], begin)
+    if not some.any():
+        return []
+    from scipy.spatial import cKDTree
+    near = at[np.repeat(some, np.diff(np.concatenate((begin, [at.size]))))]
+    pairs = near[cKDTree(phi[near]).query_pairs(tolerance, output_type="ndarray")].reshape(-1, 2)
+    one, other = pairs.T
+    pairs = pairs[(free[one] | free[other]) & (joined[one] != joined[other]) & ~((held[one] & 7 != 0) & (held[other] & 7 != 0))]
+    for slider in scene.sliders:
+        # it may start at an end of its beam
+        point, beam = nodes.number(slider.point), nodes.span(slider.beam)
+        other = pairs.sum(axis=1) - point
+        pairs = pairs[~((pairs == point).any(axis=1) & (other >= beam.start) & (other < beam.stop))]
+    places: dict[int, list[int]] = {}
+    of = _components(len(nodes), pairs)
+    for k in np.unique(pairs).tolist():
+        places.setdefault(int(of[k]), []).append(k)
+    return sorted(places.values())

@@ -1,0 +1,263 @@
+"""What a run may start from: states that agree with the connections, supports and sliders of their model."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .arguments import shown
+from .errors import SceneError
+from .kernels.step import END_SLACK
+from .kernels.work import State
+from .mapping import contact, curve_at, follow
+from .maps import free_unknowns, mass_map, share_map, tie_map, velocity_map
+from .model import Model
+from .nearest import nearest
+
+Array = np.ndarray
+# what round-off of a long run may leave between tied nodes, relative to the size of the scene and to 1 for triads
+TIED = 1e-7
+# a gap is met anew in every step; an open one would be closed by a blow in the first
+GAP = 1e-12
+# velocities at the end of a step meet constraints of positions to second order only: what a slider may leave its curve with,
+# relative to what moves, without a word and at all
+SIDEWAYS, UNTRUE = 0.01, 0.5
+# misfits up to this share of the size of the scene, or of the fastest motion, are mended where that is asked for
+MENDABLE = 1e-2
+# how many times as heavy beams are when places are mended
+STIFF = 100.0
+
+
+@dataclass
+class Misfit:
+    """What a state has against its model: what, by how much in which unit, what is allowed, what can be mended, and from what
+    size on it is worth a word."""
+
+    what: str
+    size: float
+    unit: str
+    allowed: float
+    mendable: float
+    told: float = np.inf
+
+
+def own_state(model: Model, state: State) -> State:
+    """A copy of a state that fits the model; compiled code reads it without bounds.
+
+    Raises
+    ------
+    SceneError
+        It is none, or one of another model.
+    """
+    if not isinstance(state, State):
+        raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")
+    for name, x, mine in zip(State._fields, state, model.state()):
+        if np.shape(x) != mine.shape:
+            raise SceneError(f"start: {name} has shape {np.shape(x)}, scene {model.scene_name!r} needs {mine.shape}; start from "
+                             "a state of the same model, or bring it over with result.state_for(model)")
+        if not np.isfinite(x).all():
+            raise SceneError(f"start: {name} holds values that are not finite; start from an earlier state")
+    own = State(*(np.array(x, dtype=float) for x in state))
+    triads = own.q.reshape(-1, 4, 3)[:, 1:]
+    skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
+    if skew > 1e-6:
+        raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
+    for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
+        if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
+            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
+    return own
+
+
+def check_start(model: Model, state: State, step: float, mend: bool = False, at_rest: bool = False) -> tuple[State, list[Any]]:
+    """The state to start from, the same bits where it agrees with the model, and (kind, text) of what is to be said about it.
+
+    Parameters
+    ----------
+    model : Model
+    state : State
+    step : float
+        Of the run, s: round-off of a velocity is that of a position over it.
+    mend : bool
+        Take the nearest state that agrees where this one does not quite.
+    at_rest : bool
+        The velocities do not count.
+
+    Raises
+    ------
+    SceneError
+        It is no state of the model, or one that connections, supports or sliders do not allow; says which and by how much.
+    """
+    state = own_state(model, state)
+    if at_rest:
+        state.v[:] = 0.0
+    notes: list[Any] = _moved_supports(model, state)
+    found = misfits(model, state, step)
+    worst = _worst(found)
+    if worst is None:
+        notes += [("start", f"{m.what} {m.size:.3g} {m.unit} at the start: contact forces alternate from step to step by as "
+                            "much as it takes to turn that around; use a smaller step, or mend_start=True")
+                  for m in found if m.size > m.told and not mend]
+        if not mend or not any(m.size > m.told for m in found):
+            return state, notes
+        worst = max(found, key=lambda m: m.size / m.told)
+    if mend and worst.size <= worst.mendable:
+        state = _mended(model, state)
+        left = _worst(misfits(model, state, step))
+        if left is None:
+            return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
+        worst = left
+    if mend:
+        advice = f"mend_start mends up to {worst.mendable:.2g} {worst.unit}"
+    elif worst.size <= worst.mendable:
+        advice = "have it mended with mend_start=True"
+    else:
+        advice = "that is too much to be mended"
+    raise SceneError(f"start: {worst.what} {worst.size:.3g} {worst.unit} off (allowed: {worst.allowed:.2g}); {advice}, or start "
+                     "from a state of a run of this model, or from result.state_for(model)")
+
+
+def _worst(found: list[Misfit]) -> Misfit | None:
+    """The first that cannot be mended, else that with the largest share of what can be; None where all are allowed."""
+    wrong = [m for m in found if not m.size <= m.allowed]
+    return max(wrong, key=lambda m: m.size / m.mendable if m.size == m.size else np.inf, default=None)
+
+
+def misfits(model: Model, state: State, step: float) -> list[Misfit]:
+    """The worst of every kind."""
+    q, v = state.q.reshape(-1, 4, 3), state.v.reshape(-1, 4, 3)
+    length = model.length
+    reach = length + float(np.max(np.abs(q[:, 0])))
+    speed = float(np.max(np.abs(v[:, 0]), initial=0.0)) + length * float(np.max(np.abs(v[:, 1:]), initial=0.0))
+    noise = 1e-12 * reach / step
+    out: list[Misfit] = []
+
+    def add(what: str, error: Array, nodes: Array, unit: str, allowed: float, mendable: float) -> None:
+        """error [m, ...] of nodes [m]"""
+        if len(nodes):
+            size = np.sqrt(np.sum(error.reshape(len(nodes), -1)**2, axis=1))
+            k = int(np.argmax(size))
+            out.append(Misfit(what.format(_joint_of(model, int(nodes[k]))), float(size[k]), unit, allowed, mendable))
+
+    place, rate = follow(model, q), follow(model, v)
+    led = np.flatnonzero(_follows(model))
+    add("{} stands", (q - place)[led, 0], led, "m", TIED * reach, MENDABLE * length)
+    add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * TIED, MENDABLE)
+    add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", TIED * speed + noise, MENDABLE * speed)
+    add("the spin of {} is", (v - rate)[led, 1:] * length, led, "m/s", TIED * speed + noise, MENDABLE * speed)
+    held = model.held_mask
+    held[_follows(model)] = 0
+    for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
+                             (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
+        still = np.flatnonzero(held & bits != 0)
+        add(what, v[still, part] * (1.0 if bits == 7 else length), still, "m/s", 1e-12 * speed, MENDABLE * speed)
+    for k, name in enumerate(model.names["sliders"]):
+        gap, tangent, relative = contact(model, k, state.s[k], q, v)
+        across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
+        out.append(Misfit(f"slider {name!r}: its point lies", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
+        out.append(Misfit(f"slider {name!r}: the velocity of its point across the beam is", float(np.linalg.norm(across)), "m/s",
+                          UNTRUE * speed + noise, np.inf))
+        out[-1].told = SIDEWAYS * speed + noise
+    return out
+
+
+def _follows(model: Model) -> Array:
+    """Whether a node is tied to others, or shares the row of one before it, bool [N]."""
+    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
+    out = first[of] != np.arange(model.n_nodes)
+    if model.ties is not None:
+        out[model.ties.slave] = True
+    return out
+
+
+def _joint_of(model: Model, node: int) -> str:
+    """A node with the joints at it, for messages."""
+    joints = model.joints.get(node, [])
+    return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
+
+
+def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
+    """A support holds its node where the state has it: worth a word where that is not its place in the model."""
+    off = (state.q - model.q0).reshape(-1, 4, 3)
+    held = model.held_mask
+    held[_follows(model)] = 0
+    away = np.where(held & 7 != 0, np.linalg.norm(off[:, 0], axis=1), 0.0)
+    turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
+    k, i = int(np.argmax(away)), int(np.argmax(turned))
+    out = []
+    if away[k] > TIED * (model.length + float(np.max(np.abs(model.q0.reshape(-1, 12)[:, :3])))):
+        out.append(("support", f"the support of {model.labels[k]} stands {away[k]:.6g} m from its place in the model and holds "
+                               "it there"))
+    if turned[i] > 10.0 * TIED:
+        out.append(("support", f"the clamp of {model.labels[i]} stands turned against the model and holds it so"))
+    return out
+
+
+def _mended(model: Model, state: State) -> State:
+    """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
+    give way before beams are bent."""
+    from scipy import sparse
+    q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
+    s = state.s.copy()
+    q = follow(model, q)
+    inertia = mass_map(model)
+    beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
+    for _ in range(8 * (s.size > 0)):
+        across, gaps = _across(model, q, s)
+        if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
+            break
+        lift, free = _lift(model, q)
+        mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
+        step = np.zeros(6 * model.n_nodes)
+        step[free] = nearest(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)
+        step = (share_map(model) @ step).reshape(-1, 6)
+        q[:, 0] += step[:, :3]
+        q[:, 1:] = _turned(q[:, 1:], step[:, 3:])
+        q = follow(model, q)
+    across, _ = _across(model, q, s)
+    lift, free = _lift(model, q)
+    given = np.zeros(6 * model.n_nodes)
+    given.reshape(-1, 6)[:, :3] = v[:, 0]
+    given.reshape(-1, 6)[:, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+    found = given[free]
+    if s.size:
+        mass = (lift.T @ inertia @ lift).tocsr()
+        found = nearest(mass, (across @ lift).tocsr(), np.zeros(across.shape[0]), found, free % 6 >= 3)
+    return State(q.reshape(-1), lift @ found, s, state.force.copy())
+
+
+def _lift(model: Model, q: Array) -> tuple[Any, Array]:
+    """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
+    free = free_unknowns(model)
+    return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()[:, free], free
+
+
+def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
+    """Gaps across the curves [2 S] as a matrix on the coordinates, sparse, and their values; moves s to the nearest points."""
+    from scipy import sparse
+    out = sparse.lil_matrix((2 * s.size, q.size))
+    gaps = np.zeros(2 * s.size)
+    assert model.sliders is not None or not s.size
+    for k in range(s.size):
+        for _ in range(20):
+            gap, tangent, _ = contact(model, k, s[k], q, q)
+            way = float(gap @ tangent / (tangent @ tangent))
+            s[k] = np.clip(s[k] + way, 0.0, model.slider_lengths[k])
+            if abs(way) <= 1e-15 * model.slider_lengths[k]:
+                break
+        gap, tangent, _ = contact(model, k, s[k], q, q)
+        nodes, values, _ = curve_at(model, k, s[k])
+        _, _, axes = np.linalg.svd(tangent[None])
+        for j, axis in enumerate(axes[1:]):
+            gaps[2 * k + j] = axis @ gap
+            for c in range(3):
+                out[2 * k + j, 12 * nodes + c] = -values * axis[c]
+                out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
+    return out.tocsr(), gaps
+
+
+def _turned(triads: Array, spins: Array) -> Array:
+    """Triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
+    w = spins[:, None, :]
+    d = np.cross(w, triads)
+    return triads + (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * np.sum(w**2, axis=2, keepdims=True))

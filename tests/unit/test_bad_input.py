@@ -1,0 +1,463 @@
+"""Every argument of every public call, fed with what it does not take: refused with a message, not raw, not taken, no hang."""
+from __future__ import annotations
+
+import inspect
+import os
+import random
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+from fastbeam import __main__ as front
+from fastbeam.kernels.work import State
+from fastbeam.model import Model
+
+SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
+BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=2, degree=2)
+RAIL = fb.Beam.straight("rail", (0, 1, 0), (2, 1, 0), section=SECTION, elements=2, degree=2)
+MASS = fb.PointMass("bead", mass=0.1)
+BODY = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
+NET = fb.Net("roof", [(0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1), (1, 2)], section=SECTION, clamps=[0])
+SCENE = fb.Scene(BEAM, RAIL, MASS, BODY, NET, fb.Clamp(BEAM.start), fb.Clamp(RAIL.start), fb.RigidConnection(BEAM.end, BODY),
+                 fb.Slider("ride", MASS, RAIL, at=0.5), gravity=(0, 0, -9.81))
+# of each call at most this many seconds
+PATIENCE = 10.0
+
+
+@cache
+def model() -> Model:
+    return fb.compile_scene(SCENE)
+
+
+@cache
+def held() -> Model:
+    return fb.compile_scene(fb.Scene(BEAM, fb.Clamp(BEAM.start), gravity=(0, 0, -0.01)))
+
+
+@cache
+def result() -> fb.Result:
+    return fb.simulate(model(), t_end=2e-3, step=1e-3, progress=False, points={"tip": BEAM.end})
+
+
+class Rude:
+    """Fails wherever it is asked."""
+
+    def __float__(self) -> float:
+        raise RuntimeError("no")
+
+    def __array__(self, *more: Any, **options: Any) -> Any:
+        raise RuntimeError("no")
+
+    def __repr__(self) -> str:
+        raise RuntimeError("no")
+
+    def __fspath__(self) -> str:
+        raise RuntimeError("no")
+
+
+NUMBERS: dict[str, Any] = {
+    "0": 0, "-1": -1, "3": 3, "2.5": 2.5, "nan": np.nan, "inf": np.inf, "-inf": -np.inf, "1e308": 1e308, "-1e308": -1e308,
+    "1e200": 1e200,
+    "1e-200": 1e-200, "5e-324": 5e-324, "10**12": 10**12, "10**19": 10**19, "10**400": 10**400, "10**5000": 10**5000,
+    "float32 inf": np.float32(np.inf), "Fraction": Fraction(1, 3), "Decimal nan": Decimal("nan"), "0-d array": np.array(0.5)}
+ARRAYS: dict[str, Any] = {
+    "3 numbers": (1.0, 2.0, 3.0), "3 huge": (1e308, 1e308, 1e308), "3 tiny": (1e-200, 0, 0), "3 nan": [np.nan] * 3,
+    "2 numbers": [1, 2], "none": [], "eye": np.eye(3), "-eye": -np.eye(3), "big": np.ones((50, 3)), "flat": np.zeros((3, 0)),
+    "increasing": [0.0, 1.0, 2.0], "6 x 6": np.eye(6), "range": range(10**12), "too big": [10**400, 0, 0], "ints": np.arange(3)}
+WRONG: dict[str, Any] = {
+    "True": True, "np.True_": np.True_, "complex": 1 + 2j, "np.complex": np.complex128(1), "text": "text", "number as text": "3",
+    "empty": "", "blank": " ", "bytes": b"3", "texts": ["1", "2", "3"], "bools": [True, False, True],
+    "mixed bools": [1.0, True, 0.0],
+    "complexes": [1j, 0, 0], "complex array": np.ones(3, complex), "masked": np.ma.array([1.0, 2, 3], mask=[0, 1, 0]),
+    "masked number": np.ma.masked, "objects": np.array([object()] * 3), "Nones": [None] * 3, "ragged": [[1, 2], [3]],
+    "structure": np.zeros(3, [("a", float)]), "words": np.array(["a", "b", "c"]), "date": np.datetime64("2020-01-01"),
+    "duration": np.timedelta64(3, "s"), "object": object(), "Ellipsis": ..., "class": dict, "noun class": fb.Beam, "module": np,
+    "mapping": {"a": 1}, "set": {1, 2, 3}, "rude": Rude(), "bytearray": bytearray(b"123"), "NaT": np.datetime64("NaT"),
+    "function": lambda: 1.0, "function of t": lambda t: 1.0, "function of s": lambda s: np.zeros((len(s), 3)),
+    "function that fails": lambda *a: 1 / 0, "function of texts": lambda *a: "3", "function of nan": lambda *a: np.nan,
+    "function of two": lambda t, state: None, "builtin": len, "ufunc": np.sin,
+    "zero byte": "a\0b", "long name": "x" * 300, "beam": BEAM, "node": BEAM.end, "mass": MASS, "body": BODY, "net": NET,
+    "scene": SCENE, "section": SECTION, "parts": [BEAM, MASS], "foreign beam": fb.Beam.straight(
+        "other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1).end, "clamp": fb.Clamp(BEAM.start), "None": None}
+
+
+def pool(folder: Path) -> dict[str, Callable[[], Any]]:
+    """Values by name; made anew for every call, since generators are used up."""
+    pipe = folder / "pipe"
+    if not pipe.exists():
+        os.mkfifo(pipe)
+    more: dict[str, Callable[[], Any]] = {
+        "generator": lambda: (x for x in (1.0, 2.0, 3.0)), "generator of texts": lambda: (x for x in "abc"), "pipe": lambda: pipe,
+        "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
+        "model": model, "result": result, "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
+        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)), 
+        "state of texts": lambda: State("q", "v", "s", "f"),
+        "state of Nones": lambda: State(None, None, None, None)}
+    (folder / "text").write_text("no result")
+    return {name: (lambda value=value: value) for name, value in {**NUMBERS, **ARRAYS, **WRONG}.items()} | more
+
+
+# --- what an argument may be, told apart without the package's own checks ------------------------------------------------
+def is_real(x: Any) -> bool:
+    if isinstance(x, np.ndarray):
+        return x.ndim == 0 and x.dtype.kind in "iuf" and not isinstance(x, np.ma.MaskedArray) and is_real(x[()])
+    if isinstance(x, (bool, np.bool_, np.timedelta64)) or not isinstance(x, (int, float, Fraction, Decimal, np.number)):
+        return False
+    if isinstance(x, (int, np.integer)):
+        return abs(x) <= 10**60
+    return not isinstance(x, np.complexfloating) and abs(float(x)) <= 1e60
+
+
+def is_count(x: Any) -> bool:
+    return isinstance(x, (int, np.integer)) and not isinstance(x, (bool, np.timedelta64)) and abs(x) < 2**63
+
+
+def is_array(*shapes: int | None) -> Callable[[Any], bool]:
+    def fits(x: Any) -> bool:
+        if isinstance(x, range):
+            return len(x) < 10**7
+        if isinstance(x, np.ndarray):
+            return type(x) is np.ndarray and x.dtype.kind in "iuf" and x.ndim in shapes and bool(np.all(np.abs(x) <= 1e60))
+        return isinstance(x, (list, tuple)) and all(fits(y) if isinstance(y, (list, tuple)) else is_real(y) for y in x)
+    return fits
+
+
+def is_function(x: Any) -> bool:
+    return callable(x) and not isinstance(x, type)
+
+
+def among(*values: Any) -> Callable[[Any], bool]:
+    return lambda x: any(type(x) is type(value) and x == value for value in values)
+
+
+def one_of(*kinds: type) -> Callable[[Any], bool]:
+    return lambda x: isinstance(x, kinds)
+
+
+def either(*tests: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda x: any(test(x) for test in tests)
+
+
+def is_flag(x: Any) -> bool:
+    return isinstance(x, (bool, np.bool_))
+
+
+def is_text(x: Any) -> bool:
+    return isinstance(x, str)
+
+
+def is_list_of(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda x: isinstance(x, (list, tuple)) and all(test(y) for y in x)
+
+
+def is_series(x: Any) -> bool:
+    """What a result may hold: numbers that are not finite, too."""
+    if isinstance(x, range):
+        return len(x) < 10**7
+    if isinstance(x, (list, tuple)):
+        return all(is_series(y) for y in x) and len({np.shape(y) for y in x}) <= 1
+    x = x if isinstance(x, np.ndarray) else np.array(x) if isinstance(x, (int, float, np.floating)) else None
+    return x is not None and not isinstance(x, np.ma.MaskedArray) and x.dtype.kind in "iufb"
+
+
+VECTOR, NODE = is_array(1), one_of(fb.NodeRef, fb.PointMass, fb.RigidBody)
+A_BEAM, SECTIONS = one_of(fb.Beam), one_of(fb.Section)
+FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
+
+
+@dataclass
+class Call:
+    """A public call with arguments that work, and what else each of them may be."""
+
+    function: Callable[..., Any]
+    works: dict[str, Any]
+    takes: dict[str, Callable[[Any], bool]]
+
+
+COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
+              strain=is_text)
+BAR = dict(section=SECTION, elements=2)
+MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, name=is_text)
+SIX = dict.fromkeys(("EA", "GA2", "GA3", "GJ", "EI2", "EI3"), is_real)
+INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, name=is_text)
+NODES, EDGES = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1), (1, 2)]
+RUN = dict(start=one_of(State, fb.Checkpoint), observe=is_list_of(is_text), points=one_of(Mapping), max_iterations=is_count,
+           backend=is_text, threads=is_count, mend_start=is_flag)
+
+
+def calls(folder: Path) -> dict[str, Call]:
+    """All public calls by name."""
+    ends_at_once = dict(t_end=2e-3, step=1e-3, every=1, progress=False, callback=lambda t, state: True)
+    out = {
+        "Section": Call(fb.Section, dict.fromkeys(SIX, 1.0) | dict(rhoA=1.0, rhoI2=0.0, rhoI3=0.0), SIX | INERTIA),
+        "Section.rectangle": Call(fb.Section.rectangle, dict(height=0.1, width=0.2, E=1e6, rho=1e3),
+                                  dict(height=is_real, width=is_real, GJ=is_real, **MATERIAL)),
+        "Section.circle": Call(fb.Section.circle, dict(radius=0.1, E=1e6, rho=1e3), dict(radius=is_real, **MATERIAL)),
+        "Section.tube": Call(fb.Section.tube, dict(radius=0.1, thickness=0.01, E=1e6, rho=1e3),
+                             dict(radius=is_real, thickness=is_real, **MATERIAL)),
+        "Section.from_matrix": Call(fb.Section.from_matrix, dict(C=np.eye(6), rhoA=1.0, rhoI2=0.0, rhoI3=0.0),
+                                    dict(C=is_array(2), **INERTIA)),
+        "Beam": Call(fb.Beam, dict(name="b", curve=BEAM.curve, **BAR), dict(name=is_text, curve=A_BEAM, **COMMON)),
+        "Beam.straight": Call(fb.Beam.straight, dict(name="b", start=(0, 0, 0), end=(1, 0, 0), **BAR),
+                              dict(name=is_text, start=VECTOR, end=VECTOR, d2=VECTOR, twist=is_real, **COMMON)),
+        "Beam.arc": Call(fb.Beam.arc, dict(name="b", start=(0, 0, 0), tangent=(1, 0, 0), normal=(0, 1, 0), radius=1.0, angle=1.0,
+                                            **BAR),
+                         dict(name=is_text, start=VECTOR, tangent=VECTOR, normal=VECTOR, radius=is_real, angle=is_real,
+                              **COMMON)),
+        "Beam.helix": Call(fb.Beam.helix, dict(name="b", radius=1.0, pitch=0.3, turns=1.0, **BAR),
+                           dict(name=is_text, radius=is_real, pitch=is_real, turns=is_real, center=VECTOR, axis=VECTOR,
+                                start_direction=VECTOR, **COMMON)),
+        "Beam.from_curve": Call(fb.Beam.from_curve, dict(name="b", curve=lambda t: (t, t * t, 0.0), **BAR),
+                                dict(name=is_text, curve=is_function, frame=is_function, d2=VECTOR, **COMMON)),
+        "Beam.through_points": Call(fb.Beam.through_points, dict(name="b", points=[(0, 0, 0), (1, 0, 0), (2, 1, 0)], **BAR),
+                                    dict(name=is_text, points=is_array(2), d2=VECTOR, **COMMON)),
+        "Beam.node": Call(BEAM.node, dict(index=0), dict(index=is_count)),
+        "Beam.at": Call(BEAM.at, dict(s=0.0), dict(s=is_real)),
+        "Beam.reference": Call(BEAM.reference, dict(s=[0.0, 1.0]), dict(s=either(is_real, VECTOR))),
+        "NodeRef": Call(fb.NodeRef, dict(owner=BODY), dict(owner=one_of(fb.Beam, fb.PointMass, fb.RigidBody), index=is_count,
+                                                           offset=VECTOR)),
+        "PointMass": Call(fb.PointMass, dict(name="m", mass=1.0),
+                          dict(name=is_text, mass=is_real, position=VECTOR, velocity=VECTOR)),
+        "RigidBody": Call(fb.RigidBody, dict(name="m", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0)),
+                          dict(name=is_text, mass=is_real, inertia=is_array(1, 2), position=VECTOR, directors=is_array(2),
+                               velocity=VECTOR, spin=VECTOR)),
+        "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
+        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "RigidConnection": Call(fb.RigidConnection, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
+        "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
+        "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
+                     dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function)),
+        "DistributedLoad": Call(fb.DistributedLoad, dict(name="l", beam=BEAM, force=(0, 0, 1)),
+                                dict(name=is_text, beam=A_BEAM, force=FIELD, moment=FIELD, time=is_function)),
+        "DistributedLoad.force_at": Call(fb.DistributedLoad("l", BEAM, force=(0, 0, 1)).force_at, dict(s=[0.0]),
+                                         dict(s=either(is_real, VECTOR))),
+        "DistributedLoad.moment_at": Call(fb.DistributedLoad("l", BEAM, force=(0, 0, 1)).moment_at, dict(s=[0.0]),
+                                          dict(s=either(is_real, VECTOR))),
+        "InitialVelocity": Call(fb.InitialVelocity, dict(beam=BEAM), dict(beam=A_BEAM, velocity=FIELD, spin=FIELD)),
+        "InitialVelocity.velocity_at": Call(fb.InitialVelocity(BEAM).velocity_at, dict(s=[0.0]), dict(s=either(is_real, VECTOR))),
+        "InitialVelocity.spin_at": Call(fb.InitialVelocity(BEAM).spin_at, dict(s=[0.0]), dict(s=either(is_real, VECTOR))),
+        "RigidMotion": Call(fb.RigidMotion, {}, dict(
+            objects=either(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody),
+                           is_list_of(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody))),
+            velocity=VECTOR, spin=VECTOR, about=VECTOR)),
+        "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
+                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text)),
+        "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
+            name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
+            elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),
+            joints=either(is_text, is_list_of(is_text)), pins=VECTOR, clamps=VECTOR, masses=VECTOR, loads=is_array(2),
+            time=is_function, velocity=is_array(1, 2), spin=is_array(1, 2))),
+        "Net.beam": Call(NET.beam, dict(k=0), dict(k=is_count)),
+        "Net.node": Call(NET.node, dict(i=0), dict(i=is_count)),
+        "Scene": Call(lambda part=BEAM, **more: fb.Scene(part, **more), {}, dict(
+            part=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody, fb.Clamp), name=is_text, gravity=VECTOR,
+            gravity_time=is_function, project_velocities=is_flag)),
+        "Scene.add": Call(lambda part: fb.Scene(BEAM).add(part), dict(part=RAIL), dict(
+            part=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody, fb.Clamp))),
+        "Scene.position_of": Call(SCENE.position_of, dict(thing=MASS), dict(thing=NODE)),
+        "compile_scene": Call(fb.compile_scene, dict(scene=fb.Scene(BEAM)), dict(
+            scene=one_of(fb.Scene), solver=is_text, eliminate_inner=is_flag, planar=either(is_flag, among("auto")),
+            condense=either(is_flag, among("auto")))),
+        "Model.node_label": Call(model().node_label, dict(node=0), dict(node=is_count)),
+        "simulate": Call(fb.simulate, dict(model=model(), **ends_at_once), RUN | dict(
+            model=one_of(Model), t_end=is_real, step=is_real, order=is_count, method=is_text, rho_inf=is_real, t_start=is_real,
+            every=is_count, snapshots=is_count, file=PATH, overwrite=is_flag, checkpoint=PATH, checkpoint_every=is_real,
+            callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag)),
+        "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
+            model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
+            at_time=is_real)),
+        "load_result": Call(fb.load_result, dict(path=folder / "text"), dict(path=PATH)),
+        "load_checkpoint": Call(fb.load_checkpoint, dict(path=folder / "text"), dict(path=PATH)),
+        "Checkpoint": Call(fb.Checkpoint, dict(state=model().state(), t=0.0, step=1.0, t_start=0.0, steps=0, next_step=None,
+                                               mean_force=None, scene="", fingerprint=""),
+                           dict(state=one_of(State), t=is_real, step=is_real, t_start=is_real, steps=is_count, next_step=is_real,
+                                mean_force=one_of(np.ndarray), scene=is_text, fingerprint=is_text, memory=one_of(np.ndarray),
+                                last_step=is_real)),
+        "Checkpoint.save": Call(result().checkpoint.save, dict(path=folder / "c", overwrite=True),
+                                dict(path=PATH, overwrite=is_flag)),
+        "Result": Call(fb.Result, dict(t=[0.0, 1.0]), dict(
+            t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
+            t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
+        **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
+           for name in ("point", "slider", "deviation", "drift", "is_conserved")},
+        "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
+        "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
+                            dict(path=PATH, overwrite=is_flag)),
+        "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
+        "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
+                                                                        cmap=is_text)),
+        "plot_invariants": Call(fb.plot_invariants, dict(result=result()), dict(result=one_of(fb.Result))),
+        "plot_slider": Call(fb.plot_slider, dict(result=result()), dict(result=one_of(fb.Result), slider=is_text)),
+    }
+    return out
+
+
+# --- one call with bad arguments -------------------------------------------------------------------------------------------
+REFUSED = (fb.SceneError, fb.ResultFileError, fb.ConvergenceError)
+
+
+class TooLong(BaseException):
+    """A call took longer than anyone waits."""
+
+
+def _ring(*_: Any) -> None:
+    raise TooLong
+
+
+def outcome(call: Call, bad: dict[str, Any]) -> str:
+    """'' where a call is refused, or takes what it may take; else what went wrong."""
+    defaults = {name: p.default for name, p in inspect.signature(call.function).parameters.items()}
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
+    try:
+        call.function(**{**call.works, **bad})
+    except REFUSED as refused:
+        return "" if len(str(refused)) > 20 else f"says only {refused}"
+    except TooLong:
+        return "hangs"
+    except ZeroDivisionError as error:
+        # a function of the user that fails where it is called, in a run: that is for the user to see
+        return "" if "function that fails" in traceback_names(error) else f"raw {type(error).__name__}: {error}"
+    except Exception as error:
+        return f"raw {type(error).__name__}: {str(error)[:80]}"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    taken = [name for name, value in bad.items()
+             if not (call.takes[name](value) or value is None and (defaults.get(name, 0) is None or name in MAY_BE_NONE))]
+    return f"takes {taken}" if taken else ""
+
+
+# of arguments that the signature does not show or give a default
+MAY_BE_NONE = ("next_step", "mean_force", "gravity_time")
+
+
+def traceback_names(error: BaseException) -> set[str]:
+    names, at = set(), error.__traceback__
+    while at is not None:
+        names.add("function that fails" if at.tb_frame.f_code is WRONG["function that fails"].__code__ else "")
+        at = at.tb_next
+    return names
+
+
+def singles(folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Every value for every argument of every call."""
+    for name, call in calls(folder).items():
+        for argument in call.takes:
+            for value in pool(folder):
+                yield name, {argument: value}
+
+
+def report(folder: Path, cases: list[tuple[str, dict[str, str]]], monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """What went wrong, by call and values."""
+    monkeypatch.chdir(folder)
+    table, values = calls(folder), pool(folder)
+    before = signal.signal(signal.SIGALRM, _ring)
+    wrong: dict[str, str] = {}
+    try:
+        for name, chosen in cases:
+            said = outcome(table[name], {argument: values[value]() for argument, value in chosen.items()})
+            if said:
+                wrong[f"{name}({', '.join(f'{a}={v}' for a, v in chosen.items())})"] = said
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    return wrong
+
+
+@pytest.mark.filterwarnings("error::numpy.exceptions.ComplexWarning")
+def test_no_bad_argument_is_taken_or_ends_in_something_raw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = list(singles(tmp_path))
+    assert len(cases) > 20_000
+    assert report(tmp_path, cases, monkeypatch) == {}
+
+
+@pytest.mark.parametrize(("seed", "n"), [(1, 3000), pytest.param(2, 20_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("fitting", [False, True])
+def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any values, and values of the right kind alone, which get past the first check: huge, tiny, of odd shapes."""
+    draw = random.Random(seed)
+    table, values = calls(tmp_path), pool(tmp_path)
+    choice = {(name, argument): [value for value in values if not fitting or test(values[value]())]
+              for name, call in table.items() for argument, test in call.takes.items()}
+    cases = []
+    for _ in range(n):
+        name = draw.choice(list(table))
+        some = draw.sample(list(table[name].takes), min(len(table[name].takes), draw.randint(2, 5)))
+        cases.append((name, {argument: draw.choice(choice[name, argument]) for argument in some}))
+    wrong = report(tmp_path, cases, monkeypatch)
+    assert wrong == {}, Counter(text.split(":")[0] for text in wrong.values())
+
+
+# --- nothing public is left out --------------------------------------------------------------------------------------------
+# of the errors the arguments are texts and facts of the package's own; a net's lists serve the compiler
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
+FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
+
+
+def public() -> Iterator[tuple[str, Any]]:
+    """Every public call with arguments: functions, constructors, methods."""
+    for name in set(fb.__all__) - OWN:
+        thing = getattr(fb, name)
+        if not inspect.isclass(thing):
+            yield name, thing
+            continue
+        yield name, thing.__init__
+        for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
+            if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:
+                yield f"{name}.{method}", found
+
+
+def arguments_of(function: Any) -> list[str]:
+    return [p.name for p in inspect.signature(function).parameters.values()
+            if p.name not in ("self", "cls") and not p.name.startswith("_") and p.kind is not p.VAR_KEYWORD]
+
+
+def test_every_argument_of_every_public_call_has_a_kind() -> None:
+    without = [f"{name}({argument})" for name, function in public() for argument in arguments_of(function)
+               if argument not in getattr(function, "kinds", ())]
+    assert without == []
+    assert len(list(public())) > 40
+
+
+def test_every_public_call_is_fed_here(tmp_path: Path) -> None:
+    table = calls(tmp_path)
+    fed = {name for name, function in public() if arguments_of(function)}
+    missing = {name for name in fed if name not in table}
+    assert missing == set()
+    unfed = {f"{name}({argument})" for name, function in public() for argument in arguments_of(function)
+             if name in table and argument not in table[name].takes and argument not in ("parts",)}
+    assert unfed == set()
+
+
+def test_signatures_stay_readable() -> None:
+    assert list(inspect.signature(fb.PointMass).parameters) == ["name", "mass", "position", "velocity"]
+    assert "t_end: 'float'" in str(inspect.signature(fb.simulate))
+    assert (fb.simulate.__doc__ or "").startswith("Integrate a model in time")
+    assert fb.Beam.straight.__name__ == "straight"
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["run", ""], ["run", "a\0b"], ["run", "../x"], ["fly"], ["--out"],
+                                       ["run", "x" * 5000], ["warmup", "all"], ["warmup", ""], ["-h"], ["run", "crane", "--out"]])
+def test_command_line_answers_what_it_cannot_do(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        code = front.main(arguments)
+    except SystemExit as done:
+        code = done.code
+    said = capsys.readouterr()
+    assert code == (0 if arguments == ["-h"] else 2)
+    assert len(said.out + said.err) > 20
+
+
+def test_command_line_refuses_a_file_as_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert front.main(["run", next(iter(front.find_examples())), "--out", str(tmp_path / "file")]) == 2
+    assert "file' is a file; give a folder" in capsys.readouterr().err
