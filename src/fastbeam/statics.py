@@ -127,11 +127,14 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         result.state = State(*(x.copy() for x in solver.state))
         return result
 
-    def look_at_mesh(factor: float) -> None:
+    def look_at_mesh(factor: float) -> str:
+        """Events where elements are too coarse for the last equilibrium; the first as a text."""
         resolution = Resolution(model)
         resolution.look(factor, solver.state.q)
-        for event in resolution.events():
+        found = resolution.events()
+        for event in found:
             buffer.event(event)
+        return f"; {found[0]['text']}" if found else ""
 
     bar = Progress(1.0, f"{model.scene_name}: load")
     for kind, text in notes:
@@ -159,8 +162,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 error = failure(solver.stepper, failed, reached, len(solver.history))
                 text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
                 bar.close()
-                look_at_mesh(reached)
-                raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
+                coarse = look_at_mesh(reached)
+                raise ConvergenceError(f"{text}{coarse}; a limit or buckling point may lie there, a part may be free to move, or "
                                        "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
                                        "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
                                        residuals=error.residuals, worst=error.worst,

@@ -1,0 +1,86 @@
+"""Events where elements do not resolve the shape of a beam (theory.md 3.3)."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+WIRE = fb.Section.circle(radius=0.008, E=1e10, rho=5000.0)
+ROD = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
+
+
+def coarse(result: fb.Result) -> list[str]:
+    return [event["text"] for event in result.events if event["kind"] == "coarse"]
+
+
+def swing(support: type, elements: int) -> fb.Result:
+    """A load of 1000 kg on 6 m of rope, pushed with 1 m/s."""
+    rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -6), section=WIRE, elements=elements)
+    load = fb.PointMass("load", mass=1000.0, position=(0, 0, -6), velocity=(1.0, 0, 0))
+    scene = fb.Scene(rope, load, support(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81), project_velocities=True)
+    return fb.simulate(fb.compile_scene(scene), t_end=1.0, step=2e-3, progress=False)
+
+
+def test_a_clamp_that_turns_a_rope_within_less_than_an_element_is_named() -> None:
+    (text,) = coarse(swing(fb.Clamp, 6))
+    assert text.startswith("beam 'rope', s = 0 to 1 m: it is taut") and "elements instead of 6" in text
+    assert coarse(swing(fb.Clamp, 60)) == []
+
+
+def test_a_pin_turns_freely_and_needs_no_such_elements() -> None:
+    assert coarse(swing(fb.Pin, 6)) == []
+
+
+def roll(degree: int, elements: int, angle: float, **curve: object) -> fb.Result:
+    """A cantilever bent to a part of a circle."""
+    beam = fb.Beam.straight("strip", (0, 0, 0), (1, 0, 0), section=ROD, elements=elements, degree=degree)
+    return fb.solve_static(fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("m", beam.end, moment=(0, 0, angle)))))
+
+
+@pytest.mark.parametrize(("degree", "angle", "few", "enough"), [(1, 2.7, 6, 20), (2, 6.28, 3, 6), (3, 2.4, 1, 2)])
+def test_elements_that_bend_too_much_are_named(degree: int, angle: float, few: int, enough: int) -> None:
+    (text,) = coarse(roll(degree, few, angle))
+    assert "bends or twists too much for one element" in text and f"degree {degree}" in text
+    assert coarse(roll(degree, enough, angle)) == []
+    # what is named does it
+    assert coarse(roll(degree, int(text.split("it takes ")[1].split()[0]), angle)) == []
+
+
+def test_an_equilibrium_that_is_not_found_tells_elements_that_are_too_coarse() -> None:
+    with pytest.raises(fb.ConvergenceError, match="bends or twists too much for one element of degree 1") as failed:
+        roll(1, 4, 6.28)
+    assert len(coarse(failed.value.result)) == 1
+
+
+def test_neighbouring_nodes_beyond_a_right_angle_are_named() -> None:
+    # a wheel at the end of a shaft that is soft in torsion
+    body = fb.RigidBody("b", mass=1.0, inertia=(1, 1, 1), position=(1, 0, 0))
+    beam = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=ROD, elements=1, degree=1)
+    model = fb.compile_scene(fb.Scene(beam, body, fb.Clamp(beam.start), fb.RigidConnection(body, beam.end),
+                                      fb.Load("turn", body, moment=(2.0, 0, 0))))
+    result = fb.simulate(model, t_end=1.6, step=1e-2, progress=False)
+    assert any("more than a right angle" in text for text in coarse(result))
+
+
+def test_a_curved_reference_is_no_bending() -> None:
+    # one linear element over a quarter of a circle: coarse, but what is not strained is not wrong
+    arc = fb.Beam.arc("arc", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=1.2, section=ROD, elements=1, degree=1)
+    scene = fb.Scene(arc, fb.RigidMotion(velocity=(1.0, 0, 0)))
+    assert coarse(fb.simulate(fb.compile_scene(scene), t_end=0.1, step=1e-2, progress=False)) == []
+
+
+def test_nothing_is_looked_at_where_no_energy_is_observed() -> None:
+    rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -6), section=WIRE, elements=6)
+    load = fb.PointMass("load", mass=1000.0, position=(0, 0, -6), velocity=(1.0, 0, 0))
+    scene = fb.Scene(rope, load, fb.Clamp(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81), project_velocities=True)
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.6, step=2e-3, progress=False, observe=())
+    assert coarse(result) == []
+
+
+def test_nets_name_the_place_by_nodes() -> None:
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    net = fb.Net("net", x, np.array([[0, 1], [1, 2]]), section=ROD, elements=1, degree=1, joints="rigid")
+    scene = fb.Scene(net, fb.Clamp(net.node(0)), fb.Load("m", net.node(2), moment=(0, 0, 0.4)))
+    found = coarse(fb.solve_static(fb.compile_scene(scene)))
+    assert found and all("between" in text and "node" in text for text in found)
