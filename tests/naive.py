@@ -97,8 +97,8 @@ def length_factor(forms: Array) -> Array:
 def strains_of(kind: str, forms: Array) -> Array:
     """The six strains [..., 6] from the quadratic forms; theory.md (2.1), (2.2)."""
     if kind == "simo_reissner":
-        return np.concatenate(((stretch(forms) - 1.0)[..., None], forms[..., 1:3], length_factor(forms)[..., None] * forms[..., 3:6]),
-                              axis=-1)
+        axial, curvatures = stretch(forms) - 1.0, length_factor(forms)[..., None] * forms[..., 3:6]
+        return np.concatenate((axial[..., None], forms[..., 1:3], curvatures), axis=-1)
     return np.concatenate(((forms[..., 0] - 0.5)[..., None], forms[..., 1:6]), axis=-1)
 
 

@@ -13,9 +13,9 @@ Array = np.ndarray
 
 
 def matrices(model: fb.Model, state: State | None = None) -> tuple[Array, Array, Array]:
-    """Symmetric stiffness (N/m, N, N m) and mass, dense, at `state` (default: the initial one), over the positions and spins that are
-    free, and which of the six components of its node each of these is. The model has to be compiled with solver="sparse",
-    eliminate_inner=False, planar=False."""
+    """Symmetric stiffness (N/m, N, N m) and mass, dense, at `state` (default: the initial one), over the positions and spins
+    that are free, and which of the six components of its node each of these is. The model has to be compiled with
+    solver="sparse", eliminate_inner=False, planar=False."""
     n = model.pattern.n
 
     def matrix(h: float) -> Array:

@@ -158,9 +158,9 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
     work = np.zeros(6) if work is None else work
     total = 0.0
     if model.simo is not None:
-        total += kernels.strain_energy(model.simo, model.n_nodes, q, None, work)
+        total += kernels.strain_energy(model.simo, model.n_nodes, q, None, work, np.zeros(0))
     if model.green is not None:
-        total += kernels.strain_energy(model.green, model.n_nodes, q, 1, work)
+        total += kernels.strain_energy(model.green, model.n_nodes, q, 1, work, np.zeros(0))
     return float(total)
 
 

@@ -24,11 +24,14 @@ from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
+from .resolution import Resolution
 from .result import Result
 from .rows import Rows
 from .starting import check_start
 
 Array = np.ndarray
+# steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
+STEPS_A_LOOK = 50
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
 # events of one kind that name a part each
@@ -204,6 +207,8 @@ class _Run:
         self.calls = Calls(stepper, self.interrupts)
         # whether the clock lags behind the state
         self.between = False
+        self.resolution: Resolution | None = None
+        self.next_look, self.steps_to_look = clock.now, STEPS_A_LOOK
 
     def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
         """Renew the checkpoint file, at the end of a run or where its time has come."""
@@ -264,6 +269,20 @@ class _Run:
             self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
         return stop
 
+    def watch_mesh(self, t: float, last: bool = False) -> None:
+        """Remember where elements do not resolve the present shape, a few times a run; at the end events say so."""
+        if not self.observer.energy:
+            return
+        if self.resolution is None:
+            self.resolution = Resolution(self.model)
+        if last or (t >= self.next_look and self.steps >= self.steps_to_look):
+            self.resolution.look(t, self.stepper.state.q)
+            self.next_look = t + (self.t_end - self.t_start) / self.resolution.looks
+            self.steps_to_look = self.steps + STEPS_A_LOOK
+        if last:
+            for event in self.resolution.events():
+                self.event(event)
+
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
         with self.interrupts:
@@ -293,6 +312,7 @@ class _Run:
                     self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
                         self.watch_turns(t, size)
+                    self.watch_mesh(t)
                     if self.callback is not None:
                         with self.interrupts.at_once():
                             ended = self.call_back(t, size)
@@ -322,6 +342,8 @@ class _Run:
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
+            if not self.between:
+                self.watch_mesh(clock.now, last=True)
             self.watch_drift()
             self.rows.end(self.info)
         # the clock knows no time for a state that a second Ctrl-C left somewhere in a step

@@ -21,6 +21,7 @@ from .newton import Outcome, Stepper
 from .observe import OBSERVED, POINTS, Observer
 from .planar import find_plane
 from .progress import Progress
+from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
 
@@ -126,6 +127,12 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         result.state = State(*(x.copy() for x in solver.state))
         return result
 
+    def look_at_mesh(factor: float) -> None:
+        resolution = Resolution(model)
+        resolution.look(factor, solver.state.q)
+        for event in resolution.events():
+            buffer.event(event)
+
     bar = Progress(1.0, f"{model.scene_name}: load")
     for kind, text in notes:
         buffer.event({"kind": kind, "time": 0.0, "text": text})
@@ -152,6 +159,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 error = failure(solver.stepper, failed, reached, len(solver.history))
                 text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
                 bar.close()
+                look_at_mesh(reached)
                 raise ConvergenceError(f"{text}; a limit or buckling point may lie there, a part may be free to move, or "
                                        "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
                                        "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
@@ -164,6 +172,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         if counted is None and flat and counted_in == "space":
             # about the normal of a plane moments have a potential
             counted_in, counted = "plane", solver.signs(factors, True)
+        look_at_mesh(1.0)
         info["counted_in"] = counted_in
         for (kind, text), found in zip(TOLD.items(), counted or (None, None)):
             info[kind + "_directions"] = found

@@ -71,8 +71,8 @@ def elements_of(part: Beam | Net, first: int) -> Elements:
 
 
 def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
-    """The six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3], but for the constant 1 or
-    1/2 of the first: [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
+    """The six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3], but for the constant 1
+    or 1/2 of the first: [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
     nodes = elements.nodes[some]
     f = np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes])
     d_g = np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes])

@@ -123,7 +123,8 @@ def test_scene_in_a_general_plane_is_the_one_in_the_coordinate_plane_turned(make
                                atol=FORCE * np.max(np.abs(flat.series["contact_force"])))
     np.testing.assert_allclose(turned.series["ang_mom"] @ turn, flat.series["ang_mom"], rtol=0.0,
                                atol=ENERGY * np.max(np.abs(flat.series["ang_mom"])))
-    assert abs(turned.info["iterations"] - flat.info["iterations"]) <= 1
+    # the largest component of an increment ends an iteration, and components differ
+    assert np.max(np.abs(turned.series["iterations"] - flat.series["iterations"])) <= 1
 
 
 def test_invariants_of_a_free_planar_scene_stay_at_round_off() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels import beam, chain, planar_beam, strains
+from fastbeam.kernels import beam, chain, planar_beam, point, strains
 from fastbeam.newton import Stepper
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,16 +55,21 @@ def test_operations_of_blocks_are_those_of_the_textbook(n: int) -> None:
 def test_operations_of_short_kernels_are_those_counted_by_hand() -> None:
     x = np.zeros(1000)
     # weight (C e) for six strains: a product, a sum to zero, the weight; coupled six products and sums
-    assert counting.count(strains.stresses, x, 0, 0, False, x, 0, 0) == 6 * 3
-    assert counting.count(strains.stresses, x, 0, 0, True, x, 0, 0) == 6 * (6 * 2 + 1)
+    assert counting.count(strains.stresses, x, 0, 0, False, x, 0, 0, 1, 0) == 6 * 3
+    assert counting.count(strains.stresses, x, 0, 0, True, x, 0, 0, 1, 0) == 6 * (6 * 2 + 1)
+    # (4.7): a product; two products and differences; three sums of products and products, a factor
+    assert counting.count(strains.stresses, x, 0, 0, False, x, 0, 0, None, 0) == 6 * 3 + 1 + 2 * 2 + 3 * 3 + 1
     # position: factor and sum of a vector; three directors and their derivatives
     assert counting.count(strains.interpolate, x, 0, 2, x, 0, 0) == 2 * (6 + 3 * 12)
-    # (2.2): nine products of vectors, three differences and halves; (2.1): seven, one difference and half, a half, a sign
-    assert counting.count(strains.quadratic_strains, x, 0, None, 0, False) == 9 * 5 + 3 * 2
-    assert counting.count(strains.quadratic_strains, x, 0, 1, 0, False) == 7 * 5 + 2 + 1 + 1
+    # (2.2): twelve products of vectors, a half, three differences and halves, two sums and a factor; (2.1): seven, a half, one
+    # difference and half, a sign
+    assert counting.count(strains.quadratic_forms, x, 0, None, 0) == 12 * 5 + 1 + 3 * 2 + 3
+    assert counting.count(strains.quadratic_forms, x, 0, 1, 0) == 7 * 5 + 1 + 2 + 1
     assert counting.count(beam.add_inertia_forces, x, 0, 2, x, 0, 0) == 2 * (2 * 3 * 6 + 3 * (3 + 3))
     # (2.1): two weighted differences of vectors, four cross products with what goes around them
-    assert counting.count(beam.rotation_rows, x, 0, 0, 0.5, 0.5, 1, 0) == 2 * 9 + (2 * 9 + 3) + 2 * 9 + 3 * 3 + 2 * 3
+    assert counting.count(point.green_rows, x, 0, 0, 0.5, 0.5, 0) == 2 * 9 + (2 * 9 + 3) + 2 * 9 + 3 * 3 + 2 * 3
+    # (2.2): three weighted differences, a factor and two cross products, three differences of two, the sum of three with a factor
+    assert counting.count(point.form_rows, x, 0, 0, 0.5, 0.5, 0) == 3 * 9 + 3 + 2 * 9 + 3 * (2 * 9 + 3) + 3 * 9 + 2 * 3 + 3
     # of three directors: moment, a sum of forces, a dyad, a product; then the trace, a half, and the sum
     assert counting.count(beam.project_node, x, 0, 0, 0, 0, 0) == 3 * ((9 + 3) + 3 + (9 + 9) + (5 + 1)) + (3 + 9 + 9)
 

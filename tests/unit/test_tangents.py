@@ -264,7 +264,8 @@ def trial_step(scene: Scene, twin: Twin, ends: tuple[tuple[float, float], ...]) 
     lengths = np.array([slider.beam.length for slider in scene.sliders])
     s = np.array(ends).reshape(-1, 2).T * lengths
     v_n = twin.connected(rng.standard_normal((twin.n, 4, 3)))
-    return Step(q_n, v_n, *random_move(twin, rng, *sizes_of_moves(twin)), s[0], s[1], 5.0 * rng.standard_normal((lengths.size, 3)), H)
+    force = 5.0 * rng.standard_normal((lengths.size, 3))
+    return Step(q_n, v_n, *random_move(twin, rng, *sizes_of_moves(twin)), s[0], s[1], force, H)
 
 
 def flat(residual: tuple[Array, Array], twin: Twin) -> Array:

@@ -83,7 +83,7 @@ def test_the_walk_halves_steps_until_the_error_of_space_remains(study: dict[str,
     plan = tool.Plan(0.2, 1, (6, 8, 400), (5, 8, 200), 8, repeats=1)
     exact, facts = tool.reference("spaghetti3d", "simo_reissner", plan, False)
     assert facts["uncertainty"]["position"] < 1e-6
-    family = tool.walk("spaghetti3d", tool.Family("simo_reissner", "lagrange", 2), 2, (4,), plan, exact, 400)
+    family = tool.walk("spaghetti3d", tool.Family("simo_reissner", "lagrange", 2), 2, (8,), plan, exact, 400)
     found = plot.column({"fields": list(tool.FIELDS)}, family["rows"], "position")
     steps = plot.column({"fields": list(tool.FIELDS)}, family["rows"], "steps")
     assert steps == [25 * 2**k for k in range(len(steps))] and family["failed"] == {}

@@ -74,9 +74,9 @@ def gather_planar_ends(tables, at, q, dphi, line, v, h, scratch, qo, uo):
 
 @kernel
 def gather_line(tables, at, q, spin_rate, line, off, scratch, end, lo):
-    """Coordinates of 8 nodes before the last increment, 12 lanes at lo, and behind them that increment, along which a straight line
-    leads; from their coordinates at `end`. With spin_rate, before the first increment, the start of the step and nothing. off: as
-    in `work.Line`."""
+    """Coordinates of 8 nodes before the last increment, 12 lanes at lo, and behind them that increment, along which a straight
+    line leads; from their coordinates at `end`. With spin_rate, before the first increment, the start of the step and nothing.
+    off: as in `work.Line`."""
     s = lo + 96
     if spin_rate is not None:
         if line.use[0] == FROM_START:

@@ -58,8 +58,9 @@ def motion(q, v, p, out):
 
 
 @kernel
-def strain_energy(tables, n_rows, q, green, work):
-    """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers."""
+def strain_energy(tables, n_rows, q, green, work, of_elements):
+    """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 2] flat, for the mean
+    axial force of every element and the smallest square of the length of its directors, see `resolution`."""
     meta = tables.meta
     tab = tables.tab
     total = 0.0
@@ -69,6 +70,9 @@ def strain_energy(tables, n_rows, q, green, work):
         for lane in range(8):
             if tables.rows[no + lane] == n_rows:
                 continue
+            force = 0.0
+            length = 0.0
+            shortest = 1.0
             for g in range(meta[k, 1]):
                 to = meta[k, 2] + 288 + 8 * (1 + 3 * nn) * g + lane
                 f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
@@ -82,9 +86,11 @@ def strain_energy(tables, n_rows, q, green, work):
                 work[1] = dot(f, d2)
                 work[2] = dot(f, d3)
                 work[3] = 0.5 * (dot(k2, d3) - dot(k3, d2))
+                squares = dot(d1, d1) + dot(d2, d2) + dot(d3, d3)
+                shortest = min(shortest, 0.5 * (squares - 1.0))
                 if green is None:
                     work[0] = (dot(f, f) - work[1] * work[1] - work[2] * work[2])**0.5
-                    c = 1.75 - 0.25 * (dot(d1, d1) + dot(d2, d2) + dot(d3, d3))
+                    c = 1.75 - 0.25 * squares
                     work[3] *= c
                     work[4] = 0.5 * c * (dot(k3, d1) - dot(k1, d3))
                     work[5] = 0.5 * c * (dot(k1, d2) - dot(k2, d1))
@@ -96,9 +102,17 @@ def strain_energy(tables, n_rows, q, green, work):
                     work[i] -= tab[meta[k, 7] + 48 * g + 8 * i + lane]
                 energy = 0.0
                 for i in range(6):
+                    stress = 0.0
                     for j in range(6):
-                        energy += work[i] * tab[meta[k, 2] + 48 * i + 8 * j + lane] * work[j]
+                        stress += tab[meta[k, 2] + 48 * i + 8 * j + lane] * work[j]
+                    energy += work[i] * stress
+                    if i == 0:
+                        force += tab[to] * stress
+                length += tab[to]
                 total += 0.5 * tab[to] * energy
+            if of_elements.shape[0] > 0:
+                of_elements[16 * k + 2 * lane] = force / length
+                of_elements[16 * k + 2 * lane + 1] = shortest
     return total
 
 

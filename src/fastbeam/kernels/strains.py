@@ -149,9 +149,9 @@ def extrapolated_strains(scratch, z, x, green, eo, room):
 
 @kernel
 def unused_strains(tab, e0, scratch, zm, ze, gathered, zb, zx, dphi, spin_rate, green, middle, eo, room, ao):
-    """What the mean strains at eo, linear in the last increment, lack to those of the present shape: what the tangent must not use,
-    theory.md (4.6); in their place. zb: the shape before that increment, zx: the increment; unless `gathered` none was made, and
-    the shape before is that of the start."""
+    """What the mean strains at eo, linear in the last increment, lack to those of the present shape: what the tangent must not
+    use, theory.md (4.6); in their place. zb: the shape before that increment, zx: the increment; unless `gathered` none was
+    made, and the shape before is that of the start."""
     if green is None:
         end = ao + SHAPE
         c = vld(scratch, end + 48, 0)

@@ -1,0 +1,183 @@
+"""Whether the elements of beams resolve the shapes that a run takes: what invariants and Newton's method do not see.
+
+Looked at are (theory.md 3.3)
+
+- turns between neighbouring nodes beyond a right angle, after which interpolated directors may vanish;
+- directors that interpolation has made shorter: the elements bend or twist too much for their degree;
+- turns that a taut beam makes within its bending length sqrt(EI/N), where a support, a kink or a contact holds its direction or
+  pushes it aside, in elements far longer than that.
+"""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .kernels.observe import strain_energy
+from .model import Model
+
+Array = np.ndarray
+# squares of the lengths of directors may fall by this share, and should by this one
+LARGEST_LOSS, GOOD_LOSS = 0.03, 0.01
+# distance of nodes over the bending length, turn (rad) against the neighbours, and that turn times the distance of nodes over
+# the size of the scene, beyond which a taut beam is not resolved and it matters
+LONGEST, LEAST_TURN, LEAST_ERROR = 2.0, 0.1, 2e-3
+MOST_EVENTS = 5
+# shapes that are looked at in a run, and elements in all of them together
+MOST_LOOKS, MOST_ELEMENTS = 20, 500_000
+
+
+@dataclass
+class _Elements:
+    """Elements of one number of nodes nn, sorted by their first node."""
+
+    at: Array            # int [E], where an element stands in the output of the kernel
+    nodes: Array         # int [E, nn]
+    length: Array        # [E], m
+    EI: Array            # [E], the softer one, N m^2
+    before: Array        # int [E], the neighbour at the start, -1 where there is none
+    behind: Array        # int [E]
+    turn: Array = field(default_factory=lambda: np.zeros(0))       # [E, 3], rad, over an element of the reference
+    square: Array = field(default_factory=lambda: np.ones(0))      # [E], smallest square of the directors' lengths there
+
+
+class Resolution:
+    """Looks at shapes of a run and remembers the worst of every beam."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._sets: list[tuple[Any, int | None, Array, list[_Elements]]] = []
+        self._work = np.zeros(6)
+        self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
+        count = 0
+        for tables, green in ((model.simo, None), (model.green, 1)):
+            if tables is not None:
+                of_elements = np.zeros(16 * len(tables.meta))
+                strain_energy(tables, model.n_nodes, model.q0, green, self._work, of_elements)
+                sets = list(_elements(model, tables))
+                for e in sets:
+                    e.turn = _turn(model.q0, e.nodes)
+                    e.square = of_elements.reshape(-1, 2)[e.at, 1].copy()
+                    count += len(e.at)
+                self._sets.append((tables, green, of_elements, sets))
+        self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
+
+    def look(self, t: float, q: Array) -> None:
+        """At the shape q [12 N] at time t."""
+        for tables, green, of_elements, sets in self._sets:
+            strain_energy(tables, self.model.n_nodes, q, green, self._work, of_elements)
+            found = of_elements.reshape(-1, 2)
+            for e in sets:
+                self._turns_between_nodes(t, q, e)
+                self._short_directors(t, e, found[e.at, 1])
+                self._bending_lengths(t, q, e, found[e.at, 0])
+
+    def events(self) -> list[dict[str, Any]]:
+        """The worst of every kind and beam, MOST_EVENTS of a kind."""
+        out = []
+        for kind in ("turn", "curvature", "layer"):
+            rows = sorted((x for (k, _), x in self._worst.items() if k == kind), key=lambda x: -x[0])
+            out += [{"kind": "coarse", "time": t, "text": text} for _, t, text in rows[:MOST_EVENTS]]
+            if len(rows) > MOST_EVENTS:
+                out.append({"kind": "coarse", "time": rows[0][1], "text": f"and {len(rows) - MOST_EVENTS} more beams like that"})
+        return out
+
+    # --- what is looked for ---------------------------------------------------------------------------------------------
+    def _turns_between_nodes(self, t: float, q: Array, e: _Elements) -> None:
+        d = q.reshape(-1, 4, 3)[:, 1:][e.nodes]
+        cosine = 0.5 * (np.einsum("enic,enic->en", d[:, :-1], d[:, 1:]) - 1.0)
+        k = int(np.argmin(np.min(cosine, axis=1)))
+        worst = float(np.min(cosine[k]))
+        if worst < 0.0:
+            angle = math.acos(max(-1.0, worst))
+            self._note("turn", angle, t, e, k, f"neighbouring nodes are turned by {angle:.2f} rad against each other, more than "
+                       "a right angle: interpolation between them means nothing", math.ceil(angle / 0.5))
+
+    def _short_directors(self, t: float, e: _Elements, square: Array) -> None:
+        loss = e.square - square
+        k = int(np.argmax(loss))
+        if loss[k] > LARGEST_LOSS:
+            p = e.nodes.shape[1] - 1
+            self._note("curvature", float(loss[k]), t, e, k, "it bends or twists too much for one element of degree "
+                       f"{p}: directors between its nodes are shorter than 1 by {50.0 * float(loss[k]):.2g} %, and so much "
+                       "may its curvature be off", float(loss[k] / GOOD_LOSS)**(1.0 / (p + 1 + (p + 1) % 2)))
+
+    def _bending_lengths(self, t: float, q: Array, e: _Elements, force: Array) -> None:
+        p = e.nodes.shape[1] - 1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bending = np.sqrt(e.EI / np.maximum(force, 0.0))
+        spacing = e.length / p
+        coarse = spacing > LONGEST * bending
+        if not np.any(coarse):
+            return
+        turn = _turn(q, e.nodes) - e.turn
+        near = np.stack((np.where((e.before >= 0)[:, None], turn[e.before], np.nan),
+                         np.where((e.behind >= 0)[:, None], turn[e.behind], np.nan)))
+        known = np.isfinite(near).all(axis=2)
+        mean = np.nansum(near, axis=0) / np.maximum(known.sum(axis=0), 1)[:, None]
+        own = np.linalg.norm(turn - mean, axis=1)
+        error = own * spacing
+        matters = coarse & (own > LEAST_TURN) & (error > LEAST_ERROR * self.model.length)
+        if np.any(matters):
+            k = int(np.argmax(np.where(matters, error, 0.0)))
+            text = (f"it is taut (N = {force[k]:.3g} N) and turns by {own[k]:.2g} rad, which such a beam does within its bending "
+                    f"length sqrt(EI/N) = {bending[k]:.2g} m; nodes lie {spacing[k]:.2g} m apart, so positions near there may be "
+                    f"off by about {error[k]:.1g} m")
+            self._note("layer", float(error[k]), t, e, k, text, float(spacing[k] / bending[k]))
+
+    def _note(self, kind: str, size: float, t: float, e: _Elements, k: int, text: str, finer: float) -> None:
+        """Remember the worst of a beam; `finer`: so many times as many elements would do."""
+        first, last = int(e.nodes[k, 0]), int(e.nodes[k, -1])
+        beam, where, elements = self._place(first, last)
+        if size > self._worst.get((kind, beam), (0.0, 0.0, ""))[0]:
+            cure = f"{math.ceil(finer)} times as many elements"
+            if elements:
+                cure = f"{math.ceil(finer * elements)} elements instead of {elements}"
+            if kind == "layer":
+                cure += ", or element ends closer to each other there"
+            self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}; it takes {cure}"
+
+    def _place(self, first: int, last: int) -> tuple[str, str, int]:
+        """(beam, which part of it, number of its elements or 0) of the element between two nodes."""
+        label = self.model.node_label(first)
+        for beam in self.model.names["beams"]:
+            if beam["first"] <= first < beam["first"] + beam["count"]:
+                s = beam["s"]
+                count = len(beam["element_ends"]) - 1
+                return (f"beam {beam['name']!r}", f"s = {s[first - beam['first']]:.4g} to {s[last - beam['first']]:.4g} m",
+                        count if count > 1 or beam["count"] == last - first + 1 else 0)
+        return label.split(" node ")[0], f"between {label} and {self.model.node_label(last)}", 0
+
+
+def _elements(model: Model, tables: Any) -> Any:
+    """_Elements of the tables of one strain set, for every number of nodes."""
+    meta = tables.meta
+    lanes = np.arange(8)
+    for nn in np.unique(meta[:, 0]).tolist():
+        groups = np.flatnonzero(meta[:, 0] == nn)
+        at = meta[groups, 3][:, None, None] + 8 * np.arange(nn)[:, None] + lanes
+        nodes = tables.nodes[at].transpose(0, 2, 1).reshape(-1, nn)
+        used = (tables.rows[at[:, 0]] != model.n_nodes).reshape(-1)
+        C = meta[groups, 2][:, None] + lanes
+        EI = np.minimum(tables.tab[C + 48 * 4 + 8 * 4], tables.tab[C + 48 * 5 + 8 * 5]).reshape(-1)
+        where = (8 * groups[:, None] + lanes).reshape(-1)
+        order = np.flatnonzero(used)
+        order = order[np.argsort(nodes[order, 0], kind="stable")]
+        nodes, EI, where = nodes[order], EI[order], where[order]
+        x = model.q0.reshape(-1, 12)[:, :3][nodes]
+        length = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1)
+        # in a beam the last node of an element is the first one of the next
+        follows = nodes[:-1, -1] == nodes[1:, 0]
+        count = len(nodes)
+        behind = np.append(np.where(follows, np.arange(1, count), -1), -1)
+        before = np.append(-1, np.where(follows, np.arange(count - 1), -1))
+        yield _Elements(where, nodes, length, EI, before, behind)
+
+
+def _turn(q: Array, nodes: Array) -> Array:
+    """Turn [E, 3] from the first to the last node of elements in the triad of the first: exact to the third order."""
+    d = q.reshape(-1, 4, 3)[:, 1:]
+    turn = np.einsum("eic,ejc->eij", d[nodes[:, 0]], d[nodes[:, -1]])
+    return 0.5 * np.stack((turn[:, 1, 2] - turn[:, 2, 1], turn[:, 2, 0] - turn[:, 0, 2], turn[:, 0, 1] - turn[:, 1, 0]), axis=-1)
