@@ -100,7 +100,10 @@ def start_line(work):
 
 @kernel
 def follow_line(line, moved):
-    """Whether an increment of this size is too long for the stresses at its end."""
+    """Whether an increment of this size is too long for the stresses at its end. What idle lanes of the element loops left in the
+    row behind the last is forgotten: they read it again."""
+    for i in range(line.x.shape[0] - 8, line.x.shape[0]):
+        line.x[i] = 0.0
     line.use[0] = 0.0 if moved <= line.use[1] else 1.0
     if line.use[2] < 0.0:
         line.use[2] = moved
