@@ -26,6 +26,14 @@ from small_scenes import bead, cantilever, free_beam, straight  # noqa: E402
 H = 0.01
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_is_not_ignored() -> Iterator[None]:
+    """Shells start jobs in the background with SIGINT ignored, and so runs leave it alone there."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def ctrl_c() -> None:
     os.kill(os.getpid(), signal.SIGINT)
 
