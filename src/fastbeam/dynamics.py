@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, OK, SLIDER_END
+from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
 from .newton import MEANING, Outcome, Stepper
 
@@ -42,6 +42,9 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
         worst += f", slider {model.names['sliders'][k]!r} (gap {gap:.3g} m, sliding {slide:.3g} N)"
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
     cause, advice = _cause(stepper, outcome)
+    if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
+        cause = (f"on the way the axis was compressed to nothing near {model.node_label(node)}, where strains have no meaning, "
+                 "or numbers ran away from there")
     shown = ", ".join(f"{x:.2g}" for x in sizes[:8]) + (", ..." if len(sizes) > 8 else "")
     spinning, spin = stepper.largest_spin()
     if spin * h > LARGE_TURN:

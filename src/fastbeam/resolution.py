@@ -2,6 +2,7 @@
 
 Looked at are (theory.md 3.3)
 
+- an axis that runs against its sections, after a compression to nothing;
 - turns between neighbouring nodes beyond a right angle, after which interpolated directors may vanish;
 - directors that interpolation has made shorter: the elements bend or twist too much for their degree;
 - turns that a taut beam makes within its bending length sqrt(EI/N), where a support, a kink or a contact holds its direction or
@@ -54,12 +55,12 @@ class Resolution:
         count = 0
         for tables, green in ((model.simo, None), (model.green, 1)):
             if tables is not None:
-                of_elements = np.zeros(16 * len(tables.meta))
+                of_elements = np.zeros(24 * len(tables.meta))
                 strain_energy(tables, model.n_nodes, model.q0, green, self._work, of_elements)
                 sets = list(_elements(model, tables))
                 for e in sets:
                     e.turn = _turn(model.q0, e.nodes)
-                    e.square = of_elements.reshape(-1, 2)[e.at, 1].copy()
+                    e.square = of_elements.reshape(-1, 3)[e.at, 1].copy()
                     count += len(e.at)
                 self._sets.append((tables, green, of_elements, sets))
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
@@ -68,8 +69,9 @@ class Resolution:
         """At the shape q [12 N] at time t."""
         for tables, green, of_elements, sets in self._sets:
             strain_energy(tables, self.model.n_nodes, q, green, self._work, of_elements)
-            found = of_elements.reshape(-1, 2)
+            found = of_elements.reshape(-1, 3)
             for e in sets:
+                self._reversed_axis(t, e, found[e.at, 2])
                 self._turns_between_nodes(t, q, e)
                 self._short_directors(t, e, found[e.at, 1])
                 self._bending_lengths(t, q, e, found[e.at, 0])
@@ -77,14 +79,22 @@ class Resolution:
     def events(self) -> list[dict[str, Any]]:
         """The worst of every kind and beam, MOST_EVENTS of a kind."""
         out = []
-        for kind in ("turn", "curvature", "layer"):
+        for kind in ("reversed", "turn", "curvature", "layer"):
             rows = sorted((x for (k, _), x in self._worst.items() if k == kind), key=lambda x: -x[0])
-            out += [{"kind": "coarse", "time": t, "text": text} for _, t, text in rows[:MOST_EVENTS]]
+            name = "reversed" if kind == "reversed" else "coarse"
+            out += [{"kind": name, "time": t, "text": text} for _, t, text in rows[:MOST_EVENTS]]
             if len(rows) > MOST_EVENTS:
-                out.append({"kind": "coarse", "time": rows[0][1], "text": f"and {len(rows) - MOST_EVENTS} more beams like that"})
+                out.append({"kind": name, "time": rows[0][1], "text": f"and {len(rows) - MOST_EVENTS} more beams like that"})
         return out
 
     # --- what is looked for ---------------------------------------------------------------------------------------------
+    def _reversed_axis(self, t: float, e: _Elements, along: Array) -> None:
+        k = int(np.argmin(along))
+        if along[k] < 0.0:
+            self._note("reversed", -float(along[k]), t, e, k, "the axis runs against its sections: it was compressed to nothing "
+                       "and came out on the other side, or sheared by more than a right angle, which no beam does; loads are "
+                       "beyond the stiffness of the section", 0.0)
+
     def _turns_between_nodes(self, t: float, q: Array, e: _Elements) -> None:
         d = q.reshape(-1, 4, 3)[:, 1:][e.nodes]
         cosine = 0.5 * (np.einsum("enic,enic->en", d[:, :-1], d[:, 1:]) - 1.0)
@@ -137,7 +147,7 @@ class Resolution:
                 cure = f"{math.ceil(finer * elements)} elements instead of {elements}"
             if kind == "layer":
                 cure += ", or element ends closer to each other there"
-            self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}; it takes {cure}"
+            self._worst[kind, beam] = size, t, f"{beam}, {where}: {text}" + (f"; it takes {cure}" if finer else "")
 
     def _place(self, first: int, last: int) -> tuple[str, str, int]:
         """(beam, which part of it, number of its elements or 0) of the element between two nodes."""

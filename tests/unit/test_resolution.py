@@ -18,7 +18,8 @@ def swing(support: type, elements: int) -> fb.Result:
     """A load of 1000 kg on 6 m of rope, pushed with 1 m/s."""
     rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -6), section=WIRE, elements=elements)
     load = fb.PointMass("load", mass=1000.0, position=(0, 0, -6), velocity=(1.0, 0, 0))
-    scene = fb.Scene(rope, load, support(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81), project_velocities=True)
+    scene = fb.Scene(rope, load, support(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81),
+                     project_velocities=True)
     return fb.simulate(fb.compile_scene(scene), t_end=1.0, step=2e-3, progress=False)
 
 
@@ -73,7 +74,8 @@ def test_a_curved_reference_is_no_bending() -> None:
 def test_nothing_is_looked_at_where_no_energy_is_observed() -> None:
     rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -6), section=WIRE, elements=6)
     load = fb.PointMass("load", mass=1000.0, position=(0, 0, -6), velocity=(1.0, 0, 0))
-    scene = fb.Scene(rope, load, fb.Clamp(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81), project_velocities=True)
+    scene = fb.Scene(rope, load, fb.Clamp(rope.start), fb.BallJoint(load, rope.end), gravity=(0, 0, -9.81),
+                     project_velocities=True)
     result = fb.simulate(fb.compile_scene(scene), t_end=0.6, step=2e-3, progress=False, observe=())
     assert coarse(result) == []
 
@@ -84,3 +86,16 @@ def test_nets_name_the_place_by_nodes() -> None:
     scene = fb.Scene(net, fb.Clamp(net.node(0)), fb.Load("m", net.node(2), moment=(0, 0, 0.4)))
     found = coarse(fb.solve_static(fb.compile_scene(scene)))
     assert found and all("between" in text and "node" in text for text in found)
+
+
+def test_an_axis_that_was_compressed_through_nothing_is_named() -> None:
+    # EA = 1e3 N: at -1 of strain the axis has no length any more
+    soft = fb.Section(EA=1e3, GA2=1e3, GA3=1e3, GJ=1.0, EI2=1e3, EI3=1e3, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
+    strut = fb.Beam.straight("strut", (0, 0, 0), (1, 0, 0), section=soft, elements=4)
+    scene = fb.Scene(strut, fb.Clamp(strut.start), fb.Load("push", strut.end, force=(-1500.0, 0, 0)))
+    try:
+        events = fb.solve_static(fb.compile_scene(scene)).events
+    except fb.ConvergenceError as failed:
+        events = failed.result.events
+        assert "compressed to nothing" in str(failed) or events
+    assert any(event["kind"] == "reversed" for event in events)

@@ -59,8 +59,9 @@ def motion(q, v, p, out):
 
 @kernel
 def strain_energy(tables, n_rows, q, green, work, of_elements):
-    """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 2] flat, for the mean
-    axial force of every element and the smallest square of the length of its directors, see `resolution`."""
+    """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 3] flat, for the mean
+    axial force of every element, the smallest square of the length of its directors, and the smallest phi'.d1; see
+    `resolution`."""
     meta = tables.meta
     tab = tables.tab
     total = 0.0
@@ -73,6 +74,7 @@ def strain_energy(tables, n_rows, q, green, work, of_elements):
             force = 0.0
             length = 0.0
             shortest = 1.0
+            along = 1.0
             for g in range(meta[k, 1]):
                 to = meta[k, 2] + 288 + 8 * (1 + 3 * nn) * g + lane
                 f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
@@ -88,6 +90,7 @@ def strain_energy(tables, n_rows, q, green, work, of_elements):
                 work[3] = 0.5 * (dot(k2, d3) - dot(k3, d2))
                 squares = dot(d1, d1) + dot(d2, d2) + dot(d3, d3)
                 shortest = min(shortest, 0.5 * (squares - 1.0))
+                along = min(along, dot(f, d1))
                 if green is None:
                     work[0] = (dot(f, f) - work[1] * work[1] - work[2] * work[2])**0.5
                     c = 1.75 - 0.25 * squares
@@ -111,8 +114,10 @@ def strain_energy(tables, n_rows, q, green, work, of_elements):
                 length += tab[to]
                 total += 0.5 * tab[to] * energy
             if of_elements.shape[0] > 0:
-                of_elements[16 * k + 2 * lane] = force / length
-                of_elements[16 * k + 2 * lane + 1] = shortest
+                o = 24 * k + 3 * lane
+                of_elements[o] = force / length
+                of_elements[o + 1] = shortest
+                of_elements[o + 2] = along
     return total
 
 
