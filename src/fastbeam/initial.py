@@ -12,6 +12,8 @@ from .scene import PointMass, RigidBody, Scene
 from .tables import Elements
 
 Array = np.ndarray
+# m/s and rad/s: less is none
+NO_VELOCITY = 1e-100
 
 
 def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements]) -> tuple[State, str]:
@@ -27,6 +29,9 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
     _follow_sliders(scene, nodes, v, lines)
+    for x in (v, omega):
+        # squares of smaller numbers are lost
+        x[np.abs(x) < NO_VELOCITY] = 0.0
     tied = joints.tied
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
     v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
@@ -35,7 +40,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
         size, text = max(wrong)
-        if size > 1e-10 * scale:
+        if size > 1e-10 * scale + NO_VELOCITY:
             if not scene.project_velocities:
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")

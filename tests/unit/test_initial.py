@@ -259,3 +259,12 @@ def test_projected_scene_runs_and_keeps_its_gap() -> None:
     assert drifts(result)["total"] <= 1e-12
     clamp = result.state.q[:12] - model.q0[:12]
     assert np.max(np.abs(clamp)) == 0.0
+
+
+def test_velocities_whose_squares_are_lost_are_none() -> None:
+    # 3e-256 m/s: every scale made of squares is zero beside it
+    rail = fb.Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=fb.Section.circle(radius=0.01, E=1e9, rho=1e3), elements=2)
+    bead = fb.PointMass("bead", mass=0.1)
+    scene = fb.Scene(rail, bead, fb.Clamp(rail.start), fb.Slider("run", bead, rail, at=0.4, rate=3e-256), gravity=(0, -9.81, 0))
+    model = fb.compile_scene(scene, planar=True)
+    assert not model.v0.any()
