@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import stat
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
@@ -19,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .errors import ResultFileError, SceneError
+from .errors import SceneError
 
 Array = np.ndarray
 T = TypeVar("T")
@@ -473,19 +472,3 @@ def count(name: str, value: Any, least: int = 1) -> int:
         Anything else, floats and truth values too.
     """
     return take(Count(least), f"{name}:", value)
-
-
-def check_regular(noun: str, path: Path, named: Path) -> None:
-    """Refuse what is no file: a folder, or a device, pipe or socket, which must be neither replaced nor waited for.
-
-    Raises
-    ------
-    ResultFileError
-    OSError
-        It cannot be looked at.
-    """
-    mode = path.stat().st_mode
-    if stat.S_ISDIR(mode):
-        raise ResultFileError(f"{noun} '{named}': is a folder; give the name of a file")
-    if not stat.S_ISREG(mode):
-        raise ResultFileError(f"{noun} '{named}': is a device, pipe or socket and no file; choose another path")

@@ -22,10 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Count, FilePath, Flag, Instance, Maybe, Number, Word, check_regular, checked, number
+from .arguments import Count, FilePath, Flag, Instance, Maybe, Number, Word, checked, number
 from .errors import ResultFileError, SceneError
 from .kernels.work import State
 from .model import Model
+from .places import check_new, check_regular
 
 Array = np.ndarray
 MAGIC = b"fastbeam-checkpoint "
@@ -173,12 +174,7 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
     named = Path(path)
     try:
         path = Path(os.path.realpath(named))
-        if not path.parent.is_dir():
-            raise ResultFileError(f"checkpoint '{named}': folder '{path.parent}' does not exist; create it first")
-        if os.path.lexists(path):
-            check_regular("checkpoint", path, named)
-            if not overwrite:
-                raise ResultFileError(f"checkpoint '{named}': exists already; pass overwrite=True or choose another path")
+        if check_new("checkpoint", path, named, overwrite):
             with path.open("rb") as file:
                 if file.read(len(MAGIC)) not in (MAGIC, b""):
                     raise ResultFileError(f"checkpoint '{named}': holds something else than a checkpoint; choose another path")

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import FilePath, check_regular, checked
+from .arguments import FilePath, checked
 from .errors import BackendError, ResultFileError
+from .places import check_regular
 from .result import Result, ResultHeader
 
 Array = np.ndarray

@@ -37,8 +37,9 @@ except ImportError:  # no such locks on this system
 
 import numpy as np
 
-from .arguments import FilePath, check_regular, take
+from .arguments import FilePath, take
 from .errors import ResultFileError
+from .places import check_new
 from .reading import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py, load_result,
                       parts_of)
 from .result import Result, ResultHeader, RowBuffer, Rows
@@ -342,12 +343,7 @@ def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:
     ResultFileError
     """
     try:
-        if not where.parent.is_dir():
-            raise ResultFileError(f"result file '{path}': folder '{where.parent}' does not exist; create it first")
-        if os.path.lexists(where):
-            check_regular("result file", where, path)
-            if not overwrite:
-                raise ResultFileError(f"result file '{path}': exists already; pass overwrite=True or choose another path")
+        check_new("result file", where, path, overwrite)
         raw = open(os.open(where, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "rb+", buffering=0)
     except OSError as error:
         raise ResultFileError(f"result file '{path}': cannot be created ({error}); choose another path") from error
