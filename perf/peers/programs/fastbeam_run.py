@@ -75,7 +75,7 @@ def main() -> None:
     extra = {}
     if options["energy"] and results:
         total = results[0].series["total"]
-        extra["energy_change"] = abs(float(total[-1] - total[0])) / (0.5 * Sliding.MASS * Sliding.SPEED**2)
+        extra["energy_change"] = float(abs(total - total[0]).max()) / (0.5 * Sliding.MASS * Sliding.SPEED**2)
     answer("fastbeam", fb.__version__, ends, times, message, extra)
 
 
