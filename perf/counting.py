@@ -16,8 +16,10 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
+from fastbeam._generic import GenericFunction
 from fastbeam.kernels import beam, blocks, nodes, substructures
 from fastbeam.kernels.inner import eliminate_inner
+from fastbeam.kernels.terms import Conserving
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
 
@@ -66,6 +68,17 @@ class Number:
         """What numpy.sqrt calls."""
         self.tally.operations += 1
         return self
+
+
+class Choice:
+    """Stands for a generic function: the counting twin of what it chooses."""
+
+    def __init__(self, function: GenericFunction, of: Callable[[Dispatcher], Callable[..., Any]]) -> None:
+        self._function, self._of = function, of
+
+    def call(self, *arguments: Any) -> Any:
+        """Count what the call does."""
+        return self._of(self._function.implementation(*arguments))(*arguments)
 
 
 class Numbers:
@@ -156,6 +169,12 @@ def _nothing(*arguments: Any) -> tuple[float, float]:
     return 0.0, 0.0
 
 
+class Nothing:
+    """Stands for a generic function that counts as nothing."""
+
+    call = staticmethod(_nothing)
+
+
 def twin(kernel: Dispatcher, tally: Tally, without: Sequence[str] = ()) -> Callable[..., Any]:
     """The Python function of a kernel that counts, `without` some kernels that it calls, which count as nothing and return two
     zeros; it raises LookupError where it meets an operation that has no counter."""
@@ -172,6 +191,8 @@ def twin(kernel: Dispatcher, tally: Tally, without: Sequence[str] = ()) -> Calla
                     names[name] = _nothing if name in without else of(names[name])
                 elif isinstance(names.get(name), _Intrinsic):
                     names[name] = counters.get(name, _unknown(name))
+                elif isinstance(names.get(name), GenericFunction):
+                    names[name] = Nothing() if name in without else Choice(names[name], of)
             known[id(dispatcher)] = FunctionType(source.__code__, names, source.__name__, source.__defaults__)
         return known[id(dispatcher)]
 
@@ -262,9 +283,9 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, g, g + 1, *stepper.kind[:2], model.q0, work.dphi, model.v0,
-                             work.line._replace(use=np.array([use, 0.0, 0.0])), 1.0, 1.0, None, work.f_ext, work.scratch,
-                             model.size)
+        plain, more = (count(substructures.condense, subs, model.simo, None, g, g + 1, model.size, Conserving(),
+                             stepper.core_state, work._replace(line=work.line._replace(use=np.array([use, 0.0, 0.0]))), 1.0,
+                             work.scratch)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
     return out
@@ -273,6 +294,6 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
 def recovery_of_beams(stepper: Stepper) -> float:
     """The last part of `condensed_beams`."""
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
-    return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, *stepper.kind[:2], model.pattern.row_of,
-                             work, work.scratch, model.size, without=("move_some",))
+    return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, model.pattern.row_of, work, work.scratch,
+                             model.size, without=("move_nodes",))
                for g, beams in _kinds_of_beams(stepper))

@@ -139,10 +139,8 @@ def inner_pivot(model: Any, state: Any, h: float) -> float:
     """The reciprocal of the fifth diagonal entry of U = K_ii^-1 K_ij of the first inner node at the first guess of a step: it
     vanishes with the fifth pivot of K_ii."""
     stepper = Stepper(model, np.ones(1), state)
-    kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, None, model.spinless, stepper.state, stepper.work,
-                       h)
-    kernels.assemble_step(SIX, None, model.simo, model.green, stepper.inner, model.bodies, model.ties, model.held, model.curves,
-                          model.sliders, None, None, None, model.pattern.row_of, stepper.state, stepper.work, h)
+    kernels.begin(stepper.terms, stepper.system, h)
+    kernels.assemble_all(stepper.terms, stepper.system, h)
     return 1.0 / float(stepper.inner.store[:288].reshape(6, 6, 8)[4, 4, 0])
 
 

@@ -56,7 +56,7 @@ KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process co
 def _source_hash() -> str:
     here = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted([Path(__file__), here / "_parts.py", *here.glob("kernels/*.py")]):
+    for path in sorted([Path(__file__), here / "_parts.py", here / "_generic.py", *here.glob("kernels/*.py")]):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

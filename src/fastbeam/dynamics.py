@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.step import BORDER_SINGULAR, END_SLACK, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from .kernels.slider import END_SLACK
+from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
 from .newton import MEANING, Outcome, Stepper
 

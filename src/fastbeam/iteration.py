@@ -1,6 +1,7 @@
-"""The parts of a Newton iteration, called one by one where the loop around them runs in Python."""
+"""Newton's method and its parts, called one by one where the loop around them runs in Python."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -8,25 +9,31 @@ import numpy as np
 from .kernels import step as kernels
 from .kernels.inner import Inner
 from .kernels.slider import Contact
+from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
+from .kernels.terms import System
 from .kernels.work import State, Work
 from .linsolve import LinearSystem
 from .model import Model
 
 Array = np.ndarray
+# status of a step that was left before its end
+LEFT = -1
 
 
 class Owner(Protocol):
     """Who owns the state and the work arrays: a `newton.Stepper`."""
 
     core: Model
-    kind: tuple[Any, Any, Any]
     core_state: State
     work: Work
     inner: Inner | None
     contact: Contact | None
-    alpha: Any
-    method: Any
+    terms: tuple[Any, ...]
     linear: LinearSystem
+
+    @property
+    def system(self) -> System:
+        """What all terms share."""
 
 
 class Iteration:
@@ -37,39 +44,64 @@ class Iteration:
 
     def keep(self) -> None:
         """Remember the state before a step."""
-        kernels.keep_state(self.owner.alpha, self.owner.core_state, self.owner.work)
+        kernels.keep_now(self.owner.system)
 
     def restore(self) -> None:
         """Go back to it."""
-        kernels.restore_state(self.owner.alpha, self.owner.core_state, self.owner.work)
+        kernels.restore_kept(self.owner.system)
 
     def start(self, h: float) -> None:
         """First guess of a step of size h."""
-        s, m = self.owner, self.owner.core
-        kernels.start_step(*s.kind[:2], m.ties, m.curves, m.sliders, s.contact, m.spinless, s.core_state, s.work, h)
+        kernels.begin(self.owner.terms, self.owner.system, h)
+
+    def newton(self, h: float, max_iterations: int, largest: float, stop: Callable[[], Any]) -> tuple[int, list[float]]:
+        """Iterations from the first guess: (status, sizes of the increments), as `kernels.step.newton`.
+
+        Parameters
+        ----------
+        h : float
+            Size of the step; 0 in statics.
+        max_iterations : int
+        largest : float
+            An increment beyond this ends it.
+        stop : callable
+            Asked after every iteration; true: LEFT.
+        """
+        owner = self.owner
+        owner.linear.begin_step()
+        sizes: list[float] = []
+        before = expected = np.inf
+        for _ in range(max_iterations):
+            self.assemble(h)
+            if not self.solve():
+                finite = np.isfinite(owner.work.r).all() and np.isfinite(owner.work.dphi).all()
+                return (SINGULAR if finite else NOT_FINITE), sizes
+            size = self.update()
+            sizes.append(size)
+            if size < 0.0:
+                return BORDER_SINGULAR, sizes
+            if not size < largest:
+                return NOT_FINITE, sizes
+            if kernels.has_converged(size, before, expected) and kernels.all_settled(owner.terms, owner.system):
+                return OK, sizes
+            if stop():
+                return LEFT, sizes
+            before, expected = size, kernels.next_increment(size, before)
+        return NOT_CONVERGED, sizes
 
     def assemble(self, h: float) -> None:
         """Residual and tangent."""
-        s, m = self.owner, self.owner.core
-        kernels.assemble_step(*s.kind[:2], m.simo, m.green, s.inner, m.bodies, m.ties, m.held, m.curves, m.sliders, s.contact,
-                              s.method.middle, s.alpha, m.pattern.row_of, s.core_state, s.work, h)
+        kernels.assemble_all(self.owner.terms, self.owner.system, h)
 
-    def assemble_static(self) -> None:
-        """The same in statics."""
-        s, m = self.owner, self.owner.core
-        kernels.assemble_static(*s.kind[:2], m.simo, m.green, s.inner, m.ties, m.static_held, s.core_state, s.work)
-
-    def solve(self, static: bool = False) -> bool:
+    def solve(self) -> bool:
         """Solve for the nodes that the solver sees; False where no acceptable solution was found."""
-        s, m = self.owner, self.owner.core
-        held, contact = (m.static_held, None) if static else (m.held, s.contact)
-        kernels.prepare_panel(*s.kind[:2], s.inner, m.ties, contact, held, m.width, s.work, m.size)
+        kernels.fill_right(self.owner.terms, self.owner.system)
         return self.is_regular and self.solve_panel()
 
     @property
     def is_regular(self) -> bool:
         """Whether all eliminations before the solver went well."""
-        return self.owner.inner is None or self.owner.inner.state[0] != 0.0
+        return bool(kernels.all_regular(self.owner.terms, self.owner.system))
 
     def solve_panel(self) -> bool:
         """Solve the panel of right-hand sides with SuperLU."""
@@ -85,17 +117,8 @@ class Iteration:
 
     def update(self) -> float:
         """Add the increments; their size relative to that of the scene, or -1 - k where slider k makes the border singular."""
-        s, m = self.owner, self.owner.core
-        return float(kernels.update_step(*s.kind[:2], m.simo, m.green, s.inner, m.ties, s.contact, s.alpha, m.pattern.row_of,
-                                         s.core_state, s.work, m.width, m.length, m.size))
-
-    def update_static(self) -> float:
-        """The same in statics."""
-        s, m = self.owner, self.owner.core
-        return float(kernels.update_static(*s.kind[:2], m.simo, m.green, s.inner, m.ties, m.pattern.row_of, s.core_state,
-                                           s.work, m.width, m.length, m.size))
+        return float(kernels.update(self.owner.terms, self.owner.system))
 
     def finish(self, h: float) -> None:
         """Accept a converged step."""
-        s = self.owner
-        kernels.finish_step(*s.kind[:2], s.core.ties, s.alpha, s.core_state, s.work, h)
+        kernels.finish(self.owner.terms, self.owner.system, h)

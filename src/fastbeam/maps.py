@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .kernels import alpha as kernels
+from .kernels import curves as kernels
 from .kernels.beam import point_table_size
 from .kernels.work import State
 from .model import Model

@@ -12,12 +12,13 @@ import numpy as np
 from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
-from .kernels.blocks import SIX
 from .kernels.inner import Inner
+from .kernels.kinds import SPACE
 from .kernels.nodes import NODES_SCRATCH, Bodies, Held
 from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
-from .kernels.slider import Contact, Curves, Sliders
+from .kernels.curves import Curves
+from .kernels.slider import Contact, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
@@ -105,7 +106,7 @@ class Model:
     labels: list[str]
     numbers: Any
     text: str = ""
-    size: tuple[int, ...] = SIX
+    size: tuple[int, ...] = SPACE
     plane: Any = None
     not_planar: str = ""
     asked_for_plane: bool = False
@@ -132,7 +133,7 @@ class Model:
     @property
     def dim(self) -> int:
         """Components of a position: 3, in the tables of a planar scene 2."""
-        return 3 if self.size == SIX else 2
+        return 3 if self.size == SPACE else 2
 
     @property
     def border(self) -> int:

@@ -10,13 +10,13 @@ import numpy as np
 
 from ._jit import announce_first_use, begin_beside
 from .arguments import count, number
+from .assembly import system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .errors import SceneError
-from .iteration import Iteration
+from .iteration import LEFT, Iteration
 from .kernels import step as kernels
-from .kernels.blocks import SIX, THREE
-from .kernels.space import assemble_rest
-from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
+from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
+from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
 from .kernels.work import State
 from .linsolve import LinearSystem
 from .methods import Method, empty_rates, start_rates
@@ -34,8 +34,6 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
 BACKENDS = ("auto", "pardiso", "superlu")
-# status of a step that was left before its end
-LEFT = -1
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
 
@@ -115,7 +113,6 @@ class Stepper:
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         self.core: Model = model if self.plane is None else self.plane.model
-        self.kind = (SIX, None, SIX) if self.plane is None else (None, THREE, THREE)
         core = self.core
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         self.weights = np.ascontiguousarray(weights, dtype=float)
@@ -129,8 +126,10 @@ class Stepper:
             threads = thread_count(threads, core.condensed_elements)
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size), threads, reproducible=condensed,
                                    symmetric=symmetric)
-        self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self.alpha = empty_rates(method, model.n_nodes)
+        self._static = static
+        self.terms = terms_of(core, self.inner, static)
+        self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._spare: Stepper | None = None
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
@@ -167,6 +166,18 @@ class Stepper:
         return np.concatenate((rates, past, *increments))
 
     @property
+    def system(self) -> System:
+        """What all terms share in compiled code."""
+        method: Any = Conserving() if self.method.middle is None else Midpoint()
+        if self.alpha is not None:
+            method = self.alpha
+        if self._static:
+            method = Equilibrium()
+        solver = self.linear.tables if self.core.pattern.plan is None else self.core.pattern.plan
+        return system_of(self.core, method, None if self._static else self.contact, solver if self.linear.is_compiled else None,
+                         self.core_state, self.work)
+
+    @property
     def _remembered(self) -> tuple[Array, ...]:
         """The parts of `memory`."""
         rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
@@ -188,7 +199,10 @@ class Stepper:
         """Rows [N, 6] of the nodes' equations for second rates u of the coordinates, without contact forces."""
         model, work = self.model, self.work
         work.u[:] = u
-        assemble_rest(model.simo, model.green, model.bodies, model.ties, model.held, self.core_state, work, SIX)
+        system = self.system._replace(method=AtRest())
+        whole = terms_of(model, None)
+        kernels.begin(whole, system, 0.0)
+        kernels.assemble_all(whole, system, 0.0)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
     @property
@@ -282,11 +296,8 @@ class Stepper:
     def _loop(self, loads: Array | None, factors: Array, h: float, n: int, counts: Array, sizes: Array,
               force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
-        m = self.core
-        return (*self.kind, m.simo, m.green, self.inner, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact,
-                self.method.middle, self.alpha, m.pattern.plan, self.linear.tables, m.pattern.row_of, m.spinless, loads, factors,
-                self.core_state, self.work, self.weights, h, n, m.width, m.length, self.max_iterations, m.slider_lengths, counts,
-                sizes, force)
+        terms = self.terms if loads is None else (Loads(loads, factors), *self.terms)
+        return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
@@ -327,8 +338,9 @@ class Stepper:
                 parts.finish(weight * h)
                 last += weight * state.force
             if status == OK:
-                slider = int(kernels.slider_outside(state, model.slider_lengths))
-                status = SLIDER_END if slider >= 0 else OK
+                counts = np.array([0, 0, 0, -1])
+                status = OK if kernels.all_within_limits(self.terms, self.system, counts) else SLIDER_END
+                slider = int(counts[3])
             if status != OK:
                 parts.restore()
                 return Outcome(status, k, iterations, slider, sizes, self._in_space(force))
@@ -338,29 +350,9 @@ class Stepper:
         return Outcome(OK, n, iterations, -1, sizes, self._in_space(force))
 
     def _python_step(self, h: float) -> tuple[int, Array]:
-        model, parts = self.core, self.parts
-        parts.start(h)
-        self.linear.begin_step()
-        sizes: list[float] = []
-        before = expected = np.inf
-        for _ in range(self.max_iterations):
-            parts.assemble(h)
-            if not parts.solve():
-                finite = np.isfinite(self.work.r).all() and np.isfinite(self.work.dphi).all()
-                return (SINGULAR if finite else NOT_FINITE), np.array(sizes)
-            size = parts.update()
-            sizes.append(size)
-            if size < 0.0:
-                return BORDER_SINGULAR, np.array(sizes)
-            if not size < 1e6:
-                return NOT_FINITE, np.array(sizes)
-            closed = kernels.gaps_are_closed(self.contact, model.sliders, self.core_state.q, model.length, model.size)
-            if closed and kernels.has_converged(size, before, expected):
-                return OK, np.array(sizes)
-            if self.stop():
-                return LEFT, np.array(sizes)
-            before, expected = size, kernels.next_increment(size, before)
-        return NOT_CONVERGED, np.array(sizes)
+        self.parts.start(h)
+        status, sizes = self.parts.newton(h, self.max_iterations, LARGEST_IN_TIME, self.stop)
+        return status, np.array(sizes)
 
     def worst_slider(self) -> tuple[int, float, float]:
         """(slider, gap in m, residual of its sliding equation in N) where the gap of the last iteration is largest."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .kernels.beam import ElementTables, group_table_size
-from .kernels.blocks import THREE
+from .kernels.kinds import PLANE
 from .kernels.inner import Inner, store_size
 from .kernels.nodes import Held
 from .kernels.planar_beam import planar_group_size
@@ -242,7 +242,7 @@ def _reduced(model: Model, plane: Plane) -> Model:
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=_bodies(model, plane), ties=_ties(model, plane, state), held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=state.q,
-        v0=state.v, size=THREE, plane=None)
+        v0=state.v, size=PLANE, plane=None)
     flat.softest = model.softest
     return flat
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .arguments import shown
 from .errors import SceneError
-from .kernels.step import END_SLACK
+from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
 from .maps import free_unknowns, mass_map, share_map, tie_map, velocity_map

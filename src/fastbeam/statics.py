@@ -14,7 +14,7 @@ from .dynamics import failure
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels import step as kernels
-from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
+from .kernels.step import OK, SINGULAR
 from .kernels.work import State
 from .model import Model, check_model, factor_at
 from .newton import Outcome, Stepper
@@ -239,19 +239,18 @@ class _StaticSolver:
             raise
 
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
-        model, work, state, kind = self.core, self.work, self.stepper.core_state, self.stepper.kind
+        model, state = self.core, self.stepper.core_state
         self._load(factors)
         before = state.q.copy()
         if self.linear.is_compiled and model.substructures is None:
             buffer = np.zeros(self.max_iterations)
             with self.linear.threads():
-                status, n = kernels.solve_static_step(
-                    *kind, model.simo, model.green, self.inner, model.ties, model.static_held, model.pattern.plan,
-                    self.linear.tables, model.pattern.row_of, state, work, model.width, model.length, self.max_iterations,
-                    LARGEST_INCREMENT, buffer)
+                status, n = kernels.solve_equilibrium(self.stepper.terms, self.stepper.system, self.max_iterations,
+                                                      LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         else:
-            status, sizes = self._in_python()
+            self.stepper.parts.start(0.0)
+            status, sizes = self.stepper.parts.newton(0.0, self.max_iterations, LARGEST_INCREMENT, self.interrupts.serve)
         if status == SINGULAR and not self.stepper.pivots_everywhere:
             state.q[:] = before
             status, sizes = self.spare.equilibrium(factors)
@@ -280,31 +279,11 @@ class _StaticSolver:
             return self._plain(in_plane).signs(factors, in_plane)
         model, work = self.core, self.work
         self._load(factors)
-        work.line.use[0] = 0.0
-        kernels.assemble_static(*self.stepper.kind[:2], model.simo, model.green, None, model.ties, model.static_held,
-                                self.stepper.core_state, work)
+        self.stepper.parts.start(0.0)
+        self.stepper.parts.assemble(0.0)
         size = len(model.size)
         return self.linear.superlu.signs(work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8),
                                          symmetric=in_plane or not self.moments)
-
-    def _in_python(self) -> tuple[int, list[float]]:
-        parts = self.stepper.parts
-        sizes: list[float] = []
-        before = expected = np.inf
-        self.work.line.use[0] = 0.0
-        self.linear.begin_step()
-        for _ in range(self.max_iterations):
-            parts.assemble_static()
-            if not parts.solve(static=True):
-                return SINGULAR, sizes
-            sizes.append(parts.update_static())
-            if not sizes[-1] < LARGEST_INCREMENT:
-                return NOT_FINITE, sizes
-            if kernels.has_converged(sizes[-1], before, expected):
-                return OK, sizes
-            before, expected = sizes[-1], kernels.next_increment(sizes[-1], before)
-            self.interrupts.serve()
-        return NOT_CONVERGED, sizes
 
 
 def check_supports(model: Model, flat: bool = False) -> bool:

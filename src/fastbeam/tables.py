@@ -9,7 +9,7 @@ import numpy as np
 from .basis import CurveBasis, build_basis
 from .kernels.beam import ElementTables, group_table_size
 from .kernels.inner import Inner, store_size
-from .kernels.slider import Curves
+from .kernels.curves import Curves
 from .kernels.substructures import Substructures, place_stores
 from .scene import Beam, Net
 

@@ -82,10 +82,10 @@ print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS
                          if every or kernel.signatures or kernel.part.signatures) for every in (False, True)]))
 """
 BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
-SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_translation", "contact_basis"}
-TIE_KERNELS = {"apply_ties", "tie_coordinates", "tie_arm"}
-SPATIAL_KERNELS = {"space_assemble", "add_bodies", "predict", "update_nodes"}
-PLANAR_KERNELS = {"planar_groups", "add_planar_bodies", "planar_predict", "planar_update", "add_planar_sliders"}
+SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_position", "step_basis"}
+TIE_KERNELS = {"assemble_ties", "apply_ties_in_space", "tie_coordinates", "tie_arm"}
+SPATIAL_KERNELS = {"assemble_bodies", "add_bodies", "predict", "update_nodes"}
+PLANAR_KERNELS = {"planar_groups", "add_planar_bodies", "planar_predict", "planar_update"}
 CONDENSED_KERNELS = {"condense", "recover", "add_end_blocks"}
 OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
@@ -105,7 +105,7 @@ def compiled_kernels(name: str, folder: Path) -> set[str]:
 
 def test_scene_of_a_body_compiles_no_beams_sliders_or_ties(tmp_path: Path) -> None:
     compiled = compiled_kernels("body", tmp_path)
-    assert {"run", "space_assemble", "add_bodies"} <= compiled
+    assert {"run", "assemble_step", "add_bodies"} <= compiled
     assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | PLANAR_KERNELS | OTHER_KERNELS - {"add_bodies"})
 
 
@@ -113,13 +113,13 @@ def test_scene_in_a_plane_compiles_no_kernels_of_space(tmp_path: Path) -> None:
     compiled = compiled_kernels("flat body", tmp_path)
     assert {"run", "add_planar_bodies", "planar_predict", "planar_update"} <= compiled
     assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS | SPATIAL_KERNELS)
-    assert not compiled & {"planar_groups", "add_planar_sliders"}
+    assert not compiled & {"planar_groups"}
 
 
 @pytest.mark.slow  # compiles the beam kernels once more
 def test_scene_of_a_beam_compiles_no_bodies_sliders_or_ties(tmp_path: Path) -> None:
     compiled = compiled_kernels("beam", tmp_path)
-    assert {"run", "space_assemble"} | BEAM_KERNELS <= compiled
+    assert {"run", "assemble_step"} | BEAM_KERNELS <= compiled
     assert not compiled & (SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS)
 
 
@@ -132,20 +132,19 @@ def test_loop_of_a_beam_is_typed_without_absent_parts() -> None:
     code = SCENE + """
 from fastbeam.kernels import step
 fb.simulate(fb.compile_scene(scenes["beam"]), t_end=0.02, step=0.01, observe=())
-names = step.run.py_func.__code__.co_varnames
 (types,) = step.run.signatures
-print(json.dumps([name for name, kind in zip(names, types) if str(kind) == "none"]))
+system = dict(zip(types[1].fields, types[1]))
+print(json.dumps([[term.instance_class.__name__ for term in types[0]],
+                  [system[name].instance_class.__name__ for name in ("size", "method", "contact", "solver")]]))
 """
-    # green: the other strain set; None arguments are pruned before the compiler sees what hangs on them
-    assert python(code) == ["plane", "green", "bodies", "ties", "held", "curves", "sliders", "contact", "middle", "alpha",
-                            "pardiso", "loads"]
+    assert python(code) == [["Inner", "SimoReissner"], ["Space", "Conserving", "NoContact", "Elimination"]]
 
 
 PARTS = SCENE + """
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 from fastbeam import _beside, _parts
-from fastbeam.kernels import space, step
+from fastbeam.kernels import step
 
 class Typed(Exception):
     pass
@@ -158,8 +157,9 @@ def types_and_stop(function, arguments, folder):
     types = arguments
 
 # the loop and what stands between it and the parts: a part from the disk would bring its own along
-for cache in (step.run._cache, space.space_assemble.part.cache, space.add_elements.part.cache):
-    cache.load_overload = lambda *arguments: None
+for kernel in (step.newton, step.assemble_step, step.update_step):
+    kernel.part.cache.load_overload = lambda *arguments: None
+step.run._cache.load_overload = lambda *arguments: None
 _parts._WholeLibrary._optimize_final_module = stop
 _beside.start = types_and_stop
 out = {}
@@ -178,10 +178,11 @@ def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
     def called(*names: str) -> list[list[Any]]:
         return [[name, True] for name in names]
 
-    assert python(PARTS) == {"beam": called("element_groups", "factor", "recover_rows"),
-                             "slider": called("add_sliders", "element_groups", "factor", "solve_border", "recover_rows"),
-                             "flat slider": called("add_planar_sliders", "planar_groups", "factor", "solve_border",
-                                                   "recover_rows")}
+    assert python(PARTS) == {"beam": called("assemble_simo_reissner", "eliminate_residual", "close_residual"),
+                             "slider": called("assemble_sliding", "assemble_simo_reissner", "eliminate_bordered",
+                                              "close_bordered"),
+                             "flat slider": called("assemble_sliding", "assemble_simo_reissner", "eliminate_bordered",
+                                                   "close_bordered")}
 
 
 def test_time_loop_allocates_nothing() -> None:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fastbeam.kernels.blocks import SIX, THREE, lu_rows, lu_two
-from fastbeam.kernels.border import clear_held, fill_panel, solve_border, solve_dense
+from fastbeam.kernels.border import fill_panel, solve_border, solve_dense
+from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.chain import HIGH, LOW, back_substitute, factor, multiply, solve
-from fastbeam.kernels.nodes import Held
+from fastbeam.kernels.nodes import Held, clear_held
 from fastbeam.kernels.slider import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
@@ -283,12 +284,12 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     y = np.zeros(BORDER * sliders)
     pivots = np.zeros(6 * n, np.int64)
     factor(pattern.plan, blocks, pivots, None, 0, SIX)
-    fill_panel(contact, r.reshape(-1), width, panel, SIX)
+    fill_panel(contact, r.reshape(-1), width, panel, SPACE)
     clear_held(held, width, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, width, SIX)
     x = np.zeros((n, 8))
     assert solve_border(contact, np.zeros(3 * sliders), panel, width, np.zeros((y.size + 1) * width), np.zeros((y.size, y.size)),
-                        y, x.reshape(-1), SIX) == -1
+                        y, x.reshape(-1), SPACE) == -1
     found = np.concatenate((x[:, :6].reshape(-1), y))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
 
@@ -304,6 +305,6 @@ def test_a_singular_border_is_reported() -> None:
     panel = np.zeros(54 * 8)
     pivots = np.zeros(54, np.int64)
     factor(pattern.plan, blocks, pivots, None, 0, SIX)
-    fill_panel(contact, np.ones(9 * 8), 8, panel, SIX)
+    fill_panel(contact, np.ones(9 * 8), 8, panel, SPACE)
     solve(pattern.plan, blocks, pivots, panel, 8, SIX)
-    assert solve_border(contact, np.zeros(3), panel, 8, np.zeros(64), np.zeros((7, 7)), np.zeros(7), np.zeros(72), SIX) == 0
+    assert solve_border(contact, np.zeros(3), panel, 8, np.zeros(64), np.zeros((7, 7)), np.zeros(7), np.zeros(72), SPACE) == 0

@@ -15,8 +15,11 @@ from fastbeam.kernels import rows
 from fastbeam.kernels.beam import ElementTables, element_groups, group_table_size, scratch_size
 from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.nodes import NODES_SCRATCH, add_bodies, advance, predict, spread, update_nodes
-from fastbeam.kernels.slider import Contact, Curves, contact_basis, find_element, legendre, point_on_curve
-from fastbeam.kernels.ties import tie_arm, tie_coordinates, tie_increments
+from fastbeam.kernels.curves import Curves, find_element, legendre, point_on_curve, step_basis
+from fastbeam.kernels.kinds import SPACE
+from fastbeam.kernels.slider import Contact
+from fastbeam.kernels.terms import tie_increments
+from fastbeam.kernels.ties import tie_arm, tie_coordinates
 from fastbeam.kernels.work import Line
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
@@ -596,7 +599,7 @@ class Rail:
         last = p + max(e0, e1)
         lo, hi = c.first[p + min(e0, e1)], c.first[last] + c.count[last]
         out = np.zeros((5, self.beam.n_nodes))
-        contact_basis(c, 1, s0, s1, e0, e1, lo, hi, self.contact)
+        step_basis(c, 1, s0, s1, e0, e1, lo, hi, self.contact)
         out[:, lo:hi] = self.contact.basis[:, lo:hi]
         return out
 
@@ -671,7 +674,7 @@ def test_elements_are_found_from_any_hint(rail: Rail) -> None:
 @numba.njit
 def curve_point(curves, s, q, element, contact, derivative):
     out = np.zeros(3)
-    al.st3(out, 0, 1, point_on_curve(curves, 1, s, q, element, contact, derivative))
+    al.st3(out, 0, 1, point_on_curve(curves, 1, s, q, element, contact, derivative, SPACE))
     return out
 
 

@@ -228,12 +228,12 @@ def test_statics_of_a_ball_net_holds_the_spin_that_nothing_holds() -> None:
     result = fb.solve_static(model)
     # all equations hold at the equilibrium, also those that were left out
     from fastbeam.kernels import step as kernels
-    from fastbeam.kernels.blocks import SIX
-    from fastbeam.kernels.space import assemble_rest
+    from fastbeam.assembly import system_of, terms_of
+    from fastbeam.kernels.terms import AtRest
     work = model.work(rates=True)
     kernels.external_forces(model.loads, np.ones(1), work.f_ext)
     work.u[:] = 0.0
-    assemble_rest(model.simo, None, None, model.ties, model.held, result.state, work, SIX)
+    kernels.assemble_all(terms_of(model, None), system_of(model, AtRest(), None, None, result.state, work), 0.0)
     assert np.abs(work.r[:-8]).max() < 1e-9 * 20.0
     top = position(net, model, result.state)[0]
     assert np.linalg.norm(top - nodes[0]) > 1e-5

@@ -11,7 +11,8 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.kernels import step as kernels
-from fastbeam.kernels.blocks import SIX, THREE
+from fastbeam.assembly import system_of, terms_of
+from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.kernels.work import State
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
@@ -206,19 +207,21 @@ def test_other_values_of_planar_are_refused(value: Any) -> None:
 class Assembled:
     """Residual and tangent of one set of tables, dense."""
 
-    def __init__(self, model: Model, kind: tuple[Any, Any]) -> None:
-        self.model, self.kind = model, kind
+    def __init__(self, model: Model) -> None:
+        self.model = model
         self.state, self.work, self.contact = model.state(), model.work(), model.contact()
         kernels.external_forces(model.loads, np.ones(len(model.loads)), self.work.f_ext)
 
     def step(self, h: float) -> None:
         m = self.model
-        kernels.assemble_step(*self.kind, m.simo, m.green, None, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact,
-                              None, None, m.pattern.row_of, self.state, self.work, h)
+        system = system_of(m, Conserving(), self.contact, m.pattern.plan, self.state, self.work)
+        kernels.assemble_all(terms_of(m, None), system, h)
 
     def static(self) -> None:
         m = self.model
-        kernels.assemble_static(*self.kind, m.simo, m.green, None, m.ties, m.held, self.state, self.work)
+        terms, system = terms_of(m, None, static=True), system_of(m, Equilibrium(), None, None, self.state, self.work)
+        kernels.begin(terms, system, 0.0)
+        kernels.assemble_all(terms, system, 0.0)
 
     def residual(self) -> Array:
         """Nodes in order of their rows, then the borders."""
@@ -317,7 +320,7 @@ def trial(model: Model, flat: Assembled, space: Assembled, at_rest: bool) -> Non
 @pytest.mark.parametrize("at_rest", [False, True], ids=["step", "statics"])
 def test_planar_tangent_is_that_of_space_on_the_unknowns_of_the_plane(where: str, at_rest: bool) -> None:
     model = fb.compile_scene(mechanism(PLANES[where], sliding=not at_rest), eliminate_inner=False, planar=True)
-    flat, space = Assembled(model.plane.model, (None, THREE)), Assembled(model, (SIX, None))
+    flat, space = Assembled(model.plane.model), Assembled(model)
     trial(model, flat, space, at_rest)
     for side in (flat, space):
         side.static() if at_rest else side.step(0.05)

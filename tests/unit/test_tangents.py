@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,11 @@ import pytest
 
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import step as kernels
-from fastbeam.kernels.blocks import SIX
+from fastbeam.assembly import system_of, terms_of
 from fastbeam.kernels.border import solve_border
+from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import predict_sliders
+from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
 from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
                             Section, Slider)
@@ -181,10 +184,11 @@ class Kernels:
     def __init__(self, model: Model) -> None:
         self.model, self.state, self.work, self.contact = model, model.state(), model.work(), model.contact()
 
-    def tables(self) -> tuple:
-        """Tables in the order of the assembly."""
-        m = self.model
-        return m.simo, m.green, None, m.bodies, m.ties, m.held, m.curves, m.sliders, self.contact, None, None, m.pattern.row_of
+    def parts(self, method: Any = Conserving()) -> tuple[Any, Any]:
+        """Terms and the record of what they share."""
+        m, static = self.model, isinstance(method, Equilibrium)
+        return (terms_of(m, None, static),
+                system_of(m, method, None if static else self.contact, m.pattern.plan, self.state, self.work))
 
     def load(self) -> None:
         """Loads at factor 1."""
@@ -198,18 +202,19 @@ class Kernels:
         self.load()
         if m.sliders is not None:
             predict_sliders(m.curves, m.sliders, self.contact, state.q, state.v, state.s, trial.h, np.nan, work.past, work.s_end,
-                            state.force)
+                            state.force, SPACE)
             work.s_end[:] = trial.s_end
         work.dphi[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta))[:, 0].reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)
-        kernels.assemble_step(SIX, None, *self.tables(), state, work, trial.h)
+        kernels.assemble_all(*self.parts(), trial.h)
 
     def assemble_static(self, q: Array) -> None:
         """Residual and tangent at rest: no inertia, both ends equal."""
         self.load()
         self.state.q[:] = q.reshape(-1)
-        m = self.model
-        kernels.assemble_static(SIX, None, m.simo, m.green, None, m.ties, m.held, self.state, self.work)
+        parts = self.parts(Equilibrium())
+        kernels.begin(*parts, 0.0)
+        kernels.assemble_all(*parts, 0.0)
 
     def residual(self) -> tuple[Array, Array]:
         """Nodes [N, 6], sliders [S, 4]."""
@@ -356,10 +361,11 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     tangent = free_block(twin, kernel.tangent())
     kernel.contact.augmented[:] = 1.0 / factor, 0.0, first
     work, m = kernel.work, model
-    kernels.prepare_panel(SIX, None, None, m.ties, kernel.contact, m.held, m.width, work, SIX)
-    assert kernels.solve_nodes(kernel.contact, None, m.pattern.plan, None, work, m.width, SIX)
+    terms, system = kernel.parts()
+    kernels.fill_right(terms, system)
+    assert kernels.solve_right(system)
     assert solve_border(kernel.contact, kernel.state.force, work.panel, m.width, work.rows, work.schur, work.y, work.line.x,
-                        SIX) == -1
+                        SPACE) == -1
     # the kernel's compliance leaves out the moment of the frame
     np.testing.assert_allclose(kernel.contact.compliance, compliances(tangent, len(ends)), rtol=0.01)
     expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), first * trial.force,
@@ -369,7 +375,7 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
     assert np.min(np.abs(left)) > 0.0
     np.testing.assert_allclose(kernel.contact.remaining, np.max(np.abs(left), axis=1), rtol=1e-9, atol=1e-13)
-    closed = kernels.gaps_are_closed(kernel.contact, m.sliders, kernel.state.q, m.length, SIX)
+    closed = kernels.all_settled(terms, system)
     assert closed == (np.max(kernel.contact.remaining) < 1e-14)
 
 
@@ -447,13 +453,11 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     _, model, twin = compiled(name)
     kernel = Kernels(model)
     kernel.load()
-    state, work, tables = kernel.state, kernel.work, kernel.tables()
+    state, work = kernel.state, kernel.work
     # velocities that the contact does not allow: it has to push
     state.v[:] = random_velocity(twin, np.random.default_rng(5)).reshape(-1)
     counts = np.zeros(4, np.int64)
-    kernels.run(SIX, None, SIX, *tables[:-1], model.pattern.plan, None, tables[-1], model.spinless, None, np.zeros((1, 0)), state,
-                work, np.ones(1), H, 1, model.width, model.length, 30, model.slider_lengths, counts, np.zeros(30),
-                np.zeros((2, 3 * model.n_sliders)))
+    kernels.run(*kernel.parts(), np.ones(1), H, 1, 30, counts, np.zeros(30), np.zeros((2, 3 * model.n_sliders)))
     status, _, iterations, _ = counts
     assert status == kernels.OK
     assert iterations < 12

@@ -11,10 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import add3, cross, dot, ld3, st3, zero3
-from .nodes import turn_of
-from .slider import add_basis, find_element, put_translation
+from .algebra import add3, cross, dot, ld3, st3
+from .kinds import Space
+from .nodes import Bodies, add_bodies, turn_of
+from .terms import advance_nodes, assemble, inner_share, restore, save, spread_nodes, weigh_residual
 from .turns import director_increment
+from .work import halve
 
 NOW, END, KEPT = 0, 3, 6     # first of three rows of `rates`: velocity, its rate, the method's acceleration
 
@@ -162,54 +164,51 @@ def finish_alpha(alpha, q_end, q, v_out):
             st3(v_out, 12 * i + k, 1, cross(w, ld3(q, 12 * i + k, 1)))
 
 
+# --- as a method of a step ----------------------------------------------------------------------------------------------
+@save.register(Alpha)
 @kernel
-def add_plain_sliders(curves, sliders, contact, ties, row_of, q_mid, q_end, s, s_end, force, share, r_out):
-    """Sliders of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
-    step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
-    then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
-    near = 0.5 / share    # derivative of the instant's s and q by those of the end
-    for k in range(sliders.curve.shape[0]):
-        c = sliders.curve[k]
-        base = curves.meta[c, 0]
-        e0 = find_element(curves, c, s[k], contact.element[k])
-        e1 = find_element(curves, c, s_end[k], e0)
-        si = s[k] + near * (s_end[k] - s[k])
-        ei = find_element(curves, c, si, e0)
-        p = curves.meta[c, 3]
-        lo = curves.first[p + min(ei, e1)]
-        hi = curves.first[p + max(ei, e1)] + curves.count[p + max(ei, e1)]
-        basis = contact.basis
-        for j in range(5):
-            for a in range(lo, hi):
-                basis[j, a] = 0.0
-        add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
-        add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
-        add_basis(curves, c, e1, s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
-        f = ld3(force, 3 * k, 1)
-        end = zero3(); end_s = zero3(); tangent = zero3(); bend = zero3()
-        for a in range(lo, hi):
-            x = ld3(q_end, 12 * (base + a), 1)
-            end += basis[3, a] * x; end_s += basis[4, a] * x
-            x = ld3(q_mid, 12 * (base + a), 1)
-            tangent += basis[1, a] * x; bend += basis[2, a] * x
-        point = sliders.point[k]
-        add3(r_out, 8 * row_of[point], 1, -1.0 * f)
-        contact.entries[k] = 0
-        for a in range(lo, hi):
-            node = base + a
-            add3(r_out, 8 * row_of[node], 1, basis[0, a] * f)
-            put_translation(contact, k, node, row_of[node], ties, q_mid, q_end, share * basis[0, a], basis[3, a],
-                            0.5 * basis[1, a], f, (near * basis[1, a]) * f)
-        put_translation(contact, k, point, row_of[point], ties, q_mid, q_end, -share, -1.0, 0.0, f, zero3())
-        corner = contact.corner[k]
-        for i in range(64):
-            corner[i] = 0.0
-        st3(corner, 3, 8, -1.0 * end_s)
-        st3(corner, 24, 1, tangent)
-        corner[27] = near * dot(f, bend)
-        for i in range(4, 7):
-            corner[9 * i] = 1.0
-        residual = contact.residual[k]
-        st3(residual, 0, 1, ld3(q_end, 12 * point, 1) - end)
-        residual[3] = dot(f, tangent)
-        residual[4] = 0.0; residual[5] = 0.0; residual[6] = 0.0
+def save_rates(alpha):
+    keep_rates(alpha, NOW, KEPT)
+
+
+@restore.register(Alpha)
+@kernel
+def restore_rates(alpha):
+    keep_rates(alpha, KEPT, NOW)
+
+
+@spread_nodes.register(Space, Alpha)
+@kernel
+def spread_to_end(size, alpha, state, work, h, first, last):
+    """All nodes, whichever are asked for."""
+    spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
+
+
+@advance_nodes.register(Space, Alpha)
+@kernel
+def advance_alpha(size, alpha, state, work, h, first, last, scratch):
+    """All nodes, whichever are asked for."""
+    spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
+    finish_alpha(alpha, work.q_end, state.q, state.v)
+
+
+@weigh_residual.register(Alpha)
+@kernel
+def halve_residual(alpha, system):
+    """Half the equations, like the tangent; inner nodes store the solution of the whole ones."""
+    halve(system.work.r)
+
+
+@inner_share.register(Alpha)
+@kernel
+def half_of_inner(alpha):
+    return -0.5
+
+
+@assemble.register(Bodies, Alpha)
+@kernel
+def assemble_bodies_alpha(bodies, alpha, system, h):
+    work = system.work
+    add_bodies(bodies, work.q_mid, work.q_end, work.u, None, work.r, work.blocks)
+    for k in range(bodies.node.shape[0]):
+        add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)

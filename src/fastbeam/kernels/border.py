@@ -3,35 +3,38 @@ from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import put_first, total, vld, vst, vzero
-from .slider import border_of, dim_of
+from .kinds import dim
 
 # pivots of the scaled border: below is round-off; without the augmented Lagrangian dependent sliders leave more (docs/stress.md)
 LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
 
 
 @kernel
-def fill_panel(contact, r, width, panel_out, size):
-    """Residual in column 0, the border columns of slider k behind; without sliders nothing but the residual."""
+def fill_residual(r, panel_out, size):
+    """The residual, of a scene without sliders."""
     n = len(size)
-    n_rows = panel_out.shape[0] // (n * width)
-    border = border_of(n)
-    if contact is None:
-        for i in range(n_rows):
+    for i in range(panel_out.shape[0] // n):
+        for c in range(n):
+            panel_out[n * i + c] = r[8 * i + c]
+
+
+@kernel
+def fill_panel(contact, r, width, panel_out, size):
+    """Residual in column 0, the border columns of slider k behind."""
+    n = len(size)
+    border = 2 * dim(size) + 1
+    for i in range(panel_out.shape[0] // (n * width)):
+        for c in range(n):
+            o = (n * i + c) * width
+            put_first(panel_out, o, r[8 * i + c])
+            for j in range(8, width, 8):
+                vst(panel_out, o + j, 0, 0.0)
+    for k in range(contact.entries.shape[0]):
+        for m in range(contact.entries[k]):
             for c in range(n):
-                panel_out[n * i + c] = r[8 * i + c]
-    else:
-        for i in range(n_rows):
-            for c in range(n):
-                o = (n * i + c) * width
-                put_first(panel_out, o, r[8 * i + c])
-                for j in range(8, width, 8):
-                    vst(panel_out, o + j, 0, 0.0)
-        for k in range(contact.entries.shape[0]):
-            for m in range(contact.entries[k]):
-                for c in range(n):
-                    o = (n * contact.row[k, m] + c) * width + 1 + border * k
-                    for j in range(border):
-                        panel_out[o + j] += contact.column[k, 8 * (n * m + c) + j]
+                o = (n * contact.row[k, m] + c) * width + 1 + border * k
+                for j in range(border):
+                    panel_out[o + j] += contact.column[k, 8 * (n * m + c) + j]
 
 
 @kernel
@@ -44,23 +47,11 @@ def take_solution(panel, width, factor, x_out, size):
 
 
 @kernel
-def clear_held(held, width, panel, size):
-    """Zero in all columns of held rows."""
-    n = len(size)
-    for k in range(held.row.shape[0]):
-        for c in range(n):
-            if (held.mask[k] >> c) & 1:
-                o = (n * held.row[k] + c) * width
-                for j in range(width):
-                    panel[o + j] = 0.0
-
-
-@kernel
 def augment(contact, force, schur, y, size):
     """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
     first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
-    d = dim_of(len(size))
-    border = border_of(len(size))
+    d = dim(size)
+    border = 2 * dim(size) + 1
     n = border * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
         o = border * k
@@ -81,28 +72,13 @@ def augment(contact, force, schur, y, size):
 
 
 @kernel
-def gaps_are_closed(contact, sliders, q, length, size):
-    """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
-    if contact is not None:
-        d = dim_of(len(size))
-        for k in range(contact.remaining.shape[0]):
-            p = sliders.point[k] * (12 if d == 3 else 4)
-            reach = 0.0
-            for c in range(d):
-                reach = max(reach, abs(q[p + c]))
-            if not contact.remaining[k] <= 1e-15 * (length + reach):
-                return False
-    return True
-
-
-@kernel
 def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural increments in rows of x_out and
     the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: room for one row of the panel
     more than the border has."""
     nu = len(size)
-    d = dim_of(nu)
-    border = border_of(nu)
+    d = dim(size)
+    border = 2 * d + 1
     n = border * contact.entries.shape[0]
     for i in range((n + 1) * width):
         rows[i] = 0.0

@@ -202,16 +202,18 @@ def recover_group(store, end, by_rows, nn, tables, no, factor, scratch, xo, x_ou
 
 @kernel
 def recover_rows(tables, inner, factor, x_out, scratch, size):
-    """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders."""
+    """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders; none
+    where inner is None."""
     n = len(size)
-    for k in range(tables.meta.shape[0]):
-        if tables.meta[k, 6] >= 0:
-            nn = tables.meta[k, 0]
-            no = tables.meta[k, 3]
-            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
-            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
-            recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n, 1), None, nn, tables, no, factor, scratch, 0,
-                          x_out, size)
+    if inner is not None:
+        for k in range(tables.meta.shape[0]):
+            if tables.meta[k, 6] >= 0:
+                nn = tables.meta[k, 0]
+                no = tables.meta[k, 3]
+                gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
+                gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
+                recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n, 1), None, nn, tables, no, factor, scratch, 0,
+                              x_out, size)
 
 
 @kernel

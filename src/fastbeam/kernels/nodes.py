@@ -14,7 +14,10 @@ from .._jit import kernel
 from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
                       zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
+from .kinds import Space, coordinates
 from .rows import gather_lanes, load_rows, store_rows
+from .terms import (AtRest, Conserving, Equilibrium, Midpoint, advance_nodes, assemble, carry_columns, move_nodes, predict_nodes,
+                    spread_nodes)
 from .turns import cayley_increment, director_increment
 
 
@@ -28,7 +31,7 @@ class Bodies(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Unknowns that are no unknowns: clamps, pins, triads of point masses, tied coordinates."""
+    """Unknowns that do not change: clamps, pins, triads of point masses, tied coordinates."""
 
     row: np.ndarray        # int64 [F]
     mask: np.ndarray       # int64 [F]: bit c set, unknown c of that row is held
@@ -259,6 +262,18 @@ def apply_held(held, r, blocks, size):
 
 
 @kernel
+def clear_held(held, width, panel, size):
+    """Zero in all columns of held rows."""
+    n = len(size)
+    for k in range(held.row.shape[0]):
+        for c in range(n):
+            if (held.mask[k] >> c) & 1:
+                o = (n * held.row[k] + c) * width
+                for j in range(width):
+                    panel[o + j] = 0.0
+
+
+@kernel
 def advance(q, v, dphi, theta, h, first, last, scratch):
     """Accept the increments of the nodes from `first` to before `last`: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2); in
     statics, where v is None, only the first."""
@@ -302,3 +317,73 @@ def accept_one(q, v, k, move, h):
     if v is not None:
         rate = ld3(v, k, 1)
         st3(v, k, 1, rate + (2.0 / h) * (move - h * rate))
+
+
+# --- as parts of a step -------------------------------------------------------------------------------------------------
+@predict_nodes.register(Space)
+@kernel
+def predict_in_space(size, state, work, spinless, h, c, first, last):
+    predict(state.q, state.v, h, c, work.past, spinless, first, last, work.theta, work.dphi)
+
+
+@spread_nodes.register(Space, Conserving)
+@spread_nodes.register(Space, Midpoint)
+@kernel
+def spread_in_space(size, method, state, work, h, first, last):
+    spread(state.q, state.v, work.dphi, work.theta, h, first, last, work.q_mid, work.q_end, work.u)
+
+
+@spread_nodes.register(object, Equilibrium)
+@spread_nodes.register(object, AtRest)
+@kernel
+def spread_at_rest(size, method, state, work, h, first, last):
+    """The middle and the end are the present shape."""
+    n = coordinates(size)
+    for c in range(n * first, min(n * last, work.q_mid.shape[0])):
+        work.q_mid[c] = state.q[c]
+        work.q_end[c] = state.q[c]
+
+
+@move_nodes.register(Space)
+@kernel
+def move_in_space(size, row_of, work, first, last, scratch):
+    return update_nodes(row_of, work.line.x, first, last, work.theta, work.dphi, scratch)
+
+
+@advance_nodes.register(Space)
+@kernel
+def advance_in_space(size, method, state, work, h, first, last, scratch):
+    advance(state.q, state.v, work.dphi, work.theta, h, first, last, scratch)
+
+
+@advance_nodes.register(Space, Equilibrium)
+@kernel
+def move_at_rest(size, method, state, work, h, first, last, scratch):
+    advance(state.q, None, work.dphi, work.theta, None, first, last, scratch)
+
+
+@assemble.register(Bodies, Conserving)
+@assemble.register(Bodies, Midpoint)
+@kernel
+def assemble_bodies(bodies, method, system, h):
+    work = system.work
+    add_bodies(bodies, work.q_mid, work.q_end, work.u, 2.0 / (h * h), work.r, work.blocks)
+
+
+@assemble.register(Bodies, AtRest)
+@kernel
+def assemble_bodies_at_rest(bodies, method, system, h):
+    work = system.work
+    add_bodies(bodies, work.q_mid, work.q_end, work.u, 0.0, work.r, work.blocks)
+
+
+@assemble.register(Held)
+@kernel
+def assemble_held(held, method, system, h):
+    apply_held(held, system.work.r, system.work.blocks, system.size)
+
+
+@carry_columns.register(Held)
+@kernel
+def carry_held_columns(held, system):
+    clear_held(held, system.width, system.work.panel, system.size)

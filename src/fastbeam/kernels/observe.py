@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, zero3
-from .slider import find_element, point_on_curve
+from .curves import find_element, point_on_curve
+from .kinds import SPACE
 
 
 @kernel
@@ -127,5 +128,5 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element(curves, c, s[k], contact.element[k])
-        gap = ld3(q, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], q, e, contact, 0)
+        gap = ld3(q, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], q, e, contact, 0, SPACE)
         gap_out[k] = dot(gap, gap)**0.5

@@ -7,7 +7,11 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
+from .kinds import Plane
 from .nodes import predict_from
+from .slider import tied_arm
+from .terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes, pull_tied_columns,
+                    push_tied_columns, spread_nodes, tie_increments)
 from .turns import planar_turn
 
 
@@ -121,15 +125,16 @@ def turned(ties, e, u):
     return ties.factor[2 * e] * u + ties.factor[2 * e + 1] * perp(u)
 
 
+@tied_arm.register(PlanarTies)
 @kernel
 def planar_arm(ties, e, q):
     """Offset of an entry of kind 1."""
     return turned(ties, e, ld2(q, 4 * ties.target[e] + 2, 1))
 
 
+@tie_increments.register(PlanarTies)
 @kernel
-def tie_planar_increments(ties, q, theta, dphi, off_out):
-    """As `ties.tie_increments`."""
+def tie_increments_in_plane(ties, q, theta, dphi, off_out):
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         x = zero2()
@@ -145,9 +150,9 @@ def tie_planar_increments(ties, q, theta, dphi, off_out):
         st2(dphi, 2 * i, 1, x)
 
 
+@apply_ties.register(PlanarTies)
 @kernel
-def apply_planar_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
-    """As `ties.apply_ties`: rows and blocks of tied nodes to their targets."""
+def apply_ties_in_plane(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
     for k in range(k0, k1):
         i = ties.slave[k]
         o = 8 * ties.row[k]
@@ -197,9 +202,9 @@ def apply_planar_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
                 blocks[to + 16 + j] += scratch[16 + j]
 
 
+@pull_tied_columns.register(PlanarTies)
 @kernel
-def planar_pull(ties, q_mid, panel, width):
-    """Border columns on rows of tied nodes go to their targets."""
+def pull_columns_in_plane(ties, q_mid, panel, width):
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         o = 3 * width * ties.row[k]
@@ -218,9 +223,9 @@ def planar_pull(ties, q_mid, panel, width):
                     panel[t + 2 * width] += m
 
 
+@push_tied_columns.register(PlanarTies)
 @kernel
-def planar_push(ties, q_end, panel, pitch, width, columns):
-    """Solutions on rows of tied nodes from their targets, for so many columns: `pitch` doubles a row, `width` an unknown."""
+def push_columns_in_plane(ties, q_end, panel, pitch, width, columns):
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         o = pitch * ties.row[k]
@@ -235,3 +240,41 @@ def planar_push(ties, q_end, panel, pitch, width, columns):
                 elif ties.target[e] != i:
                     panel[o + 2 * width + c] = panel[t + 2 * width]
             st2(panel, o + c, width, x)
+
+
+# --- as parts of a step -------------------------------------------------------------------------------------------------
+@predict_nodes.register(Plane)
+@kernel
+def predict_in_plane(size, state, work, spinless, h, c, first, last):
+    planar_predict(state.q, state.v, h, c, work.past, spinless, first, last, work.theta, work.dphi)
+
+
+@spread_nodes.register(Plane, Conserving)
+@kernel
+def spread_in_plane(size, method, state, work, h, first, last):
+    planar_spread(state.q, state.v, work.dphi, work.theta, h, first, last, work.q_mid, work.q_end, work.u)
+
+
+@move_nodes.register(Plane)
+@kernel
+def move_in_plane(size, row_of, work, first, last, scratch):
+    return planar_update(row_of, work.line.x, first, last, work.theta, work.dphi)
+
+
+@advance_nodes.register(Plane)
+@kernel
+def advance_in_plane(size, method, state, work, h, first, last, scratch):
+    planar_advance(state.q, state.v, work.dphi, work.theta, h, first, last, scratch)
+
+
+@advance_nodes.register(Plane, Equilibrium)
+@kernel
+def move_in_plane_at_rest(size, method, state, work, h, first, last, scratch):
+    planar_advance(state.q, None, work.dphi, work.theta, None, first, last, scratch)
+
+
+@assemble.register(PlanarBodies, Conserving)
+@kernel
+def assemble_planar_bodies(bodies, method, system, h):
+    work = system.work
+    add_planar_bodies(bodies, work.q_mid, work.q_end, work.u, 2.0 / (h * h), work.r, work.blocks)

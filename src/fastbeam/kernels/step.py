@@ -1,154 +1,225 @@
-"""One step and the compiled time loop: the conserving step, theory.md 4 to 6, and the methods it is compared with, theory.md 7.
+"""One step and the compiled time loop: the conserving step (theory.md 4 to 6), the methods it is compared with (7), statics (8).
 
-Every part that a scene lacks arrives as None; the branches on it are pruned before typing, so no code is compiled for it. So do
-`space` and `plane`: nodes in space have 6 unknowns and 12 coordinates, those of a planar scene 3 and 4 (kernels/planar.py); one
-of the two is the tuple `size` of as many numbers as a node has unknowns, the other None.
+The loop goes over the terms of a scene (terms.py). The method, the kind of nodes, contact and solver are types, which decide what
+is called when the loop is compiled.
 """
 from __future__ import annotations
 
 import numpy as np
 
-from .._jit import ABSENT, beside, kernel, written_in
-from .alpha import KEPT, NOW, finish_alpha, keep_rates, spread_end
-from .beam import element_groups
-from .border import clear_held, fill_panel, gaps_are_closed, solve_border, take_solution
-from .chain import back_substitute, factor
-from .inner import eliminate_columns, put_inner_rhs, recover_inner, recover_rows
-from .nodes import advance, remember, update_nodes
-from .planar import planar_assemble, planar_static, planar_start
-from .planar_beam import planar_groups
-from .planar_nodes import planar_advance, planar_pull, planar_push, planar_update, tie_planar_increments
-from .planar_slider import add_planar_sliders
-from .slider import add_sliders, border_of, dim_of
-from .space import space_assemble, space_start, space_static
-from .sparse import begin_step, solve_sparse
-from .ties import pull_tied_columns, push_tied_columns, tie_coordinates, tie_increments
-from .work import copy, follow_line, keep
+from .._generic import RecordType, in_memory
+from .._jit import beside, kernel
+from . import beams, slider, tied  # noqa: F401  all terms
+from .border import fill_panel, fill_residual, solve_border, take_solution
+from .chain import Elimination, back_substitute, factor
+from .kinds import dim
+from .nodes import extrapolation, remember
+from .slider import Contact
+from .sparse import PardisoTables, solve_sparse
+from .sparse import begin_step as begin_pardiso_step
+from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_solver,
+                    begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess, follow_nodes,
+                    inner_share, is_regular, is_settled, move_nodes, node_share, predict_nodes, push_increments, put_loads,
+                    recover, restore, save, solve, spread_nodes, take_increments, weigh, weigh_residual, within_limits)
+from .work import clear_equations, copy, follow_line, keep, start_line
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
-END_SLACK = 1e-12
 # increments below these may be round-off: where they do not shrink; where they are far longer than foretold
 SMALL_INCREMENT, SMALLEST_INCREMENT = 1e-9, 1e-11
+# an increment of so many sizes of the scene is divergence of a step in time
+LARGEST_IN_TIME = 1e6
 
 
-@written_in
-def start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, h):
-    """First guess of everything."""
-    if contact is not None:
-        contact.augmented[2] = 1.0
-    if space is not None:
-        space_start(ties, curves, sliders, contact, spinless, state, work, h)
-    if plane is not None:
-        planar_start(ties, curves, sliders, contact, spinless, state, work, h)
+# --- what methods have in common, and statics ---------------------------------------------------------------------------
+@begin_step.register(object)
+@kernel
+def begin_in_time(method, terms, system, h):
+    c = extrapolation(system.work.past, h)
+    predict_nodes.call(system.size, system.state, system.work, system.spinless, h, c, 0, system.row_of.shape[0])
+    start_line(system.work)
+    first_guess.each(terms, system, h, c)
 
 
-@written_in
-def assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state,
-                  work, h):
-    """Residual and tangent of one Newton iteration at the present dphi, theta, s_end, force. `middle` and `alpha` are None for
-    the conserving step; with `middle` it is the implicit midpoint rule, with `alpha` half the equations of generalised alpha;
-    both in space only."""
-    if space is not None:
-        space_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, row_of, state, work, h,
-                       space)
-    if plane is not None:
-        planar_assemble(simo, green, inner, bodies, ties, held, curves, sliders, contact, row_of, state, work, h, plane)
+@begin_step.register(Equilibrium)
+@begin_step.register(AtRest)
+@kernel
+def begin_at_rest(method, terms, system, h):
+    system.work.line.use[0] = 0.0
 
 
-@written_in
-def prepare_panel(space, plane, inner, ties, contact, held, width, work, size):
-    """Right-hand sides: the residual of the end nodes; with sliders their borders too, for all nodes."""
-    fill_panel(contact, work.r, width, work.panel, size)
-    if contact is not None:
-        if inner is not None:
-            for i in range(len(size) * inner.first[0] * width, work.panel.shape[0], width):
-                work.panel[i] = 0.0
-            eliminate_columns(inner, contact, work.panel, width, size)
-            if ties is not None:
-                if space is not None:
-                    pull_tied_columns(ties, work.q_mid, work.panel, width)
-                if plane is not None:
-                    planar_pull(ties, work.q_mid, work.panel, width)
-            put_inner_rhs(inner, work.panel, width, size)
-        if held is not None:
-            clear_held(held, width, work.panel, size)
+@save.register(object)
+@restore.register(object)
+@kernel
+def keep_nothing(method):
+    pass
 
 
-@written_in
-def push_ties(space, plane, ties, q_end, x, pitch, width, columns):
-    """Rows of tied nodes from those of their targets."""
-    if ties is not None:
-        if space is not None:
-            push_tied_columns(ties, q_end, x, pitch, width, columns)
-        if plane is not None:
-            planar_push(ties, q_end, x, pitch, width, columns)
+@weigh_residual.register(object)
+@clear_increments.register(object)
+@take_increments.register(object)
+@kernel
+def do_nothing(method, system):
+    pass
 
 
-@written_in
-def complete_panel(space, plane, inner, ties, width, work, size):
-    """Solutions of inner nodes from those of the end nodes, all columns."""
-    if inner is not None:
-        push_ties(space, plane, ties, work.q_end, work.panel, len(size) * width, width, width)
-        recover_inner(inner, work.panel, width, size)
+@node_share.register(object)
+@inner_share.register(object)
+@kernel
+def whole_increment(method):
+    return -1.0
 
 
-@written_in
-def take_rows(space, plane, simo, green, inner, ties, factor, of_inner, width, work, size):
-    """Increments of all rows from the solved column of the panel, in a scene without sliders: `factor` per solution, and so many
-    of what was stored of inner nodes."""
-    take_solution(work.panel, width, factor, work.line.x, size)
-    push_ties(space, plane, ties, work.q_end, work.line.x, 8, 1, 1)
-    if inner is not None:
-        if simo is not None:
-            recover_rows(simo, inner, of_inner, work.line.x, work.scratch, size)
-        if green is not None:
-            recover_rows(green, inner, of_inner, work.line.x, work.scratch, size)
+@node_share.register(Equilibrium)
+@inner_share.register(Equilibrium)
+@kernel
+def half_increment(method):
+    """Half the tangent is formed."""
+    return -0.5
 
 
-@written_in
-def move_nodes(space, plane, ties, row_of, state, work):
-    """Add the rows of increments to all nodes. Returns the largest of positions and of spins."""
-    move = 0.0
-    spin = 0.0
-    if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, 0, row_of.shape[0], work.theta, work.dphi, work.scratch)
-        if ties is not None:
-            tie_increments(ties, state.q, work.theta, work.dphi, work.line.off)
-    if plane is not None:
-        move, spin = planar_update(row_of, work.line.x, 0, row_of.shape[0], work.theta, work.dphi)
-        if ties is not None:
-            tie_planar_increments(ties, state.q, work.theta, work.dphi, work.line.off)
-    return move, spin
+@clear_increments.register(Equilibrium)
+@kernel
+def clear_static_increments(method, system):
+    work = system.work
+    for i in range(work.theta.shape[0]):
+        work.theta[i] = 0.0
+    for i in range(work.dphi.shape[0]):
+        work.dphi[i] = 0.0
 
 
-@written_in
-def update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, state, work, width, length, size):
-    """Close the linear system (the panel holds the solved columns) and add the increments. Returns the size of the
-    increment relative to `length`, or -1 - k where slider k makes the border singular."""
+@take_increments.register(Equilibrium)
+@kernel
+def take_static_increments(method, system):
+    """Positions move, triads are updated by a rotation."""
+    work = system.work
+    advance_nodes.call(system.size, method, system.state, work, 0.0, 0, system.row_of.shape[0], work.scratch)
+
+
+@put_loads.register(Loads)
+@kernel
+def put_mean_loads(loads, system, k):
+    external_forces(loads.vectors, loads.factors[k], system.work.f_ext)
+
+
+# --- the system of equations --------------------------------------------------------------------------------------------
+@kernel
+def assemble_step(terms, system, h):
+    """Residual and tangent of one Newton iteration at the present dphi, theta, s_end, force."""
+    method = system.method
+    clear_equations(system.work)
+    spread_nodes.call(system.size, method, system.state, system.work, h, 0, system.row_of.shape[0])
+    clear.each(terms, method, system)
+    assemble.each(terms, method, system, h)
+    weigh_residual.call(method, system)
+    weigh.each(terms, method, system)
+
+
+@fill.register(NoContact)
+@kernel
+def fill_without_border(contact, terms, system):
+    fill_residual(system.work.r, system.work.panel, system.size)
+
+
+@fill.register(Contact)
+@kernel
+def fill_bordered(contact, terms, system):
+    fill_panel(contact, system.work.r, system.width, system.work.panel, system.size)
+    carry_columns.each(terms, system)
+
+
+@begin_solver.register(object)
+@kernel
+def begin_with_nothing(solver):
+    pass
+
+
+@begin_solver.register(PardisoTables)
+@kernel
+def begin_pardiso(solver):
+    begin_pardiso_step(solver)
+
+
+@kernel
+def eliminate(plan, work, width, size):
+    """By block elimination; width: None where there is nothing but the residual."""
+    # NaN fails the comparison too
+    good = factor(plan, work.blocks, work.pivots, work.panel, width, size) > 1e-14
+    if good:
+        back_substitute(plan, work.blocks, work.panel, width, size)
+    return good
+
+
+@solve.register(Elimination, NoContact)
+@kernel
+def eliminate_residual(plan, contact, system):
+    return eliminate(plan, system.work, None, system.size)
+
+
+@solve.register(Elimination, Contact)
+@kernel
+def eliminate_bordered(plan, contact, system):
+    return eliminate(plan, system.work, system.width, system.size)
+
+
+@solve.register(PardisoTables)
+@kernel
+def solve_by_pardiso(pardiso, contact, system):
+    return solve_sparse(pardiso, system.work.blocks, system.work.panel, system.width, system.size)
+
+
+@solve.register(SolverOutside)
+@kernel
+def solve_nothing(solver, contact, system):
+    return False
+
+
+@close.register(NoContact)
+@kernel
+def close_residual(contact, terms, system):
+    method, work = system.method, system.work
+    take_solution(work.panel, system.width, node_share.call(method), work.line.x, system.size)
+    push_increments.each(terms, system)
+    recover.each_backward(terms, system, inner_share.call(method))
+    return 0.0, 0.0
+
+
+@close.register(Contact)
+@kernel
+def close_bordered(contact, terms, system):
+    state, work, d = system.state, system.work, dim(system.size)
+    complete_columns.each_backward(terms, system)
+    singular = solve_border(contact, state.force, work.panel, system.width, work.rows, work.schur, work.y, work.line.x,
+                            system.size)
+    if singular >= 0:
+        return -1.0 - singular, 0.0
+    push_increments.each(terms, system)
     slide = 0.0
-    if contact is not None:
-        complete_panel(space, plane, inner, ties, width, work, size)
-        singular = solve_border(contact, state.force, work.panel, width, work.rows, work.schur, work.y, work.line.x, size)
-        if singular >= 0:
-            return -1.0 - singular
-        push_ties(space, plane, ties, work.q_end, work.line.x, 8, 1, 1)
-        d = dim_of(len(size))
-        border = border_of(len(size))
-        for k in range(state.s.shape[0]):
-            for c in range(d):
-                state.force[d * k + c] += work.y[border * k + c]
-            z = work.y[border * k + d]
-            work.s_end[k] += z
-            if abs(z) > slide or z != z:
-                slide = abs(z)
-    else:
-        # half the equations of generalised alpha are solved, inner nodes store the whole ones
-        take_rows(space, plane, simo, green, inner, ties, -1.0, -1.0 if alpha is None else -0.5, width, work, size)
-    move, spin = move_nodes(space, plane, ties, row_of, state, work)
-    follow_line(work.line, move / length + spin)
-    return move / length + spin + slide / length
+    for k in range(state.s.shape[0]):
+        for c in range(d):
+            state.force[d * k + c] += work.y[(2 * d + 1) * k + c]
+        z = work.y[(2 * d + 1) * k + d]
+        work.s_end[k] += z
+        if abs(z) > slide or z != z:
+            slide = abs(z)
+    return 0.0, slide
 
 
+@kernel
+def update_step(terms, system):
+    """Add the increments of the solved panel. Returns their size relative to that of the scene; -1 - k: slider k makes the border
+    singular."""
+    clear_increments.call(system.method, system)
+    singular, slide = close.call(system.contact, terms, system)
+    if singular < 0.0:
+        return singular
+    move, spin = move_nodes.call(system.size, system.row_of, system.work, 0, system.row_of.shape[0], system.work.scratch)
+    follow_nodes.each(terms, system)
+    take_increments.call(system.method, system)
+    follow_line(system.work.line, move / system.length + spin)
+    return move / system.length + spin + slide / system.length
+
+
+# --- Newton's method ----------------------------------------------------------------------------------------------------
 @kernel
 def next_increment(size, before):
     """What Newton's method leaves for the next iteration, which squares the increment: about size (size/before)^2."""
@@ -170,35 +241,38 @@ def has_converged(size, before, expected):
     return size <= SMALL_INCREMENT and size > 0.1 * before
 
 
-@written_in
-def solve_chain(plan, work, width, size):
-    """By block elimination; width: None where there is nothing but the residual."""
-    # NaN fails the comparison too
-    good = factor(plan, work.blocks, work.pivots, work.panel, width, size) > 1e-14
-    if good:
-        back_substitute(plan, work.blocks, work.panel, width, size)
-    return good
-
-
-@written_in
-def solve_nodes(contact, inner, plan, pardiso, work, width, size):
-    """Solve the panel with the node matrix, by block elimination or by PARDISO; False where it is singular."""
-    if inner is not None:
-        if inner.state[0] == 0.0:
-            return False
-    if plan is not None:
-        if contact is not None:
-            return solve_chain(plan, work, width, size)
-        return solve_chain(plan, work, None, size)
-    if pardiso is not None:
-        return solve_sparse(pardiso, work.blocks, work.panel, width, size)
-    return False
-
-
 @kernel
-def keep_state(alpha, state, work):
-    if alpha is not None:
-        keep_rates(alpha, NOW, KEPT)
+def newton(terms, system, h, max_iterations, largest, sizes_out):
+    """Newton iteration from the first guess: (status, iterations). An increment beyond `largest`, relative to the scene, ends it.
+    sizes_out [max_iterations]: sizes of the increments; -1 - k: slider k makes the border singular."""
+    begin_solver.call(system.solver)
+    before = expected = np.inf
+    for it in range(sizes_out.shape[0]):
+        sizes_out[it] = 0.0
+    for it in range(max_iterations):
+        assemble_step(terms, system, h)
+        fill.call(system.contact, terms, system)
+        if not is_regular.all(terms, system) or not solve.call(system.solver, system.contact, system):
+            return SINGULAR, it + 1
+        moved = update_step(terms, system)
+        sizes_out[it] = moved
+        if moved < 0.0:
+            return BORDER_SINGULAR, it + 1
+        if not moved < largest:
+            return NOT_FINITE, it + 1
+        if has_converged(moved, before, expected) and is_settled.all(terms, system):
+            return OK, it + 1
+        expected = next_increment(moved, before)
+        before = moved
+    return NOT_CONVERGED, max_iterations
+
+
+# --- steps --------------------------------------------------------------------------------------------------------------
+@kernel
+def keep_state(system):
+    """Remember the state before a step."""
+    state, work = system.state, system.work
+    save.call(system.method)
     keep(state.q, work.keep_q)
     keep(state.v, work.keep_v)
     keep(state.s, work.keep_s)
@@ -209,9 +283,10 @@ def keep_state(alpha, state, work):
 
 
 @kernel
-def restore_state(alpha, state, work):
-    if alpha is not None:
-        keep_rates(alpha, KEPT, NOW)
+def restore_state(system):
+    """Go back to it."""
+    state, work = system.state, system.work
+    restore.call(system.method)
     copy(work.keep_q, state.q)
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
@@ -222,37 +297,14 @@ def restore_state(alpha, state, work):
 
 
 @kernel
-def slider_outside(state, lengths):
-    """The first slider beyond the end of its beam, or -1; the last digits of one that rests there do not count."""
-    for k in range(state.s.shape[0]):
-        slack = END_SLACK * lengths[k]
-        if not (state.s[k] >= -slack and state.s[k] <= lengths[k] + slack):
-            return k
-    return -1
-
-
-@written_in
-def finish_step(space, plane, ties, alpha, state, work, h):
+def finish_step(terms, system, h):
     """Accept a converged step."""
+    state, work = system.state, system.work
     work.past[work.past.shape[0] - 1] = work.line.use[2]
     remember(state.s, work.s_end, state.force, h, work.past)
-    if alpha is not None:
-        spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
-        finish_alpha(alpha, work.q_end, state.q, state.v)
-        if ties is not None:
-            tie_coordinates(ties, state.v)
-    else:
-        move_on(space, plane, state.q, state.v, work, h)
+    advance_nodes.call(system.size, system.method, state, work, h, 0, system.row_of.shape[0], work.scratch)
+    accept.each(terms, system.method, system)
     copy(work.s_end, state.s)
-
-
-@written_in
-def move_on(space, plane, q, v, work, h):
-    """Accept the increments of all nodes; in statics v and h are None."""
-    if space is not None:
-        advance(q, v, work.dphi, work.theta, h, 0, q.shape[0] // 12, work.scratch)
-    if plane is not None:
-        planar_advance(q, v, work.dphi, work.theta, h, 0, q.shape[0] // 4, work.scratch)
 
 
 @kernel
@@ -266,72 +318,40 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan, pardiso,
-        row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, length, max_iterations, lengths, counts_out,
-        sizes_out, mean_force_out):
+def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out, sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
-    iteration on the equations of `assemble_step`.
+    iteration.
 
-    loads: None or [K, n] vectors with `factors` [n_steps * n_weights, K]. lengths: arc length where each slider's beam
-    ends. mean_force_out [2, 3 S]: mean contact force of the first and of the last step.
-    counts_out: status, steps done, Newton iterations, slider of an event.
-    On a failure the state is the last good one. One function and not several: every level of calls is compiled again with all
-    below it.
+    mean_force_out [2, 3 S]: mean contact force of the first and of the last step. counts_out: status, steps done, Newton
+    iterations, slider of an event. On a failure the state is the last good one.
     """
     counts_out[0] = OK
     counts_out[1] = 0
     counts_out[2] = 0
     counts_out[3] = -1
+    terms, system = in_memory(all_terms), in_memory(whole_system)
+    force = system.state.force
     for n in range(n_steps):
-        keep_state(alpha, state, work)
+        keep_state(system)
         for k in range(mean_force_out.shape[1]):
             mean_force_out[1, k] = 0.0
         status = OK
         for m in range(weights.shape[0]):
             hm = weights[m] * h
-            if loads is not None:
-                external_forces(loads, factors[n * weights.shape[0] + m], work.f_ext)
-            start_step(space, plane, ties, curves, sliders, contact, spinless, state, work, hm)
-            begin_step(pardiso)
-            status = NOT_CONVERGED
-            before = expected = np.inf
-            for it in range(sizes_out.shape[0]):
-                sizes_out[it] = 0.0
-            for it in range(max_iterations):
-                counts_out[2] += 1
-                assemble_step(space, plane, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha,
-                              row_of, state, work, hm)
-                prepare_panel(space, plane, inner, ties, contact, held, width, work, size)
-                if not solve_nodes(contact, inner, plan, pardiso, work, width, size):
-                    status = SINGULAR
-                    break
-                moved = update_step(space, plane, simo, green, inner, ties, contact, alpha, row_of, state, work, width, length,
-                                    size)
-                sizes_out[it] = moved
-                if moved < 0.0:
-                    status = BORDER_SINGULAR
-                    break
-                if not moved < 1e6:
-                    status = NOT_FINITE
-                    break
-                if has_converged(moved, before, expected) and gaps_are_closed(contact, sliders, state.q, length, size):
-                    status = OK
-                    break
-                expected = next_increment(moved, before)
-                before = moved
+            put_loads.each(terms, system, n * weights.shape[0] + m)
+            begin_step.call(system.method, terms, system, hm)
+            status, iterations = newton(terms, system, hm, max_iterations, LARGEST_IN_TIME, sizes_out)
+            counts_out[2] += iterations
             if status != OK:
                 break
-            finish_step(space, plane, ties, alpha, state, work, hm)
+            finish_step(terms, system, hm)
             for k in range(mean_force_out.shape[1]):
-                mean_force_out[1, k] += weights[m] * state.force[k]
-        if sliders is not None:
-            if status == OK:
-                counts_out[3] = slider_outside(state, lengths)
-                if counts_out[3] >= 0:
-                    status = SLIDER_END
+                mean_force_out[1, k] += weights[m] * force[k]
+        if status == OK and not within_limits.all(terms, system, counts_out):
+            status = SLIDER_END
         if status != OK:
             counts_out[0] = status
-            restore_state(alpha, state, work)
+            restore_state(system)
             return
         counts_out[1] = n + 1
         if n == 0:
@@ -339,87 +359,112 @@ def run(space, plane, size, simo, green, inner, bodies, ties, held, curves, slid
                 mean_force_out[0, k] = mean_force_out[1, k]
 
 
-def _beside_run(space, plane, size, simo, green, inner, bodies, ties, held, curves, sliders, contact, middle, alpha, plan,
-                pardiso, row_of, spinless, loads, factors, state, work, weights, h, n_steps, width, *others):
-    """Parts of `run` that together take as long to compile as the others, in the order of their calls, and the types that they
-    are called with, from the types of its arguments."""
-    def of(record, *names):
-        return [record.types[record.fields.index(name)] for name in names]
-
-    integer = n_steps
-    r, blocks, panel, scratch, line = of(work, "r", "blocks", "panel", "scratch", "line")
-    (x,) = of(line, "x")
-    jobs = []
-    if contact is not ABSENT and alpha is ABSENT and middle is ABSENT:
-        add = add_sliders if plane is ABSENT else add_planar_sliders
-        jobs.append((add, (curves, sliders, contact, ties, row_of, *of(state, "q"), *of(work, "q_mid", "q_end", "theta"),
-                           *of(state, "s"), *of(work, "s_end"), *of(state, "force"), r)))
-    for tables, green_strain in ((simo, ABSENT), (green, integer)):
-        if tables is not ABSENT:
-            common = (tables, integer, integer, inner, *of(state, "q"), *of(work, "dphi"))
-            (v,) = of(state, "v")
-            if plane is not ABSENT:
-                jobs.append((planar_groups, (*common, v, line, h, h, green_strain, r, blocks, scratch, size)))
-            elif alpha is ABSENT:
-                jobs.append((element_groups, (*common, v, ABSENT, line, h, h, ABSENT, green_strain, middle, r, blocks, scratch,
-                                              size)))
-            else:
-                jobs.append((element_groups, (*common, ABSENT, *of(work, "u"), line, h, h, *of(alpha, "spin_rate"), green_strain,
-                                              middle, r, blocks, scratch, size)))
-    if plan is not ABSENT:
-        jobs.append((factor, (plan, blocks, *of(work, "pivots"), panel, ABSENT if contact is ABSENT else width, size)))
-    if contact is not ABSENT:
-        jobs.append((solve_border, (contact, *of(state, "force"), panel, width, *of(work, "rows", "schur", "y"), x, size)))
-    if inner is not ABSENT:
-        jobs += [(recover_rows, (tables, inner, h, x, scratch, size)) for tables in (simo, green)
-                 if tables is not ABSENT]
-    return jobs
+def _beside_run(terms, system, weights, h, *others):
+    """Calls in `run` that together take as long to compile as all others, in their order, from the types of its arguments."""
+    shared, all_terms = RecordType(system), RecordType(terms)
+    method, contact, solver = (system.types[system.fields.index(name)] for name in ("method", "contact", "solver"))
+    heavy = (slider.Sliding, beams.SimoReissner, beams.GreenLagrange)
+    calls = [(function, some) for function, some in assemble.calls(all_terms, method, shared, h)
+             if issubclass(some[0].instance_class, heavy)]
+    for function, some in ((solve, (solver, contact, shared)), (close, (contact, all_terms, shared))):
+        calls.append((function.find(some), some))
+    return calls
 
 
 beside(run, _beside_run)
 
 
 @kernel
-def assemble_static(space, plane, simo, green, inner, ties, held, state, work):
-    """Residual and half the static tangent at the present configuration."""
-    if space is not None:
-        space_static(simo, green, inner, ties, held, state, work, space)
-    if plane is not None:
-        planar_static(simo, green, inner, ties, held, state, work, plane)
+def solve_equilibrium(all_terms, whole_system, max_iterations, largest, sizes_out):
+    """Newton iteration to an equilibrium under the loads in work.f_ext: (status, iterations)."""
+    terms, system = in_memory(all_terms), in_memory(whole_system)
+    begin_step.call(system.method, terms, system, 0.0)
+    return newton(terms, system, 0.0, max_iterations, largest, sizes_out)
+
+
+# --- the parts of an iteration for loops in Python ----------------------------------------------------------------------
+@kernel
+def keep_now(system):
+    keep_state(in_memory(system))
 
 
 @kernel
-def update_static(space, plane, simo, green, inner, ties, row_of, state, work, width, length, size):
-    """Move by the solved panel (column 0 holds K_half^-1 r): multiplicative update of the triads. Returns its size."""
-    for i in range(work.theta.shape[0]):
-        work.theta[i] = 0.0
-    for i in range(work.dphi.shape[0]):
-        work.dphi[i] = 0.0
-    take_rows(space, plane, simo, green, inner, ties, -0.5, -0.5, width, work, size)
-    move, spin = move_nodes(space, plane, ties, row_of, state, work)
-    move_on(space, plane, state.q, None, work, None)
-    follow_line(work.line, move / length + spin)
-    return move / length + spin
+def restore_kept(system):
+    restore_state(in_memory(system))
 
 
 @kernel
-def solve_static_step(space, plane, size, simo, green, inner, ties, held, plan, pardiso, row_of, state, work, width, length,
-                      max_iterations, largest, sizes_out):
-    """Newton iteration to equilibrium. Returns (status, iterations); an increment beyond `largest` ends it."""
-    work.line.use[0] = 0.0
-    begin_step(pardiso)
-    before = expected = np.inf
-    for it in range(max_iterations):
-        assemble_static(space, plane, simo, green, inner, ties, held, state, work)
-        prepare_panel(space, plane, inner, ties, None, held, width, work, size)
-        if not solve_nodes(None, inner, plan, pardiso, work, width, size):
-            return SINGULAR, it + 1
-        moved = update_static(space, plane, simo, green, inner, ties, row_of, state, work, width, length, size)
-        sizes_out[it] = moved
-        if not moved < largest:
-            return NOT_FINITE, it + 1
-        if has_converged(moved, before, expected):
-            return OK, it + 1
-        expected = next_increment(moved, before)
-        before = moved
-    return NOT_CONVERGED, max_iterations
+def begin(terms, system, h):
+    record = in_memory(system)
+    begin_step.call(record.method, in_memory(terms), record, h)
+
+
+@kernel
+def assemble_all(terms, system, h):
+    assemble_step(in_memory(terms), in_memory(system), h)
+
+
+@kernel
+def assemble_some(terms, system, h):
+    """What these terms add to residual and tangent."""
+    record = in_memory(system)
+    assemble.each(in_memory(terms), record.method, record, h)
+
+
+@kernel
+def guess_some(terms, system, h, c):
+    first_guess.each(in_memory(terms), in_memory(system), h, c)
+
+
+@kernel
+def clear_some(terms, system):
+    record = in_memory(system)
+    clear.each(in_memory(terms), record.method, record)
+
+
+@kernel
+def follow_some(terms, system):
+    follow_nodes.each(in_memory(terms), in_memory(system))
+
+
+@kernel
+def fill_right(terms, system):
+    record = in_memory(system)
+    fill.call(record.contact, in_memory(terms), record)
+
+
+@kernel
+def all_regular(terms, system):
+    return is_regular.all(in_memory(terms), in_memory(system))
+
+
+@kernel
+def all_settled(terms, system):
+    return is_settled.all(in_memory(terms), in_memory(system))
+
+
+@kernel
+def solve_right(system):
+    record = in_memory(system)
+    return solve.call(record.solver, record.contact, record)
+
+
+@kernel
+def close_right(terms, system):
+    record = in_memory(system)
+    return close.call(record.contact, in_memory(terms), record)
+
+
+@kernel
+def update(terms, system):
+    return update_step(in_memory(terms), in_memory(system))
+
+
+@kernel
+def finish(terms, system, h):
+    finish_step(in_memory(terms), in_memory(system), h)
+
+
+@kernel
+def all_within_limits(terms, system, counts_out):
+    return within_limits.all(in_memory(terms), in_memory(system), counts_out)

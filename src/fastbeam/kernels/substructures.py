@@ -16,15 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import kernel
 from .algebra import vld, vst
 from .beam import element_groups
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
-from .nodes import larger, spread, update_nodes
+from .kinds import Plane, Space
+from .nodes import larger
 from .planar_beam import planar_groups
-from .planar_nodes import planar_spread, planar_update
 from .rows import clear_lanes, copy_lanes, gather_lanes, put_rows
+from .terms import Conserving, Equilibrium, move_nodes, spread_nodes
 
 
 class Substructures(NamedTuple):
@@ -107,29 +109,83 @@ def ends_of_beam(subs, tables, g, lane):
 
 
 @kernel
-def spread_nodes(nodes, first, last, space, plane, state, work, h):
-    """`nodes.spread` for the nodes of a list, from `first` to before `last`; in statics, where h is None, the middle and the end
-    are the present shape."""
+def spread_listed(nodes, first, last, size, method, state, work, h):
+    """`terms.spread_nodes` for the nodes of a list, from `first` to before `last`."""
     for k in range(first, last):
-        i = nodes[k]
-        if h is None:
-            m = 4
-            if space is not None:
-                m = 12
-            for c in range(m * i, min(m * (i + 1), work.q_mid.shape[0])):
-                work.q_mid[c] = state.q[c]
-                work.q_end[c] = state.q[c]
-        if h is not None:
-            if space is not None:
-                spread(state.q, state.v, work.dphi, work.theta, h, i, i + 1, work.q_mid, work.q_end, work.u)
-            if plane is not None:
-                planar_spread(state.q, state.v, work.dphi, work.theta, h, i, i + 1, work.q_mid, work.q_end, work.u)
+        spread_nodes.call(size, method, state, work, h, nodes[k], nodes[k] + 1)
+
+
+@generic
+def evaluate_group(size, method, tables, k, strains, state, work, h, scratch):
+    """Residual and tangent of group k of elements into scratch."""
+
+
+@generic
+def rows_of_group(size, nn):
+    """Where the residual of a group stands in scratch."""
+
+
+@generic
+def blocks_of_group(size, nn):
+    """Where its tangent does."""
+
+
+@evaluate_group.register(Space, Conserving)
+@kernel
+def evaluate_in_space(size, method, tables, k, strains, state, work, h, scratch):
+    element_groups(tables, k, k + 1, None, state.q, work.dphi, state.v, None, work.line, h, 2.0 / (h * h), None, strains, None,
+                   None, None, scratch, size)
+
+
+@evaluate_group.register(Space, Equilibrium)
+@kernel
+def evaluate_in_space_at_rest(size, method, tables, k, strains, state, work, h, scratch):
+    element_groups(tables, k, k + 1, None, state.q, None, None, None, work.line, None, None, None, strains, None, None, None,
+                   scratch, size)
+
+
+@evaluate_group.register(Plane, Conserving)
+@kernel
+def evaluate_in_plane(size, method, tables, k, strains, state, work, h, scratch):
+    planar_groups(tables, k, k + 1, None, state.q, work.dphi, state.v, work.line, h, 2.0 / (h * h), strains, None, None,
+                  scratch, size)
+
+
+@evaluate_group.register(Plane, Equilibrium)
+@kernel
+def evaluate_in_plane_at_rest(size, method, tables, k, strains, state, work, h, scratch):
+    planar_groups(tables, k, k + 1, None, state.q, None, None, work.line, None, None, strains, None, None, scratch, size)
+
+
+@rows_of_group.register(Space)
+@kernel
+def rows_in_space(size, nn):
+    return 384 * nn
+
+
+@blocks_of_group.register(Space)
+@kernel
+def blocks_in_space(size, nn):
+    return 432 * nn
+
+
+@rows_of_group.register(Plane)
+@kernel
+def rows_in_plane(size, nn):
+    return 128 * nn
+
+
+@blocks_of_group.register(Plane)
+@kernel
+def blocks_in_plane(size, nn):
+    return 152 * nn
 
 
 @kernel
-def condense(subs, tables, first, last, space, plane, q, dphi, v, line, h, rate, green, loads, scratch, size):
-    """Evaluate and condense the groups of beams from `first` to before `last`; arguments as in `beam.element_groups`; loads:
-    float64 [8 (rows + 1)]. Rows of interior nodes in line.x take their y, elements behind do not ask for their increments."""
+def condense(subs, tables, strains, first, last, size, method, state, work, h, scratch):
+    """Evaluate and condense the groups of beams from `first` to before `last`, under the loads in work.f_ext. Rows of interior
+    nodes in line.x take their y, elements behind do not ask for their increments."""
+    loads, line = work.f_ext, work.line
     n = len(size)
     column = 8 * n
     block = column * n
@@ -141,22 +197,15 @@ def condense(subs, tables, first, last, space, plane, q, dphi, v, line, h, rate,
         nn = subs.group[g, 2]
         inner = short_store(nn, n, 0)
         # residual and tangent of a group of elements
-        ro = 384 * nn
-        ko = 432 * nn
-        if plane is not None:
-            ro = 128 * nn
-            ko = 152 * nn
+        ro = rows_of_group.call(size, nn)
+        ko = blocks_of_group.call(size, nn)
         d = subs.group[g, 3] - per_node
         present = 1
         subs.state[g] = 1.0
         for j in range(subs.group[g, 1]):
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
-            if space is not None:
-                element_groups(tables, k, k + 1, None, q, dphi, v, None, line, h, rate, None, green, None, None, None, scratch,
-                               size)
-            if plane is not None:
-                planar_groups(tables, k, k + 1, None, q, dphi, v, line, h, rate, green, None, None, scratch, size)
+            evaluate_group.call(size, method, tables, k, strains, state, work, h, scratch)
             good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, None, loads, None, line.x,
                                    so + 6 * block, size)
             if j == 0:
@@ -211,7 +260,7 @@ def add_end_rows(subs, first, last, r_out, size):
 
 
 @kernel
-def recover(subs, tables, first, last, factor, space, plane, row_of, work, scratch, size):
+def recover(subs, tables, first, last, factor, row_of, work, scratch, size):
     """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends, added to
     those of the step; factor: increment per solution, -1 in a step. Returns the largest, as `nodes.update_nodes` does."""
     n = len(size)
@@ -244,31 +293,19 @@ def recover(subs, tables, first, last, factor, space, plane, row_of, work, scrat
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)
-            m, s = move_some(space, plane, row_of, a + 1, b, work, scratch)
+            m, s = move_nodes.call(size, row_of, work, a + 1, b, scratch)
             move = larger(m, move)
             spin = larger(s, spin)
     return move, spin
 
 
 @kernel
-def move_some(space, plane, row_of, first, last, work, scratch):
-    """Add the increments of the nodes from `first` to before `last`."""
-    move = 0.0
-    spin = 0.0
-    if space is not None:
-        move, spin = update_nodes(row_of, work.line.x, first, last, work.theta, work.dphi, scratch)
-    if plane is not None:
-        move, spin = planar_update(row_of, work.line.x, first, last, work.theta, work.dphi)
-    return move, spin
-
-
-@kernel
-def move_listed(nodes, first, last, space, plane, row_of, work):
+def move_listed(nodes, first, last, size, row_of, work):
     """Add the increments of the nodes of a list, from `first` to before `last`."""
     move = 0.0
     spin = 0.0
     for k in range(first, last):
-        m, s = move_some(space, plane, row_of, nodes[k], nodes[k] + 1, work, work.scratch)
+        m, s = move_nodes.call(size, row_of, work, nodes[k], nodes[k] + 1, work.scratch)
         move = larger(m, move)
         spin = larger(s, spin)
     return move, spin

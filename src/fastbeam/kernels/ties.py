@@ -8,6 +8,8 @@ import numpy as np
 from .._jit import kernel
 from .algebra import add3, add_iso, add_matrix, cross, dot, ld3, outer, st3, zero3
 from .nodes import turn_of
+from .slider import tied_arm
+from .terms import apply_ties, pull_tied_columns, push_tied_columns, tie_increments
 from .turns import director_increment
 
 
@@ -56,10 +58,9 @@ def tie_coordinates(ties, x_out):
         st3(x_out, 12 * i, 1, x)
 
 
+@tie_increments.register(Ties)
 @kernel
-def tie_increments(ties, q, theta, dphi, off_out):
-    """Increments of a step from q on, of the tied nodes from those of their targets, and how far they lie from where the rows of
-    increments led them."""
+def tie_increments_in_space(ties, q, theta, dphi, off_out):
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         x = zero3()
@@ -77,6 +78,7 @@ def tie_increments(ties, q, theta, dphi, off_out):
         st3(dphi, 3 * i, 1, x)
 
 
+@tied_arm.register(Ties)
 @kernel
 def tie_arm(ties, e, q):
     """Offset of an entry of kind 1 in space."""
@@ -87,10 +89,9 @@ def tie_arm(ties, e, q):
     return x
 
 
+@apply_ties.register(Ties)
 @kernel
-def apply_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
-    """Move residual rows and tangent blocks of tied nodes to their targets: r <- L(q_mid)^T r, K <- L(q_mid)^T K L(q_end),
-    plus the change of L with the target's spin. Rows of the tied nodes k0 to before k1, then the moves p0 to before p1."""
+def apply_ties_in_space(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
     for k in range(k0, k1):
         i = ties.slave[k]
         o = 8 * ties.row[k]
@@ -140,9 +141,9 @@ def apply_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
                 add3(blocks, to + 24 + j, 8, ld3(scratch, j + 24, 8))
 
 
+@pull_tied_columns.register(Ties)
 @kernel
-def pull_tied_columns(ties, q_mid, panel, width):
-    """Border columns on rows of tied nodes go to their targets."""
+def pull_columns_in_space(ties, q_mid, panel, width):
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         o = 6 * width * ties.row[k]
@@ -161,9 +162,9 @@ def pull_tied_columns(ties, q_mid, panel, width):
                     st3(panel, t + 3 * width, width, ld3(panel, t + 3 * width, width) + m)
 
 
+@push_tied_columns.register(Ties)
 @kernel
-def push_tied_columns(ties, q_end, panel, pitch, width, columns):
-    """Solutions on rows of tied nodes from their targets, for so many columns: `pitch` doubles a row, `width` an unknown."""
+def push_columns_in_space(ties, q_end, panel, pitch, width, columns):
     for k in range(ties.slave.shape[0]):
         i = ties.slave[k]
         o = pitch * ties.row[k]

@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .inner import clear_rhs
-
 
 # `Line.use` before the first increment of a step: the line is at its start
 FROM_START = 2.0
@@ -110,11 +108,8 @@ def follow_line(line, moved):
 
 
 @kernel
-def clear(inner, work):
+def clear_equations(work):
     """Start a residual with the loads and a tangent with zeros."""
-    if inner is not None:
-        inner.state[0] = 1.0
-        clear_rhs(inner.rhs)
     for i in range(work.r.shape[0]):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):

@@ -1,0 +1,42 @@
+"""What a run hands to compiled code: the terms of a model and the record of what they share (kernels/terms.py)."""
+from __future__ import annotations
+
+from typing import Any
+
+from .kernels.beams import GreenLagrange, SimoReissner
+from .kernels.inner import Inner
+from .kernels.slider import Contact, Sliding
+from .kernels.terms import NoContact, NoTies, SolverOutside, System
+from .kernels.work import State, Work
+from .model import Model
+
+
+def terms_of(model: Model, inner: Inner | None, static: bool = False) -> tuple[Any, ...]:
+    """All that acts in a model, in the order of kernels/terms.py.
+
+    Parameters
+    ----------
+    model : Model
+    inner : Inner or None
+        Eliminated nodes with the work arrays of this run.
+    static : bool
+        Only what has a part in statics.
+    """
+    terms: list[Any] = []
+    if model.sliders is not None and not static:
+        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_lengths))
+    if inner is not None:
+        terms.append(inner)
+    if model.simo is not None:
+        terms.append(SimoReissner(model.simo, inner))
+    if model.green is not None:
+        terms.append(GreenLagrange(model.green, inner))
+    held = model.static_held if static else model.held
+    return (*terms, *(x for x in (None if static else model.bodies, model.ties, held) if x is not None))
+
+
+def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:
+    """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
+    compiled code calls, or None."""
+    return System(model.size, method, NoContact() if contact is None else contact, SolverOutside() if solver is None else solver,
+                  model.pattern.row_of, model.spinless, state, work, model.width, model.length)

@@ -1,0 +1,210 @@
+"""The two kinds of nodes, in space and in a plane, and operations of kinematics that depend on the kind.
+
+A node has 6 unknowns in space (position, spin) and 12 coordinates (position, three directors), in a plane 3 and 4. `size` is the
+tuple of as many zeros as a node has unknowns; the class of this tuple, `Space` or `Plane`, decides at compile time what an
+operation does. Forces and positions are vectors of 3 or 2 numbers; spins, Cayley vectors and moments are vectors in space and
+numbers in a plane.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from .._generic import generic
+from .._jit import kernel
+from .algebra import V2, V3, _DOUBLE, _I64, _add, _int, _mul, _pack, _parts, _pointer, _sub, cross, cross2, dot, f8, perp
+
+
+class Space(NamedTuple):
+    """`size` of nodes in space."""
+
+    x: int = 0
+    y: int = 0
+    z: int = 0
+    spin_x: int = 0
+    spin_y: int = 0
+    spin_z: int = 0
+
+
+class Plane(NamedTuple):
+    """`size` of nodes in a plane."""
+
+    x: int = 0
+    y: int = 0
+    spin: int = 0
+
+
+SPACE, PLANE = Space(), Plane()
+
+
+def _dim(size):
+    return {6: 3, 3: 2}[size.count]
+
+
+def _coordinates(size):
+    return {6: 12, 3: 4}[size.count]
+
+
+def _vector_type(size):
+    return V3[f8] if _dim(size) == 3 else V2[f8]
+
+
+def _spin_type(size):
+    return V3[f8] if _dim(size) == 3 else f8
+
+
+@intrinsic
+def dim(tc, size):
+    """Components of a position."""
+    d = _dim(size)
+    return types.intp(size), lambda ctx, b, sig, args: ir.Constant(_I64, d)
+
+
+@intrinsic
+def coordinates(tc, size):
+    """Coordinates of a node."""
+    n = _coordinates(size)
+    return types.intp(size), lambda ctx, b, sig, args: ir.Constant(_I64, n)
+
+
+# --- loads and stores ---------------------------------------------------------------------------------------------------
+def _loaded(ctx, b, array_type, array, offset, step, n):
+    xs = []
+    for _ in range(n):
+        xs.append(b.load(_pointer(ctx, b, array_type, array, offset, f8), align=8))
+        offset = b.add(offset, step)
+    return xs[0] if n == 1 else _pack(b, f8, xs)
+
+
+@intrinsic
+def vector(tc, array, offset, stride, size):
+    """As many numbers as a position has, from an offset on, so far apart."""
+    d = _dim(size)
+
+    def codegen(ctx, b, sig, args):
+        return _loaded(ctx, b, sig.args[0], args[0], _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2]), d)
+    return _vector_type(size)(array, offset, stride, size), codegen
+
+
+@intrinsic
+def position(tc, q, node, size):
+    """Position of a node among the coordinates of all."""
+    d, n = _dim(size), _coordinates(size)
+
+    def codegen(ctx, b, sig, args):
+        o = b.mul(_int(ctx, b, args[1], sig.args[1]), ir.Constant(_I64, n))
+        return _loaded(ctx, b, sig.args[0], args[0], o, ir.Constant(_I64, 1), d)
+    return _vector_type(size)(q, node, size), codegen
+
+
+@intrinsic
+def cayley_vector(tc, theta, node, size):
+    """Cayley vector of a node, in a plane a number."""
+    n = 3 if _dim(size) == 3 else 1
+
+    def codegen(ctx, b, sig, args):
+        o = b.mul(_int(ctx, b, args[1], sig.args[1]), ir.Constant(_I64, n))
+        return _loaded(ctx, b, sig.args[0], args[0], o, ir.Constant(_I64, 1), n)
+    return _spin_type(size)(theta, node, size), codegen
+
+
+def _zeros(n):
+    one = ir.Constant(_DOUBLE, 0.0)
+    return one if n == 1 else ir.Constant.literal_struct([one] * n)
+
+
+@intrinsic
+def zero_vector(tc, size):
+    """The vector 0."""
+    d = _dim(size)
+    return _vector_type(size)(size), lambda ctx, b, sig, args: _zeros(d)
+
+
+@intrinsic
+def zero_spin(tc, size):
+    """The spin 0."""
+    n = 3 if _dim(size) == 3 else 1
+    return _spin_type(size)(size), lambda ctx, b, sig, args: _zeros(n)
+
+
+def _make_put(accumulate):
+    def put(tc, array, offset, stride, x):
+        n = getattr(x, "n", 1)
+
+        def codegen(ctx, b, sig, args):
+            o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
+            for y in ([args[3]] if n == 1 else _parts(b, args[3], n)):
+                p = _pointer(ctx, b, sig.args[0], args[0], o, f8)
+                b.store(_add(b, b.load(p, align=8), y) if accumulate else y, p, align=8)
+                o = b.add(o, step)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, stride, x), codegen
+    put.__doc__ = ("Add" if accumulate else "Store") + " a vector or a number, its components so far apart."
+    return intrinsic(put)
+
+
+put, add_to = _make_put(False), _make_put(True)
+
+
+@intrinsic
+def put_cross_matrix(tc, a, offset, factor, x):
+    """a[offset + 8 i + j]: factor times the derivative of component i of x cross y by y_j; in a plane there is one row."""
+    n = x.n
+
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        f = ctx.cast(b, args[2], sig.args[2], f8)
+        xs = [_mul(b, f, y) for y in _parts(b, args[3], n)]
+        zero = ir.Constant(_DOUBLE, 0.0)
+        minus = [_sub(b, zero, y) for y in xs]
+        rows = [[minus[1], xs[0]]]
+        if n == 3:
+            rows = [[zero, minus[2], xs[1]], [xs[2], zero, minus[0]], [minus[1], xs[0], zero]]
+        for i, row in enumerate(rows):
+            for j, y in enumerate(row):
+                b.store(y, _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i + j)), f8), align=8)
+        return ctx.get_dummy_value()
+    return types.void(a, offset, factor, x), codegen
+
+
+# --- products -----------------------------------------------------------------------------------------------------------
+@generic
+def cross_product(x, y):
+    """x cross y of two vectors: a vector, in a plane its component along the normal."""
+
+
+@generic
+def spin_cross(spin, x):
+    """spin cross x of a spin and a vector: a vector."""
+
+
+@generic
+def on_spin(theta, y):
+    """A covector y of changes of the Cayley vector theta as a covector of the spins that cause them, theory.md (4.2): changes are
+    (I - 1/2 theta^ + 1/4 theta theta^T) spin."""
+
+
+cross_product.register(V3[f8])(cross)
+cross_product.register(V2[f8])(cross2)
+spin_cross.register(V3[f8])(cross)
+
+
+@spin_cross.register(f8)
+@kernel
+def _spin_cross_in_plane(spin, x):
+    return spin * perp(x)
+
+
+@on_spin.register(V3[f8])
+@kernel
+def _on_spin_in_space(theta, y):
+    return y + 0.5 * cross(theta, y) + (0.25 * dot(theta, y)) * theta
+
+
+@on_spin.register(f8)
+@kernel
+def _on_spin_in_plane(theta, y):
+    return y * (1.0 + 0.25 * theta * theta)

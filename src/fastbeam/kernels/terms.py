@@ -1,0 +1,255 @@
+"""What a compiled scene is made of, and what a step asks of it.
+
+A scene is a tuple of terms, named tuples of arrays: beams of each strain set, the nodes eliminated inside elements, bodies, tied
+nodes, held unknowns, sliders, loads that change. What a scene lacks is not in its tuple, and no code of it is compiled. The step
+(step.py) calls the generic functions below for all terms; each file of physics registers implementations of those that concern
+it. `System` holds what all terms share.
+
+Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
+and held unknowns.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._generic import generic
+from .work import State, Work
+
+
+class NoTies(NamedTuple):
+    """Of a scene without tied nodes."""
+
+
+class NoContact(NamedTuple):
+    """Of a scene without sliders: nothing but nodes."""
+
+
+class SolverOutside(NamedTuple):
+    """Nodes are solved for by a library that is called from Python."""
+
+
+# --- methods: what the equations of an iteration are --------------------------------------------------------------------
+class Conserving(NamedTuple):
+    """The energy-momentum conserving step, theory.md 4."""
+
+
+class Midpoint(NamedTuple):
+    """The implicit midpoint rule, theory.md 7."""
+
+
+class Equilibrium(NamedTuple):
+    """Statics, theory.md 8: half the tangent, at the present configuration."""
+
+
+class AtRest(NamedTuple):
+    """Residual at the present configuration for given second rates, without contact forces."""
+
+
+class System(NamedTuple):
+    """What all terms share."""
+
+    size: Any             # kinds.Space or kinds.Plane
+    method: Any           # Conserving, Midpoint, alpha.Alpha, Equilibrium or AtRest
+    contact: Any          # slider.Contact or NoContact
+    solver: Any           # chain.Elimination, sparse.PardisoTables or SolverOutside
+    row_of: np.ndarray    # int64 [N]: row of every node
+    spinless: np.ndarray  # int8 [N]: 1 where a triad does not turn
+    state: State
+    work: Work
+    width: int            # columns of the panel of right-hand sides
+    length: float         # size of the scene, m
+
+
+System.stays_in_memory = Work.stays_in_memory = State.stays_in_memory = True  # type: ignore[attr-defined]
+
+
+class Loads(NamedTuple):
+    """Loads that change in time: vectors in row layout and their mean factors over every substep."""
+
+    vectors: np.ndarray   # float64 [K, 8 (rows + 1)]
+    factors: np.ndarray   # float64 [substeps, K]
+
+
+# --- asked of every term ------------------------------------------------------------------------------------------------
+@generic
+def put_loads(term, system, k):
+    """Loads of substep k into work.f_ext."""
+
+
+@generic
+def first_guess(term, system, h, c):
+    """First guess of a step of size h, after that of the nodes; c as in `nodes.extrapolation`."""
+
+
+@generic
+def clear(term, method, system):
+    """Before residual and tangent are assembled, when coordinates in the middle and at the end of the step are known."""
+
+
+@generic
+def assemble(term, method, system, h):
+    """Add residual and tangent."""
+
+
+@generic
+def weigh(term, method, system):
+    """After assembly: bring residuals that are stored elsewhere to the share of the tangent that the method forms."""
+
+
+@generic
+def carry_columns(term, system):
+    """Take the border columns of sliders the way that the residual took."""
+
+
+@generic
+def complete_columns(term, system):
+    """Solutions of all columns for what the solver does not see; last term first."""
+
+
+@generic
+def push_increments(term, system):
+    """Rows of increments of what follows other nodes."""
+
+
+@generic
+def recover(term, system, share):
+    """Rows of increments of what was eliminated: `share` of its stored solution; last term first."""
+
+
+@generic
+def follow_nodes(term, system):
+    """After the increments of the nodes."""
+
+
+@generic
+def accept(term, method, system):
+    """A step has converged."""
+
+
+@generic
+def is_regular(term, system):
+    """Whether eliminations before the solver went well."""
+
+
+@generic
+def is_settled(term, system):
+    """Whether nothing but the size of the increments decides on convergence."""
+
+
+@generic
+def within_limits(term, system, counts_out):
+    """Whether the state after a step is one that the term can go on from; counts_out[3]: the part that is not."""
+
+
+# --- by the kind of nodes -----------------------------------------------------------------------------------------------
+@generic
+def predict_nodes(size, state, work, spinless, h, c, first, last):
+    """First guess of the nodes from `first` to before `last`."""
+
+
+@generic
+def spread_nodes(size, method, state, work, h, first, last):
+    """Coordinates of these nodes in the middle and at the end of the step, and second rates, for terms that need them."""
+
+
+@generic
+def move_nodes(size, row_of, work, first, last, scratch):
+    """Add the rows of increments to these nodes. Returns the largest of positions and of spins."""
+
+
+@generic
+def advance_nodes(size, method, state, work, h, first, last, scratch):
+    """Accept the increments of these nodes."""
+
+
+@generic
+def add_elements(size, method, tables, inner, strains, system, h):
+    """Residual and tangent of all elements with one strain set."""
+
+
+# --- by the kind of tied nodes ------------------------------------------------------------------------------------------
+@generic
+def tie_increments(ties, q, theta, dphi, off_out):
+    """Increments of a step from q on, of the tied nodes from those of their targets, and how far they lie from where the rows of
+    increments led them."""
+
+
+@generic
+def apply_ties(ties, k0, k1, p0, p1, q_mid, q_end, r, blocks, scratch):
+    """Move residual rows and tangent blocks of tied nodes to their targets: r <- L(q_mid)^T r, K <- L(q_mid)^T K L(q_end),
+    plus the change of L with the target's spin. Rows of the tied nodes k0 to before k1, then the moves p0 to before p1."""
+
+
+@generic
+def pull_tied_columns(ties, q_mid, panel, width):
+    """Border columns on rows of tied nodes go to their targets."""
+
+
+@generic
+def push_tied_columns(ties, q_end, panel, pitch, width, columns):
+    """Solutions on rows of tied nodes from their targets, for so many columns: `pitch` doubles a row, `width` an unknown."""
+
+
+# --- by the method ------------------------------------------------------------------------------------------------------
+@generic
+def begin_step(method, terms, system, h):
+    """First guess of everything."""
+
+
+@generic
+def save(method):
+    """Remember what is not in the state before a step."""
+
+
+@generic
+def restore(method):
+    """Go back to it."""
+
+
+@generic
+def weigh_residual(method, system):
+    """Bring the residual to the share of the tangent that the method forms."""
+
+
+@generic
+def node_share(method):
+    """Increments per solution of the equations: -1, or -1/2 where half the tangent is formed."""
+
+
+@generic
+def inner_share(method):
+    """The same for stored solutions of eliminated nodes."""
+
+
+@generic
+def clear_increments(method, system):
+    """Before increments are added."""
+
+
+@generic
+def take_increments(method, system):
+    """After increments were added."""
+
+
+# --- by contact and solver ----------------------------------------------------------------------------------------------
+@generic
+def fill(contact, terms, system):
+    """Right-hand sides of the panel."""
+
+
+@generic
+def close(contact, terms, system):
+    """Rows of increments from the solved panel. Returns (0, largest increment of s), or (-1 - k, 0) where slider k makes the
+    system singular."""
+
+
+@generic
+def begin_solver(solver):
+    """Before the first solution of a step."""
+
+
+@generic
+def solve(solver, contact, system):
+    """Solve the panel; False where the matrix is singular."""
