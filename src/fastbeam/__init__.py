@@ -11,7 +11,7 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Clamp", "DistributedLoad", "InitialVelocity", "Load", "Net", "NodeRef", "Pin", "PointMass",
-              "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider"],
+              "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "Spring"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],

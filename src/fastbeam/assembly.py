@@ -32,7 +32,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False) -> tuple[A
     if model.green is not None:
         terms.append(GreenLagrange(model.green, inner))
     held = model.static_held if static else model.held
-    return (*terms, *(x for x in (None if static else model.bodies, model.ties, held) if x is not None))
+    bodies = None if static else model.bodies
+    return (*terms, *(x for x in (bodies, *model.links, model.ties, held) if x is not None))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

@@ -14,6 +14,7 @@ from .arguments import Anything, Flag, Word, checked, shown
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
 from .initial import initial_state, place_points
+from .links import coupled_pairs, link_tables, linked_nodes
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.ties import Ties
@@ -87,11 +88,13 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     size, columns = 0, len(scene.sliders) > 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
+        eligible[linked_nodes(scene, nodes)] = False
         for packer in used:
             size = packer.eliminate(eligible, size, columns)
     root = joints.row_root[ends]
     pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
-                            (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1)])
+                            (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1),
+                            coupled_pairs(scene, nodes, joints)])
     band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
     level = _levels(n, used)
     blocks = _Blocks(n, pairs, joints, band, solver, level)
@@ -106,7 +109,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         at += m
     n_panel = blocks.pattern.n + int(np.sum(level == 1))
     inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size, columns)
-    substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:].reshape(-1, 4), blocks.n_blocks,
+    substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:at + 4 * len(ends)].reshape(-1, 4), blocks.n_blocks,
                                        blocks.pattern.n, n_panel)
     del used, packers
     bodies = _bodies(scene, nodes, blocks)
@@ -117,10 +120,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
     state, projected = initial_state(scene, nodes, joints, elements)
+    links = link_tables(scene, nodes, blocks, row_of)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, substructures=substructures, bodies=bodies, ties=ties, held=held, static_held=static_held, curves=curves,
-        sliders=sliders,
+        inner=inner, substructures=substructures, bodies=bodies, links=links, ties=ties, held=held, static_held=static_held,
+        curves=curves, sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
@@ -225,6 +229,7 @@ class _Blocks:
         self.pattern: Pattern = widen(among_ends, level, joints.row_root)
         if solver == "chain" and self.pattern.plan is None:
             raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
+        self.root = joints.row_root
         self.base = self.pattern.keys.size
         self.n_blocks = self.base + self.raw.size
         # block of every coupled pair, then of all pairs
@@ -236,10 +241,17 @@ class _Blocks:
 
     def diagonal(self, nodes: Array) -> Array:
         """Blocks that the own terms of nodes are added to."""
-        key = nodes * (self.pattern.row_of.size + 1)
+        return self.between(nodes, nodes)
+
+    def between(self, a: Array, b: Array) -> Array:
+        """Blocks that terms of coupled nodes are added to, int [n]."""
+        a, b = self.root[a], self.root[b]
+        key = a * self.pattern.row_of.size + b
         at = np.minimum(np.searchsorted(self.raw, key), max(self.raw.size - 1, 0))
         tied = self.raw[at] == key if self.raw.size else np.zeros(key.shape, bool)
-        return np.where(tied, self.base + at, self.pattern.block(nodes, nodes))
+        out = self.base + at
+        out[~tied] = self.pattern.block(a[~tied], b[~tied])
+        return out
 
 
 def _moves(raw: Array, joints: Connections, tied: Array) -> Array:

@@ -38,6 +38,8 @@ class Model:
         Elements with strain set (2.2), (2.1).
     inner, substructures, bodies, ties, held, curves, sliders : tables or None
         None where the scene has none; then no code is compiled for them.
+    links : tuple
+        Tables of springs and other links between two points, one of each kind.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
@@ -82,6 +84,7 @@ class Model:
     inner: Inner | None
     substructures: Substructures | None
     bodies: Bodies | PlanarBodies | None
+    links: tuple[Any, ...]
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
@@ -199,7 +202,7 @@ class Model:
         """Hash of all tables and the initial state; functions of time count only by being there. Of the same scene it is the
         same in every process of one machine."""
         digest = sha256()
-        tables = (self.simo, self.green, self.bodies, self.ties, self.held, self.curves, self.sliders)
+        tables = (self.simo, self.green, self.bodies, *self.links, self.ties, self.held, self.curves, self.sliders)
         parts = [x for table in tables for x in ((None,) if table is None else table)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
                   self.v0, self.s0, self.slider_lengths]
@@ -275,7 +278,7 @@ class Model:
         kept = int(keep)
         q = self.q0.size
         # what is not a beam takes the coordinates from these
-        moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None)
+        moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None or bool(self.links))
         border = self.border * s
         theta = _padded((size - self.dim) * n)
         return Work(dphi=_padded(self.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),

@@ -74,7 +74,7 @@ class NodeList:
         self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
         self.arm_owner: list[tuple[int, int]] = []
         points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
-        points += [node for joint in [*scene.balls, *scene.rigid] for node in (joint.a, joint.b)]
+        points += [node for joint in [*scene.balls, *scene.rigid, *scene.links] for node in (joint.a, joint.b)]
         for node in points:
             key = (id(node.owner), tuple(node.offset.tolist()))
             if isinstance(node.owner, Beam) or node.is_center or key in self.arms:

@@ -9,6 +9,8 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
+from .kernels.kinds import SPACE
+from .kernels.step import energy_of
 from .kernels.work import State
 from .model import Model, factor_at
 from .result import ResultHeader
@@ -154,13 +156,17 @@ class Observer:
 
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
-    """Energy stored in all beams, J."""
+    """Energy stored in all beams and springs, J."""
     work = np.zeros(6) if work is None else work
     total = 0.0
     if model.simo is not None:
         total += kernels.strain_energy(model.simo, model.n_nodes, q, None, work, np.zeros(0))
     if model.green is not None:
         total += kernels.strain_energy(model.green, model.n_nodes, q, 1, work, np.zeros(0))
+    if model.links:
+        work[0] = 0.0
+        energy_of(model.links, q, SPACE, work)
+        total += work[0]
     return float(total)
 
 

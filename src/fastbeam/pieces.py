@@ -14,8 +14,8 @@ DIRECTION = np.array([0.5377431, 0.7218043, 0.4356827])
 
 
 def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[int, list[list[int]]]:
-    """How many pieces the joints, nets and sliders leave, and the nodes of every place where a free end of a beam touches another
-    node without a joint.
+    """How many pieces the joints, links, nets and sliders leave, and the nodes of every place where a free end of a beam touches
+    another node without a joint.
 
     Parameters
     ----------
@@ -40,8 +40,9 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[i
     goes_on[first_and_last[:, 1]] = False
     chain = np.flatnonzero(goes_on)
     contacts = np.array([(nodes.number(s.point), nodes.start(s.beam)) for s in scene.sliders], np.int64).reshape(-1, 2)
+    linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
     joined = _components(n, np.concatenate(joints))
-    count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts))).max()) + 1
+    count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
     alone = np.bincount(joined, minlength=n)[joined] == 1
     alone[contacts[:, 0]] = False
     free = np.zeros(n, bool)

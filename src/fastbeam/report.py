@@ -45,6 +45,8 @@ def describe(scene: Scene, model: Model) -> str:
         masses = model.bodies.node.size - len(scene.bodies)
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
                      f"{_plural(masses, 'point mass').replace('masss', 'masses')}")
+    for noun, count in Counter(type(link).kind for link in scene.links).items():
+        lines.append(f"  {noun + 's':18} {_plural(count, noun)} between two points")
     if model.n_rows < model.n_nodes:
         shared = _plural(model.n_nodes - model.n_rows, "beam end")
         lines.append(f"  shared rows        {shared} of nets share the unknowns of another")

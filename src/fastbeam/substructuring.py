@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .connections import Connections
+from .links import linked_nodes
 from .numbering import NodeList
 from .scene import Net, Scene
 
@@ -54,6 +55,7 @@ def _free_nodes(scene: Scene, nodes: NodeList, joints: Connections) -> Array:
     free = (joints.held == 0) & ~joints.tied & (joints.row_root == n) & (joints.spin_root == n)
     free[joints.row_root[joints.row_root != n]] = False
     free[joints.target] = False
+    free[joints.row_root[linked_nodes(scene, nodes)]] = False
     for slider in scene.sliders:
         free[nodes.number(slider.point)] = False
         free[nodes.span(slider.beam)] = False

@@ -170,6 +170,24 @@ def put_cross_matrix(tc, a, offset, factor, x):
     return types.void(a, offset, factor, x), codegen
 
 
+@intrinsic
+def add_stiffness(tc, a, offset, factor, x, y):
+    """a[offset + 8 i + j] += factor (i == j) + x_i y_j."""
+    n = x.n
+
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        f = ctx.cast(b, args[2], sig.args[2], f8)
+        xs, ys = _parts(b, args[3], n), _parts(b, args[4], n)
+        for i in range(n):
+            for j in range(n):
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i + j)), f8)
+                z = _add(b, b.load(p, align=8), _mul(b, xs[i], ys[j]))
+                b.store(_add(b, z, f) if i == j else z, p, align=8)
+        return ctx.get_dummy_value()
+    return types.void(a, offset, factor, x, y), codegen
+
+
 # --- products -----------------------------------------------------------------------------------------------------------
 @generic
 def cross_product(x, y):

@@ -19,8 +19,8 @@ from .sparse import PardisoTables, solve_sparse
 from .sparse import begin_step as begin_pardiso_step
 from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_solver,
                     begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess, follow_nodes,
-                    inner_share, is_regular, is_settled, move_nodes, node_share, predict_nodes, push_increments, put_loads,
-                    recover, restore, save, solve, spread_nodes, take_increments, weigh, weigh_residual, within_limits)
+                    inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
+                    push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, weigh, weigh_residual, within_limits)
 from .work import clear_equations, copy, follow_line, keep, start_line
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
@@ -463,6 +463,11 @@ def update(terms, system):
 @kernel
 def finish(terms, system, h):
     finish_step(in_memory(terms), in_memory(system), h)
+
+
+@kernel
+def energy_of(terms, q, size, out):
+    potential_energy.each(in_memory(terms), q, size, out)
 
 
 @kernel

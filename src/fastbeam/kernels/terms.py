@@ -143,6 +143,11 @@ def within_limits(term, system, counts_out):
     """Whether the state after a step is one that the term can go on from; counts_out[3]: the part that is not."""
 
 
+@generic
+def potential_energy(term, q, size, out):
+    """Add the energy, J, that the term stores at coordinates q to out[0]."""
+
+
 # --- by the kind of nodes -----------------------------------------------------------------------------------------------
 @generic
 def predict_nodes(size, state, work, spinless, h, c, first, last):

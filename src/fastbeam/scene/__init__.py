@@ -9,8 +9,10 @@ from fastbeam.scene.parts import (
 )
 from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
+from fastbeam.scene.spring import Spring
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam",
-    "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "StraightLine",
+    "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "Spring",
+    "StraightLine",
 ]

@@ -13,6 +13,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -20,9 +21,9 @@ from fastbeam.scene.parts import (
 )
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider)
+        | RigidMotion | Slider | Link)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider)
+                           InitialVelocity, RigidMotion, Slider, Link)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -176,6 +177,11 @@ class Scene:
     def sliders(self) -> list[Slider]:
         """All sliders."""
         return self._of(Slider)
+
+    @property
+    def links(self) -> list[Link]:
+        """All springs and other links between two points."""
+        return self._of(Link)
 
     # --- positions ----------------------------------------------------------------------------------------------------
     @checked(thing=Node())
@@ -402,7 +408,7 @@ class Scene:
 
     def __repr__(self) -> str:
         items = []
-        for kind in KINDS:
+        for kind in [*KINDS, *dict.fromkeys(type(link) for link in self.links)]:
             found = [part for part in self.parts if type(part) is kind]
             if not found:
                 continue
@@ -425,10 +431,10 @@ def _who(part: Any) -> str:
 
 
 def _held_nodes(part: Part) -> list[NodeRef]:
-    """The nodes that a support, joint or slider holds as points."""
+    """The nodes that a support, joint, link or slider takes as points."""
     if isinstance(part, (Clamp, Pin)):
         return [part.at]
-    if isinstance(part, (RigidConnection, BallJoint)):
+    if isinstance(part, (RigidConnection, BallJoint, Link)):
         return [part.a, part.b]
     return [part.point] if isinstance(part, Slider) else []
 

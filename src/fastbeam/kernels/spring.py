@@ -1,0 +1,88 @@
+"""Linear springs between two points.
+
+    U = 1/2 k (l - L)^2,   l = |x_b - x_a|
+
+The conserving step takes the discrete gradient (U_n+1 - U_n)/(l_n+1^2 - l_n^2) times the derivative of l^2 at the mean shape,
+for this energy k (1 - 2 L/(l_n + l_n+1)) (r_n + r_n+1)/2 with r = x_b - x_a: energy and both momenta are kept (Gonzalez 1996).
+All other methods evaluate k (1 - L/l) r at one shape.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import dot
+from .kinds import add_stiffness, add_to, position
+from .terms import Conserving, assemble, potential_energy
+
+
+class Springs(NamedTuple):
+    """Springs between nodes a and b, L of them."""
+
+    node: np.ndarray       # int64 [L, 2]
+    row: np.ndarray        # int64 [L, 2]
+    block: np.ndarray      # int64 [L, 4]: a-a, a-b, b-a, b-b
+    stiffness: np.ndarray  # float64 [L], N/m
+    length: np.ndarray     # float64 [L]: without force, m
+
+
+@kernel
+def difference(link, k, q, size):
+    """x_b - x_a of link k at coordinates q."""
+    return position(q, link.node[k, 1], size) - position(q, link.node[k, 0], size)
+
+
+@kernel
+def add_pair(link, k, force, iso, x, y, work, size):
+    """`force` on b and its opposite on a into the residual, and iso I + x y^T, its derivative by the end position of b."""
+    add_to(work.r, 8 * link.row[k, 1], 1, force)
+    add_to(work.r, 8 * link.row[k, 0], 1, -1.0 * force)
+    for e in range(4):
+        sign = 1.0 if e == 0 or e == 3 else -1.0
+        add_stiffness(work.blocks, 8 * len(size) * link.block[k, e], sign * iso, sign * x, y)
+
+
+@assemble.register(Springs, Conserving)
+@kernel
+def assemble_springs(springs, method, system, h):
+    work, size = system.work, system.size
+    for k in range(springs.stiffness.shape[0]):
+        start = difference(springs, k, system.state.q, size)
+        end = difference(springs, k, work.q_end, size)
+        mean = difference(springs, k, work.q_mid, size)
+        c = springs.stiffness[k]
+        rest = springs.length[k]
+        share = 0.0
+        if rest > 0.0:
+            after = dot(end, end)**0.5
+            both = dot(start, start)**0.5 + after
+            share = 2.0 * rest / both
+            add_pair(springs, k, 0.0 * mean, 0.0, (c * share / (both * after)) * mean, end, work, size)
+        add_pair(springs, k, (c * (1.0 - share)) * mean, 0.5 * c * (1.0 - share), 0.0 * mean, end, work, size)
+
+
+@assemble.register(Springs)
+@kernel
+def assemble_springs_at_once(springs, method, system, h):
+    """The force at one shape and half its derivative."""
+    work, size = system.work, system.size
+    for k in range(springs.stiffness.shape[0]):
+        r = difference(springs, k, work.q_mid, size)
+        c = springs.stiffness[k]
+        rest = springs.length[k]
+        share = 0.0
+        if rest > 0.0:
+            square = dot(r, r)
+            share = rest / square**0.5
+            add_pair(springs, k, 0.0 * r, 0.0, (0.5 * c * share / square) * r, r, work, size)
+        add_pair(springs, k, (c * (1.0 - share)) * r, 0.5 * c * (1.0 - share), 0.0 * r, r, work, size)
+
+
+@potential_energy.register(Springs)
+@kernel
+def energy_of_springs(springs, q, size, out):
+    for k in range(springs.stiffness.shape[0]):
+        r = difference(springs, k, q, size)
+        out[0] += 0.5 * springs.stiffness[k] * (dot(r, r)**0.5 - springs.length[k])**2

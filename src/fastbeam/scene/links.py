@@ -1,0 +1,32 @@
+"""What couples two points of a scene: the common part of springs and of joints with multipliers."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from fastbeam.arguments import Name, checked
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.parts import Node
+
+
+@checked(a=Node(), b=Node(), name=Name("a link has two sides, write one for every pair"))
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Two different nodes and a name that is made from them when left out."""
+
+    kind: ClassVar[str] = "link"
+
+    a: NodeRef
+    b: NodeRef
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        a, b = self.a, self.b
+        if a.owner is b.owner and a.index == b.index and (a.offset == b.offset).all():
+            who = self.kind if self.name is None else checks.label(self.kind, self.name)
+            same = a.label if isinstance(a.owner, Beam) else a.owner.label
+            raise SceneError(f"{who}: both sides are {same}; it needs two different points")
+        if self.name is None:
+            checks.fill(self, name=f"{self.kind} of {a.label} and {b.label}")
