@@ -10,7 +10,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "DistributedLoad", "InitialVelocity", "Load", "Net", "NodeRef", "Pin", "PointMass",
+    "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "InitialVelocity", "Load", "Net", "NodeRef", "Pin", "PointMass",
               "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "Spring"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],

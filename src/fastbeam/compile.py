@@ -14,9 +14,10 @@ from .arguments import Anything, Flag, Word, checked, shown
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
 from .initial import initial_state, place_points
-from .links import coupled_pairs, link_tables, linked_nodes
+from .links import Links
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
+from .kernels.terms import NoTies
 from .kernels.ties import Ties
 from .model import Model
 from .numbering import NodeList
@@ -73,11 +74,12 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     n = len(nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
-    joints = _connections(scene, nodes, length)
+    joints, hinges = _connections(scene, nodes, length)
+    links = Links(scene, nodes, joints, hinges)
 
     elements = [elements_of(part, nodes.start(part)) for part in [*scene.beams, *scene.nets]]
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    beams = substructures_of(scene, nodes, joints, condense)
+    beams = substructures_of(scene, nodes, joints, links.touched, condense)
     for source, part in zip([*scene.beams, *scene.nets], elements):
         some, found = beams.get(source.name, (None, []))
         packers[part.strain].add(part, nodes.phi, nodes.directors, some)
@@ -88,13 +90,13 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     size, columns = 0, len(scene.sliders) > 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
-        eligible[linked_nodes(scene, nodes)] = False
+        eligible[links.touched] = False
         for packer in used:
             size = packer.eliminate(eligible, size, columns)
     root = joints.row_root[ends]
     pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
                             (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1),
-                            coupled_pairs(scene, nodes, joints)])
+                            links.pairs])
     band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
     level = _levels(n, used)
     blocks = _Blocks(n, pairs, joints, band, solver, level)
@@ -109,8 +111,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         at += m
     n_panel = blocks.pattern.n + int(np.sum(level == 1))
     inner = pack_inner(used, row_of, blocks.pattern.n, n_panel, size, columns)
-    substructures = pack_substructures(list(packers.values()), row_of[ends], blocks.element[at:at + 4 * len(ends)].reshape(-1, 4), blocks.n_blocks,
-                                       blocks.pattern.n, n_panel)
+    between_ends = blocks.element[at:at + 4 * len(ends)].reshape(-1, 4)
+    substructures = pack_substructures(list(packers.values()), row_of[ends], between_ends, blocks.n_blocks, blocks.pattern.n,
+                                       n_panel)
     del used, packers
     bodies = _bodies(scene, nodes, blocks)
     ties = _ties(joints.apart(), blocks)
@@ -119,11 +122,11 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
-    state, projected = initial_state(scene, nodes, joints, elements)
-    links = link_tables(scene, nodes, blocks, row_of)
+    state, projected = initial_state(scene, nodes, joints, elements, links.kept)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, substructures=substructures, bodies=bodies, links=links, ties=ties, held=held, static_held=static_held,
+        inner=inner, substructures=substructures, bodies=bodies,
+        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=links.kept, ties=ties, held=held, static_held=static_held,
         curves=curves, sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),
@@ -183,7 +186,8 @@ def _levels(n: int, packers: list[ElementPacker]) -> Array:
     return level
 
 
-def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
+def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array]:
+    """How nodes are tied, and the ball joints of nets, int [*, 2]."""
     held = np.zeros(len(nodes), np.int64)
     welds, hinges = [NO_PAIRS], [NO_PAIRS]
     for net in scene.nets:
@@ -200,7 +204,7 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> Connections:
     rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]
     balls = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.balls]
     return connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
-                   np.concatenate(welds), np.concatenate(hinges))
+                   np.concatenate(welds), np.concatenate(hinges)), np.concatenate(hinges)
 
 
 class _Blocks:

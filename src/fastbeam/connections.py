@@ -34,6 +34,8 @@ class Connections:
     kind, target : int [M]
     offset, rotation : [M, 3], [M, 3, 3]
         Offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a TRIAD.
+    loops : int [L]
+        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: multipliers hold them.
     """
 
     held: Array
@@ -44,6 +46,7 @@ class Connections:
     target: Array
     offset: Array
     rotation: Array
+    loops: Array
 
     @property
     def tied(self) -> Array:
@@ -71,7 +74,7 @@ class Connections:
         keep = self.row_root[owner] == owner
         start = np.concatenate(([0], np.cumsum(np.bincount(owner[keep], minlength=self.held.size))))
         return Connections(self.held, self.spin_root, self.row_root, start, self.kind[keep], self.target[keep],
-                           self.offset[keep], self.rotation[keep])
+                           self.offset[keep], self.rotation[keep], self.loops)
 
 
 class _Sets:
@@ -123,7 +126,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     ball = np.concatenate((_pairs(balls), hinges))
     every = np.arange(n)
     out = Connections(held.copy(), every.copy(), every.copy(), np.zeros(n + 1, np.int64), np.zeros(0, np.int64),
-                      np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+                      np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.int64))
     if not (len(fixed) or len(ball)):
         return out
     touched = np.zeros(n, bool)
@@ -143,7 +146,8 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     def name(j: int) -> str:
         return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
 
-    base, arms = _ball_trees(root_of, ball, offset, out.held, rank, labels, name)
+    out.loops = _loops(root_of, ball, offset, out.held, labels, name)
+    base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
 
     # entries: position, arms, triad of every tied node
     slave = touched[(touched != root) | (base[root] != root)]
@@ -210,9 +214,63 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
     return root_of
 
 
-def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: Array, labels: Sequence[str],
-                name: Callable[[int], str]) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
-    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any)."""
+def _loops(root_of: Array, ball: Array, offset: Array, held: Array, labels: Sequence[str], name: Callable[[int], str]) -> Array:
+    """Ball joints that join rigid sets, or supports of them, which others before them join already, int [L].
+
+    Raises
+    ------
+    SceneError
+        A joint that does nothing.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    if not len(ball):
+        return np.zeros(0, np.int64)
+    sides = root_of[ball]
+    roots, local = np.unique(sides, return_inverse=True)
+    local = local.reshape(-1, 2)
+    m = roots.size
+    standing = held[roots] & HOLD_POSITION != 0
+    # every support hangs on the ground, one more set
+    ground = np.flatnonzero(standing)
+    graph = coo_matrix((np.ones(len(ball) + ground.size, np.int8), (np.concatenate((local[:, 0], ground)),
+                                                                    np.concatenate((local[:, 1], np.full(ground.size, m))))),
+                       shape=(m + 1, m + 1))
+    n_trees = connected_components(graph, directed=False)[0]
+    if not np.any(local[:, 0] == local[:, 1]) and len(ball) + ground.size == m + 1 - n_trees:
+        return np.zeros(0, np.int64)
+    sets = _Sets(m + 1)
+    for i in ground.tolist():
+        sets.join(i, m)
+    loops = []
+    first: dict[tuple[int, int], list[int]] = {}
+    for j, (a, b) in enumerate(local.tolist()):
+        before = first.setdefault((min(a, b), max(a, b)), [])
+        before.append(j)
+        if a == b:
+            raise SceneError(f"{name(j)}: rigid connections hold both of its sides together, so the joint does nothing; remove it")
+        if sets.join(a, b):
+            continue
+        if any(np.array_equal(_sides(offset, ball[j], a, local[j]), _sides(offset, ball[k], a, local[k])) for k in before[:-1]):
+            raise SceneError(f"{name(j)}: a second ball joint between the same rigid parts at the same point, beside "
+                             f"{name(before[0])}: it does nothing; remove it")
+        stands = [held[roots[x]] == 63 or (standing[x] and not np.any(offset[ball[j, list(local[j]).index(x)]])) for x in (a, b)]
+        if all(stands):
+            raise SceneError(f"{name(j)}: both sides are held ({labels[roots[a]]}, {labels[roots[b]]}), the joint does nothing; "
+                             "remove it or one of the supports")
+        loops.append(j)
+    return np.array(loops, np.int64)
+
+
+def _sides(offset: Array, pair: Array, a: int, local: Array) -> Array:
+    """Offsets of both sides of a joint in the triads of their roots, that of root a first."""
+    return offset[pair if local[0] == a else pair[::-1]]
+
+
+def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
+                rank: Array) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
+    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any), for ball
+    joints that close no loops; at most one set of a tree is supported."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
     base = np.arange(root_of.size)
@@ -225,21 +283,6 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
     m = roots.size
     graph = coo_matrix((np.ones(len(ball), np.int8), (local[:, 0], local[:, 1])), shape=(m, m))
     n_trees, tree = connected_components(graph, directed=False)
-    if np.any(local[:, 0] == local[:, 1]) or len(ball) != m - n_trees:
-        sets = _Sets(m)
-        first = next(j for j, (a, b) in enumerate(local.tolist()) if a == b or not sets.join(a, b))
-        a, b = local[first]
-        pair = np.array([a, b]) if a < b else np.array([b, a])
-        again = next((j for j in range(first) if np.array_equal(np.sort(local[j]), pair)), None)
-        if a == b:
-            why = "rigid connections hold both of its sides together, so the joint does nothing; remove it"
-        elif again is not None:
-            why = (f"a second ball joint between the same rigid parts, beside {name(again)}; at the same point it does nothing, "
-                   "elsewhere both are a hinge, which is not supported yet; put a beam into the loop, or remove the "
-                   "joint")
-        else:
-            why = "it closes a loop of rigid parts, which is not supported yet; put a beam into the loop, or remove the joint"
-        raise SceneError(f"{name(first)}: it joins parts that rigid connections and ball joints already join: {why}")
     order = np.lexsort((roots, rank[roots], held[roots] & 7 != 7))
     top = np.full(n_trees, -1)
     top[tree[order[::-1]]] = order[::-1]
@@ -264,12 +307,4 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array, rank: A
             up, down = int(roots[above[i]]), int(roots[child[i]])
             if away[i] or up in arms:
                 arms[down] = [*arms.get(up, []), (up, offset[at_parent[i]]), (down, -offset[at_child[i]])]
-    for i in np.flatnonzero(held[roots[child]] & 7 != 0):
-        up, down = int(roots[above[i]]), int(roots[child[i]])
-        if down in arms:
-            raise SceneError(f"{name(int(joint[i]))}: it closes a loop of rigid parts from the support of {labels[base[down]]} "
-                             f"to that of {labels[down]} (a linkage), which is not supported yet; make one link of the loop a "
-                             "stiff Beam, or remove the joint or one of the supports")
-        raise SceneError(f"{name(int(joint[i]))}: both sides are held ({labels[up]}, {labels[down]}), the joint does nothing; "
-                         "remove it or one of the supports")
     return base, arms

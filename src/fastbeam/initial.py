@@ -6,6 +6,7 @@ import numpy as np
 from .connections import ARM, TRIAD, Connections
 from .errors import SceneError
 from .kernels.work import State
+from .links import KeptLink
 from .numbering import NodeList
 from .projection import project
 from .scene import PointMass, RigidBody, Scene
@@ -16,8 +17,9 @@ Array = np.ndarray
 NO_VELOCITY = 1e-100
 
 
-def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements]) -> tuple[State, str]:
-    """State at t = 0, and what a projection of the velocities changed, in words.
+def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements],
+                  kept: list[KeptLink]) -> tuple[State, str]:
+    """State at t = 0, and what a projection of the velocities changed, in words. kept: joints that multipliers hold.
 
     Raises
     ------
@@ -36,7 +38,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
     v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
     changed = ""
-    wrong = _mismatch(scene, nodes, joints, v, omega, lines)
+    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
         size, text = max(wrong)
@@ -45,8 +47,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
             given = v, omega
-            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines)
-            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines))
+            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept)
+            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept))
             if size > 1e-7 * scale:
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
@@ -65,7 +67,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     if omega.any():
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
-    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(3 * s.size)), changed
+    forces = 3 * s.size + sum(link.forces for link in kept)
+    return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(forces)), changed
 
 
 def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Array], energies: tuple[float, float]) -> str:
@@ -187,7 +190,7 @@ def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Arra
 
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
-              lines: list[tuple[Array, Array, Array, int]]) -> list[tuple[float, str]]:
+              lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink]) -> list[tuple[float, str]]:
     """(size in m/s, what) of what the velocities violate, the worst of every kind."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
@@ -204,6 +207,9 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             amount = np.linalg.norm(error[k], axis=1)
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
+    for link in kept:
+        a, b = link.node
+        out.append((float(np.linalg.norm(link.rates(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]

@@ -1,20 +1,22 @@
-"""Registry of what couples two points: springs and other links. One entry turns all parts of a kind into the table of its term.
+"""Registry of what couples two points: springs, joints with multipliers. One entry turns all of a kind into the table of its term.
 
-A new kind of link is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here.
+A new kind is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from .connections import Connections
+from .errors import SceneError
+from .kernels.ball_joint import BallJoints
+from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
 from .numbering import NodeList
-from .scene import Scene, Spring
-from .scene.links import Link
+from .scene import BallJoint, DistanceJoint, Scene, Spring
 
 Array = np.ndarray
 
@@ -31,58 +33,150 @@ class Ends:
 
     Attributes
     ----------
-    node : int64 [L, 2]
-        Nodes.
-    row : int64 [L, 2]
-        Their rows of the residual.
+    parts : list
+        The nouns, None where there is none.
+    node, row : int64 [L, 2]
+        Nodes, and their rows of the residual.
     block : int64 [L, 4]
-        Blocks a-a, a-b, b-a, b-b of the tangent.
+        Blocks a-a, a-b, b-a, b-b of the tangent; empty where the kind couples none.
     distance : float64 [L]
         Of both ends at t = 0, m.
+    first : int64 [1]
+        Number of the first among all constraints.
+    ties
+        Tied nodes, or NoTies.
     """
 
-    def __init__(self, links: list[Any], nodes: NodeList, blocks: Blocks, row_of: Array) -> None:
-        self.node = ends_of(links, nodes)
-        a, b = self.node.T
-        self.row = row_of[self.node]
-        self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
-        self.distance = np.linalg.norm(nodes.phi[b] - nodes.phi[a], axis=1)
+    def __init__(self, parts: list[Any], node: Array, phi: Array, row_of: Array, blocks: Blocks | None, first: int,
+                 ties: Any) -> None:
+        self.parts, self.node, self.ties = parts, node, ties
+        a, b = node.T
+        self.row = row_of[node]
+        self.block = np.zeros((0, 4), np.int64)
+        if blocks is not None:
+            self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
+        self.distance = np.linalg.norm(phi[b] - phi[a], axis=1)
+        self.first = np.array([first])
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A kind of link: its noun, and the table of all links of this kind."""
+    """A kind of link.
 
-    noun: type[Link]
-    table: Callable[[list[Any], Ends], Any]
+    Attributes
+    ----------
+    noun : type
+    table : callable
+        The table of all links of this kind from their `Ends`.
+    couples : bool
+        Whether it adds to the blocks between its nodes.
+    gaps : callable or None
+        Of a joint with multipliers: derivative [m, 3] of its gaps by x_b - x_a, from that vector.
+    """
+
+    noun: type
+    table: Callable[[Ends], Any]
+    couples: bool = True
+    gaps: Callable[[Array], Array] | None = None
 
 
-def _springs(springs: list[Spring], ends: Ends) -> Springs:
-    length = np.array([d if x.length is None else x.length for x, d in zip(springs, ends.distance)])
-    return Springs(ends.node, ends.row, ends.block, np.array([x.stiffness for x in springs]), length)
+def _springs(ends: Ends) -> Springs:
+    length = np.array([d if x.length is None else x.length for x, d in zip(ends.parts, ends.distance)])
+    return Springs(ends.node, ends.row, ends.block, np.array([x.stiffness for x in ends.parts]), length)
 
 
-REGISTRY = (Entry(Spring, _springs),)
+REGISTRY = (
+    Entry(Spring, _springs),
+    Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, gaps=lambda r: np.eye(3)),
+    Entry(DistanceJoint, lambda x: DistanceJoints(x.node, x.row, x.block, x.distance, x.first, x.ties),
+          gaps=lambda r: r[None] / np.linalg.norm(r)),
+)
 
 
-def ends_of(links: list[Any], nodes: NodeList) -> Array:
+class KeptLink(NamedTuple):
+    """A joint that multipliers hold."""
+
+    name: str
+    node: tuple[int, int]
+    gaps: Callable[[Array], Array]
+
+    def rates(self, r: Array) -> Array:
+        """Derivative [m, 3] of the gaps by r = x_b - x_a."""
+        return self.gaps(r)
+
+
+class Links:
+    """All links of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    nodes : NodeList
+    joints : Connections
+        Its loops are ball joints that multipliers hold.
+    hinges : int [*, 2]
+        Ball joints of nets.
+
+    Raises
+    ------
+    SceneError
+        A distance joint between points at the same place.
+    """
+
+    def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
+        balls = [*scene.balls, *[None] * len(hinges)]
+        pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
+        self._nodes, self._root = nodes, joints.row_root
+        self.groups: list[tuple[Entry, list[Any], Array]] = []
+        for entry in REGISTRY:
+            parts: list[Any] = [x for x in scene.links if type(x) is entry.noun]
+            node = _nodes_of(parts, nodes)
+            if entry.noun is BallJoint:
+                parts, node = [balls[j] for j in joints.loops], pairs[joints.loops]
+            if parts:
+                self.groups.append((entry, parts, node))
+        for entry, parts, node in self.groups:
+            if entry.noun is DistanceJoint:
+                reach = 1e-12 * float(np.max(np.abs(nodes.phi)))
+                for part, (a, b) in zip(parts, node):
+                    if not np.linalg.norm(nodes.phi[b] - nodes.phi[a]) > reach:
+                        raise SceneError(f"distance joint {part.name!r}: {part.a} and {part.b} lie at the same place, so no direction "
+                                         "is kept apart; use BallJoint, or move one of them")
+
+    @property
+    def touched(self) -> Array:
+        """All nodes that a link touches; they are not eliminated inside elements and beams."""
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *(node.reshape(-1) for _, _, node in self.groups)]))
+
+    @property
+    def pairs(self) -> Array:
+        """Pairs of nodes i, j that links couple, as i N + j."""
+        n = len(self._nodes)
+        out = [np.zeros(0, np.int64)]
+        for entry, _, node in self.groups:
+            if entry.couples:
+                a, b = self._root[node].T
+                out += [a * n + a, a * n + b, b * n + a, b * n + b]
+        return np.concatenate(out)
+
+    @property
+    def kept(self) -> list[KeptLink]:
+        """Joints with multipliers, in the order of their constraints."""
+        nodes = self._nodes
+        return [KeptLink(part.name if part is not None else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}",
+                         (int(a), int(b)), entry.gaps)
+                for entry, parts, node in self.groups if entry.gaps is not None for part, (a, b) in zip(parts, node)]
+
+    def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any) -> tuple[Any, ...]:
+        """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
+        out, first = [], sliders
+        for entry, parts, node in self.groups:
+            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties)
+            out.append(entry.table(ends))
+            first += len(parts) if entry.gaps is not None else 0
+        return tuple(out)
+
+
+def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
     """Nodes at both ends, int64 [L, 2]."""
     return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
-
-
-def linked_nodes(scene: Scene, nodes: NodeList) -> Array:
-    """All nodes that a link touches; they are not eliminated inside elements and beams."""
-    return np.unique(ends_of(scene.links, nodes))
-
-
-def coupled_pairs(scene: Scene, nodes: NodeList, joints: Connections) -> Array:
-    """Pairs of nodes i, j that links couple, as i N + j."""
-    a, b = joints.row_root[ends_of(scene.links, nodes)].T
-    n = len(nodes)
-    return np.concatenate((a * n + a, a * n + b, b * n + a, b * n + b))
-
-
-def link_tables(scene: Scene, nodes: NodeList, blocks: Blocks, row_of: Array) -> tuple[Any, ...]:
-    """The tables of all kinds of links that the scene has."""
-    found = [(entry, [x for x in scene.links if type(x) is entry.noun]) for entry in REGISTRY]
-    return tuple(entry.table(links, Ends(links, nodes, blocks, row_of)) for entry, links in found if links)

@@ -40,6 +40,8 @@ class Model:
         None where the scene has none; then no code is compiled for them.
     links : tuple
         Tables of springs and other links between two points, one of each kind.
+    kept : list of links.KeptLink
+        Joints with multipliers, in the order of their constraints behind the sliders.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
@@ -85,6 +87,7 @@ class Model:
     substructures: Substructures | None
     bodies: Bodies | PlanarBodies | None
     links: tuple[Any, ...]
+    kept: list[KeptLink]
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None

@@ -237,10 +237,11 @@ def _reduced(model: Model, plane: Plane) -> Model:
         rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
     simo, green = (_elements(model, tables, plane) for tables in (model.simo, model.green))
+    ties = _ties(model, plane, state)
     flat = replace(
         model, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=_bodies(model, plane), ties=_ties(model, plane, state), held=_held(model.held),
+        bodies=_bodies(model, plane), links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=state.q,
         v0=state.v, size=PLANE, plane=None)
     flat.softest = model.softest
@@ -351,6 +352,13 @@ def _ties(model: Model, plane: Plane, state: State) -> PlanarTies | None:
     factor = np.where(ties.kind == 2, turn, arm)
     return PlanarTies(ties.slave, ties.row, ties.start, ties.target, ties.target_row, ties.diagonal, ties.kind, _numbers(factor),
                       ties.moves)
+
+
+def _link(table: Any, ties: PlanarTies | None) -> Any:
+    """Springs and joints have the same tables, but for the tied nodes at their ends."""
+    if "ties" not in table._fields:
+        return table
+    return table._replace(ties=NoTies() if ties is None else ties)
 
 
 def _held(held: Held | None) -> Held | None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .connections import ARM, POSITION, Connections
+from .links import KeptLink
 from .nearest import nearest
 from .numbering import NodeList
 from .scene import RigidBody, Scene
@@ -16,13 +17,13 @@ Line = tuple[Array, Array, Array, int]
 
 
 def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements], v: Array, omega: Array,
-            lines: list[Line]) -> tuple[Array, Array, tuple[float, float]]:
+            lines: list[Line], kept: list[KeptLink]) -> tuple[Array, Array, tuple[float, float]]:
     """Velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and after, J.
 
     Weighed by the masses alone; what has no inertia changes as little as it may.
     """
     mass = mass_matrix(scene, nodes, elements)
-    matrix, right = _constraints(scene, nodes, joints, lines)
+    matrix, right = _constraints(scene, nodes, joints, lines, kept)
     given = np.concatenate((v, omega), axis=1).reshape(-1)
     x = nearest(mass, matrix, right, given, np.arange(given.size) % 6 >= 3)
     found = x.reshape(-1, 6)
@@ -30,7 +31,8 @@ def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[E
     return found[:, :3].copy(), found[:, 3:].copy(), energies
 
 
-def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> tuple[Any, Array]:
+def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line],
+                 kept: list[KeptLink]) -> tuple[Any, Array]:
     """Rows of all constraints on (v, omega) of all nodes, sparse [m, 6 N], and their right-hand sides [m]."""
     from scipy import sparse
     rows: list[Array] = []
@@ -67,6 +69,10 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
             add([(k, 0, eye)], np.zeros(3))
         if joints.held[k] & 56 and joints.spin_root[k] == k:
             add([(k, 1, eye)], np.zeros(3))
+    for link in kept:
+        a, b = link.node
+        lead = link.rates(nodes.phi[b] - nodes.phi[a])
+        add([(b, 0, lead), (a, 0, -lead)], np.zeros(link.forces))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:

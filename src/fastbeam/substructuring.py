@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from .connections import Connections
-from .links import linked_nodes
 from .numbering import NodeList
 from .scene import Net, Scene
 
@@ -26,18 +25,21 @@ class Chosen(NamedTuple):
     groups: list[Array]
 
 
-def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, condense: bool | str) -> dict[str, Chosen]:
+def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array,
+                     condense: bool | str) -> dict[str, Chosen]:
     """Substructures of every beam or net that has any, by its name. Nothing but elements and loads may touch the nodes between
     the ends of a substructure, and no slider runs on it.
 
     Parameters
     ----------
+    linked : int [*]
+        Nodes that springs and joints with multipliers touch.
     condense : bool or 'auto'
         'auto': where it pays.
     """
     if not condense:
         return {}
-    free = _free_nodes(scene, nodes, joints)
+    free = _free_nodes(scene, nodes, joints, linked)
     nets = {net.name: _in_net(scene, net, free[nodes.span(net)]) for net in scene.nets}
     beams = {beam.name: _in_beam(free[nodes.span(beam)], beam.n_elements, beam.degree)
              for beam in scene.beams if beam.interpolation == "lagrange"}
@@ -49,13 +51,14 @@ def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, condens
     return out
 
 
-def _free_nodes(scene: Scene, nodes: NodeList, joints: Connections) -> Array:
+def _free_nodes(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Array:
     """Whether nothing but elements and loads touches a node, bool [N]."""
     n = np.arange(len(nodes))
     free = (joints.held == 0) & ~joints.tied & (joints.row_root == n) & (joints.spin_root == n)
     free[joints.row_root[joints.row_root != n]] = False
     free[joints.target] = False
-    free[joints.row_root[linked_nodes(scene, nodes)]] = False
+    free[linked] = False
+    free[joints.row_root[linked]] = False
     for slider in scene.sliders:
         free[nodes.number(slider.point)] = False
         free[nodes.span(slider.beam)] = False

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
+from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
@@ -12,7 +13,7 @@ from fastbeam.scene.sections import Section
 from fastbeam.scene.spring import Spring
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam",
+    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam",
     "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "Spring",
     "StraightLine",
 ]

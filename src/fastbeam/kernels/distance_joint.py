@@ -1,0 +1,67 @@
+"""Joints that keep the distance of two points, theory.md 4.1.
+
+Gap (|r|^2 - L^2)/(2 L) with r = x_b - x_a at the end of a step, tension T along the mean r: T r_mid/L on a, the opposite on b. Its
+work is T times the change of the gap, none; forces along the mean r leave the angular momentum alone.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import dot
+from .alpha import Alpha
+from .joint_entries import begin_joint, joints_are_closed, put_point, take_forces
+from .spring import add_pair, difference
+from .terms import Conserving, Midpoint, assemble, is_settled, take_unknowns
+
+
+class DistanceJoints(NamedTuple):
+    """Joints between nodes a and b, J of them."""
+
+    node: np.ndarray       # int64 [J, 2]
+    row: np.ndarray        # int64 [J, 2]
+    block: np.ndarray      # int64 [J, 4]: blocks a-a, a-b, b-a, b-b
+    length: np.ndarray     # float64 [J], m
+    first: np.ndarray      # int64 [1]: number of the first among all constraints
+    ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
+
+
+@kernel
+def add_distance_joints(joints, system, share):
+    """Tensions, gaps and entries; share: of the tangent that the node matrix holds."""
+    work, contact, size = system.work, system.contact, system.size
+    for j in range(joints.length.shape[0]):
+        k = joints.first[0] + j
+        over = 1.0 / joints.length[j]
+        end = difference(joints, j, work.q_end, size)
+        mean = difference(joints, j, work.q_mid, size)
+        tension = system.state.force[contact.first_force[k]]
+        begin_joint(contact, k, 1)
+        add_pair(joints, j, (tension * over) * mean, 0.5 * tension * over, 0.0 * mean, mean, work, size)
+        length = dot(end, end)**0.5
+        # (l^2 - L^2)/(2 L) without the loss of digits
+        contact.residual[k, 0] = 0.5 * over * (length - joints.length[j]) * (length + joints.length[j])
+        column = (share * over) * mean
+        line = over * end
+        put_point.call(joints.ties, column, line, contact, k, joints.node[j, 1], joints.row[j, 1], work.q_mid, work.q_end, size)
+        put_point.call(joints.ties, -1.0 * column, -1.0 * line, contact, k, joints.node[j, 0], joints.row[j, 0], work.q_mid,
+                       work.q_end, size)
+
+
+@assemble.register(DistanceJoints, Conserving)
+@assemble.register(DistanceJoints, Midpoint)
+@kernel
+def assemble_distance_joints(joints, method, system, h):
+    add_distance_joints(joints, system, 1.0)
+
+
+@assemble.register(DistanceJoints, Alpha)
+@kernel
+def assemble_distance_joints_at_end(joints, method, system, h):
+    add_distance_joints(joints, system, 0.5)
+
+
+take_unknowns.register(DistanceJoints)(take_forces)
+is_settled.register(DistanceJoints)(joints_are_closed)

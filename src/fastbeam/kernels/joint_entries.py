@@ -1,0 +1,118 @@
+"""Entries of joints with multipliers in the border, theory.md 4.1: what their forces do to two points, and their gaps' derivatives.
+
+A joint has some forces and as many gaps, functions of the positions of two nodes a and b. Of a ball joint they are vectors: the
+factor of the unit matrix says what a node adds, a number. Of a distance joint there is one: a vector says it.
+"""
+from __future__ import annotations
+
+from .._generic import generic
+from .._jit import kernel
+from .algebra import V2, V3, f8
+from .kinds import cross_product, dim, put, put_cross_matrix
+from .planar_nodes import PlanarTies
+from .slider import new_entry, tied_arm
+from .terms import NoTies
+from .ties import Ties
+
+
+@generic
+def put_columns(column, line, contact, k, row, size):
+    """Entry of a position: derivative of its residual by the forces, and of the gaps by the position."""
+
+
+@generic
+def put_arm_columns(column, line, contact, k, row, arm_mid, arm_end, size):
+    """Entry of the spin of a node that carries such a position on an arm."""
+
+
+@put_columns.register(f8)
+@kernel
+def put_unit(column, line, contact, k, row, size):
+    o = new_entry(contact, k, row, size)
+    for i in range(dim(size)):
+        contact.column[k, o + 9 * i] = column
+        contact.line[k, o + 9 * i] = line
+
+
+@put_arm_columns.register(f8)
+@kernel
+def put_unit_arm(column, line, contact, k, row, arm_mid, arm_end, size):
+    o = new_entry(contact, k, row, size) + 8 * dim(size)
+    put_cross_matrix(contact.column[k], o, column, arm_mid)
+    put_cross_matrix(contact.line[k], o, line, arm_end)
+
+
+@put_columns.register(V3[f8])
+@put_columns.register(V2[f8])
+@kernel
+def put_direction(column, line, contact, k, row, size):
+    o = new_entry(contact, k, row, size)
+    put(contact.column[k], o, 8, column)
+    put(contact.line[k], o, 8, line)
+
+
+@put_arm_columns.register(V3[f8])
+@put_arm_columns.register(V2[f8])
+@kernel
+def put_direction_arm(column, line, contact, k, row, arm_mid, arm_end, size):
+    o = new_entry(contact, k, row, size) + 8 * dim(size)
+    put(contact.column[k], o, 8, cross_product.call(arm_mid, column))
+    put(contact.line[k], o, 8, cross_product.call(arm_end, line))
+
+
+@generic
+def put_point(ties, column, line, contact, k, node, row, q_mid, q_end, size):
+    """Entries of one node; tied nodes pass them on."""
+
+
+@put_point.register(NoTies)
+@kernel
+def put_free_point(ties, column, line, contact, k, node, row, q_mid, q_end, size):
+    put_columns.call(column, line, contact, k, row, size)
+
+
+@put_point.register(Ties)
+@put_point.register(PlanarTies)
+@kernel
+def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, size):
+    if ties.start[node + 1] == ties.start[node]:
+        put_columns.call(column, line, contact, k, row, size)
+    for t in range(ties.start[node], ties.start[node + 1]):
+        if ties.kind[t] == 0:
+            put_columns.call(column, line, contact, k, ties.target_row[t], size)
+        elif ties.kind[t] == 1:
+            put_arm_columns.call(column, line, contact, k, ties.target_row[t], tied_arm.call(ties, t, q_mid),
+                                 tied_arm.call(ties, t, q_end), size)
+
+
+@kernel
+def begin_joint(contact, k, forces):
+    """Constraint k with so many forces and no other unknowns."""
+    contact.entries[k] = 0
+    for i in range(64):
+        contact.corner[k, i] = 0.0
+    for i in range(forces, 8):
+        contact.corner[k, 9 * i] = 1.0
+        contact.residual[k, i] = 0.0
+
+
+@kernel
+def take_forces(joints, system):
+    """Add the increments of all forces of joints of one kind."""
+    contact, y, force = system.contact, system.work.y, system.state.force
+    for k in range(joints.first[0], joints.first[0] + joints.node.shape[0]):
+        for a in range(contact.forces[k]):
+            force[contact.first_force[k] + a] += y[contact.first[k] + a]
+
+
+@kernel
+def joints_are_closed(joints, system):
+    """Whether the augmented Lagrangian leaves gaps of round-off size only."""
+    contact, q, size = system.contact, system.state.q, system.size
+    for j in range(joints.node.shape[0]):
+        reach = system.length
+        for c in range(dim(size)):
+            reach = max(reach, system.length + abs(q[(12 if dim(size) == 3 else 4) * joints.node[j, 0] + c]))
+        if not contact.remaining[joints.first[0] + j] <= 1e-15 * reach:
+            return False
+    return True
