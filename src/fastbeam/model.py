@@ -18,7 +18,7 @@ from .kernels.nodes import NODES_SCRATCH, Bodies, Held
 from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.curves import Curves
-from .kernels.slider import Contact, Sliders
+from .kernels.slider import Contact, ContactInRows, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
@@ -283,13 +283,16 @@ class Model:
         # what is not a beam takes the coordinates from these
         moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None or bool(self.links))
         border = self.border * s
+        # what only a dense border needs
+        dense = 0 if self.by_rows else border
+        panel = 0 if self.by_rows else size * self.panel_rows * self.width
         theta = _padded((size - self.dim) * n)
         return Work(dphi=_padded(self.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
                     u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
                     r=np.zeros(8 * (n + 1)),
                     blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
-                    panel=_aligned(size * self.panel_rows * self.width), rows=_aligned((border + 1) * self.width),
-                    schur=np.zeros((border, border)), y=np.zeros(border),
+                    panel=_aligned(panel), rows=_aligned((dense + 1) * self.width),
+                    schur=np.zeros((dense, dense)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
                     keep_force=np.zeros(kept * self.dim * s), keep_dphi=np.zeros(kept * self.dim * n),
                     keep_theta=np.zeros(kept * theta.size),
@@ -298,18 +301,35 @@ class Model:
                     line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
                               None if self.ties is None else _padded(self.dim * n)))
 
-    def contact(self) -> Contact | None:
-        """Work arrays of the sliders."""
+    @property
+    def by_rows(self) -> bool:
+        """Whether sliders are rows of the block matrix (theory.md 9) and not a dense border."""
+        return self.sliders is not None and self.pattern.plan is not None and self.substructures is None
+
+    @property
+    def entries(self) -> int:
+        """Entries that a slider may have: those of every node of its beam and its point; fewer at first where sliders are rows and
+        room for more is made when one has them."""
+        assert self.curves is not None
+        most = int(self.curves.shape[:, 2].max())
+        # each as often as a tied node passes it on, and the spin of every node
+        widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
+        if self.by_rows:
+            most = min(most, int(self.curves.count.max()))
+            return most + 1 + (widest > 1) * (most + 4 * widest)
+        return (most + 1) * widest + most
+
+    def contact(self, entries: int | None = None) -> Contact | None:
+        """Work arrays of the sliders, with room for so many entries (default: `entries`)."""
         if self.sliders is None or self.curves is None:
             return None
         s, row = self.n_sliders, 8 * len(self.size)
         most = int(self.curves.shape[:, 2].max())
-        # every node of the beam and the point, each as often as a tied node passes it on, and the spin of every node
-        widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
-        entries = (most + 1) * widest + most
-        return Contact(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
+        entries = entries or self.entries
+        return (ContactInRows if self.by_rows else Contact)(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
                        np.zeros((s, entries), np.int64), np.zeros((s, row * entries)), np.zeros((s, row * entries)),
-                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s), np.zeros(s), np.zeros(3))
+                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s), np.zeros(s),
+                       np.zeros(1, np.int64), np.zeros(3))
 
     def inner_work(self) -> Inner | None:
         """The eliminated nodes with work arrays of one run."""

@@ -12,9 +12,11 @@ from ._jit import announce_first_use, begin_beside
 from .arguments import count, number
 from .assembly import system_of, terms_of
 from .condensed import CondensedIteration, thread_count
+from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .kernels import step as kernels
+from .kernels.constraints import Constraints
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
 from .kernels.work import State
@@ -33,6 +35,8 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
            "keep_dphi", "keep_theta", "past", "keep_past")
 # the cache folder is looked through once a process
 _announce = cache(announce_first_use)
+# doubles of a dense border beyond which a failed step is not repeated with one
+LARGEST_BORDER = 250_000_000
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
@@ -121,6 +125,9 @@ class Stepper:
         self.work = core.work(keep=self.weights.size > 1 or core.n_sliders > 0 or rates, rates=rates)
         self.inner = core.inner_work()
         self.contact = core.contact()
+        self.rows: Constraints | None = None
+        if core.by_rows and not static:
+            self._make_rows(core.entries, 1.0)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
@@ -173,7 +180,7 @@ class Stepper:
             method = self.alpha
         if self._static:
             method = Equilibrium()
-        solver = self.linear.tables if self.core.pattern.plan is None else self.core.pattern.plan
+        solver = self.linear.tables if self.core.pattern.plan is None else self.rows or self.core.pattern.plan
         return system_of(self.core, method, None if self._static else self.contact, solver if self.linear.is_compiled else None,
                          self.core_state, self.work)
 
@@ -204,6 +211,32 @@ class Stepper:
         kernels.begin(whole, system, 0.0)
         kernels.assemble_all(whole, system, 0.0)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
+
+    def _make_rows(self, entries: int, scale: float) -> None:
+        """Room for sliders as rows of the block matrix: so many entries each, everything else by scale."""
+        assert self.contact is not None
+        self.room = scale
+        self.rows = constraints_of(self.core, self.inner, entries, scale)
+        self.work = self.work._replace(blocks=self.rows.factors.store[:self.rows.couplings.end[0]])
+        if self.contact.row.shape[1] != entries:
+            old, self.contact = self.contact, self.core.contact(entries)
+            assert self.contact is not None
+            self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
+
+    def _make_room(self) -> None:
+        """More room for sliders as rows, of the kind that was too short."""
+        assert self.contact is not None
+        entries = self.contact.row.shape[1]
+        if self.contact.full[0]:
+            self._make_rows(entries + max(2, entries // 4), self.room)
+        else:
+            self._make_rows(entries, 1.5 * self.room)
+
+    @property
+    def _border_size(self) -> int:
+        """Doubles of the dense border of all sliders."""
+        columns = self.core.columns if self.core.n_sliders else 0
+        return columns * (columns + len(self.core.size) * self.core.n_nodes)
 
     @property
     def pivots_everywhere(self) -> bool:
@@ -255,7 +288,7 @@ class Stepper:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.core
         self._augment(h)
-        counts = np.zeros(4, np.int64)
+        counts = np.zeros(5, np.int64)
         sizes = np.zeros(self.max_iterations)
         force = np.zeros((2, model.dim * model.n_sliders))
         loads, factors = None, self._factors
@@ -273,6 +306,11 @@ class Stepper:
         else:
             result = self._python_run(factors if self._timed else None, h, n)
         reached = result.steps
+        if self.rows is not None and self.rows.factors.failed[0]:
+            # what the step has done does not count: rows of a run do not depend on when there was room
+            self._make_room()
+            result.iterations = int(counts[4])
+            return self._run(t, h, 1, done + reached).after(result)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
             return result
         # the failed step once more, from a first guess that relies less on the past, at last with pivoting across all unknowns
@@ -284,7 +322,7 @@ class Stepper:
                 return fresh.after(result)
             past[0] = known
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
-        if self.pivots_everywhere:
+        if self.pivots_everywhere or self._border_size > LARGEST_BORDER:
             return result
         self.spare._augment(h)
         pivoting = self.spare._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)

@@ -27,12 +27,15 @@ class Pattern:
         Update lists of the block elimination; None where its fill is too large and a sparse solver has to do it.
     n : int
         Number of block rows.
+    coupled : int [m, 2]
+        Rows of coupled nodes, each pair once, without the fill of the plan.
     """
 
     row_of: Array
     keys: Array
     plan: Elimination | None
     n: int
+    coupled: Array
 
     @property
     def rows(self) -> Array:
@@ -87,10 +90,10 @@ def build_pattern(n: int, pairs: Array, band: int, allow_elimination: bool = Tru
             if found is not None and (best is None or found.cost < best.cost):
                 best, order = found, rank
         if best is not None:
-            return _with_plan(order, best)
+            return _with_plan(order, best, np.stack((order[low], order[high]), axis=1))
     row = np.concatenate((low, high, natural))
     column = np.concatenate((high, low, natural))
-    return Pattern(natural, np.sort(row * n + column), None, n)
+    return Pattern(natural, np.sort(row * n + column), None, n, np.stack((low, high), axis=1))
 
 
 def _from_both_ends(n: int) -> Array:
@@ -107,7 +110,7 @@ def widen(pattern: Pattern, level: Array, row_root: Array) -> Pattern:
     row_of[(level == 0) & own] = pattern.row_of
     rest = np.flatnonzero((level > 0) & own)
     row_of[rest[np.argsort(level[rest], kind="stable")]] = pattern.n + np.arange(rest.size)
-    return Pattern(row_of[row_root], pattern.keys, pattern.plan, pattern.n)
+    return Pattern(row_of[row_root], pattern.keys, pattern.plan, pattern.n, pattern.coupled)
 
 
 @dataclass(frozen=True)
@@ -184,7 +187,7 @@ def _minimum_degree(n: int, low: Array, high: Array, limit: int) -> Array | None
     return rank
 
 
-def _with_plan(rank: Array, fill: _Fill) -> Pattern:
+def _with_plan(rank: Array, fill: _Fill, coupled: Array) -> Pattern:
     n = rank.size
     start, column = fill.start, fill.column
     counts = np.diff(start)
@@ -203,4 +206,4 @@ def _with_plan(rank: Array, fill: _Fill) -> Pattern:
     target = find(column[first + local // np.maximum(width, 1)], column[first + local % np.maximum(width, 1)])
     plan = Elimination(find(np.arange(n), np.arange(n)), start, column, find(row, column), find(column, row),
                        targets_from[:-1].copy(), target)
-    return Pattern(rank, keys, plan, n)
+    return Pattern(rank, keys, plan, n, coupled)

@@ -209,7 +209,7 @@ class Assembled:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.state, self.work, self.contact = model.state(), model.work(), model.contact()
+        self.state, self.work, self.contact = model.state(), model.work(), model.contact(64)
         kernels.external_forces(model.loads, np.ones(len(model.loads)), self.work.f_ext)
 
     def step(self, h: float) -> None:

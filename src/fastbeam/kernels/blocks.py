@@ -313,10 +313,32 @@ def solve_rows_beside(tc, lu, offset, x, x_offset, column, column_offset, size):
     return types.void(lu, offset, x, x_offset, column, column_offset, size), codegen
 
 
+@intrinsic
+def solve_rows_with_last(tc, lu, offset, x, x_offset, size):
+    """`solve_rows` of a block at 8 doubles a row on x, whose last column first takes the last column of the factors' rows; there,
+    below 1e-150 it is zero."""
+    n = size.count
+
+    def codegen(ctx, b, sig, args):
+        factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        panel = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
+        w = []
+        for i in range(n):
+            y = factors.number((8 * i + LANES - 1, 1))
+            tiny = b.fcmp_ordered("<", _absolute(b, y, _DOUBLE, "f64"), ir.Constant(_DOUBLE, 1e-150))
+            y = b.select(tiny, ir.Constant(_DOUBLE, 0.0), y)
+            w.append(b.insert_element(panel.vector((8 * i, 1)), y, ir.Constant(_I32, LANES - 1)))
+        _triangular(b, lambda i, j: _splat(b, factors.number((8 * i + j, 1))), w, n)
+        for i in range(n):
+            panel.put_vector(w[i], (8 * i, 1))
+        return ctx.get_dummy_value()
+    return types.void(lu, offset, x, x_offset, size), codegen
+
+
 # X <- A^-1 X for one factored block and n rows of 8 numbers, or of one, x_row doubles apart
 solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 # Y -= A X for one block and n rows of 8 numbers, or of one, of X and Y
 subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
 __all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes",
-           "solve_rows", "solve_rows_beside", "subtract_column", "subtract_lanes", "subtract_rows"]
+           "solve_rows", "solve_rows_beside", "solve_rows_with_last", "subtract_column", "subtract_lanes", "subtract_rows"]

@@ -63,7 +63,12 @@ class Contact(NamedTuple):
     element: np.ndarray     # int64 [S]: element of s_n, a hint
     compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
     remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
+    full: np.ndarray        # int64 [1]: 1 where a slider had more entries than there is room for
     augmented: np.ndarray   # float64 [3]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration
+
+
+class ContactInRows(Contact):
+    """The same where sliders are rows of the block matrix (constraints.py) and no dense border."""
 
 
 @generic
@@ -93,8 +98,11 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
 
 @kernel
 def new_entry(contact, k, row, size):
-    """Offset of a fresh entry of slider k."""
+    """Offset of a fresh entry of slider k; that of the last one again, and `full` says so, where there is no room."""
     m = contact.entries[k]
+    if m == contact.row.shape[1]:
+        contact.full[0] = 1
+        m -= 1
     n = 8 * len(size)
     contact.entries[k] = m + 1
     contact.row[k, m] = row
@@ -238,6 +246,21 @@ def add_sliders(curves, sliders, contact, ties, row_of, q, q_mid, q_end, theta, 
         corner[9 * d] = dot(slide, dt1) + dot(back, dt0) + 0.25 * dot(spin_cross.call(th_s, f), jump)
         put(corner, 9 * d + 8, 8, 0.5 * mean_s)
         put_residual(contact, k, gap, dot(slide, t1) + dot(back, t0), size)
+
+
+@kernel
+def move_sliders(state, work, size):
+    """Add the solved unknowns of all sliders to forces and positions. Returns the largest increment of s."""
+    d = dim(size)
+    slide = 0.0
+    for k in range(state.s.shape[0]):
+        for c in range(d):
+            state.force[d * k + c] += work.y[(2 * d + 1) * k + c]
+        z = work.y[(2 * d + 1) * k + d]
+        work.s_end[k] += z
+        if abs(z) > slide or z != z:
+            slide = abs(z)
+    return slide
 
 
 @kernel

@@ -9,10 +9,9 @@ import numpy as np
 
 from .._generic import RecordType, in_memory
 from .._jit import beside, kernel
-from . import beams, slider, tied  # noqa: F401  all terms
+from . import beams, constraints, slider, tied  # noqa: F401  all terms
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, back_substitute, factor
-from .kinds import dim
 from .nodes import extrapolation, remember
 from .slider import Contact
 from .sparse import PardisoTables, solve_sparse
@@ -187,22 +186,14 @@ def close_residual(contact, terms, system):
 @close.register(Contact)
 @kernel
 def close_bordered(contact, terms, system):
-    state, work, d = system.state, system.work, dim(system.size)
+    state, work = system.state, system.work
     complete_columns.each_backward(terms, system)
     singular = solve_border(contact, state.force, work.panel, system.width, work.rows, work.schur, work.y, work.line.x,
                             system.size)
     if singular >= 0:
         return -1.0 - singular, 0.0
     push_increments.each(terms, system)
-    slide = 0.0
-    for k in range(state.s.shape[0]):
-        for c in range(d):
-            state.force[d * k + c] += work.y[(2 * d + 1) * k + c]
-        z = work.y[(2 * d + 1) * k + d]
-        work.s_end[k] += z
-        if abs(z) > slide or z != z:
-            slide = abs(z)
-    return 0.0, slide
+    return 0.0, slider.move_sliders(state, work, system.size)
 
 
 @kernel
@@ -324,7 +315,7 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
     iteration.
 
     mean_force_out [2, 3 S]: mean contact force of the first and of the last step. counts_out: status, steps done, Newton
-    iterations, slider of an event. On a failure the state is the last good one.
+    iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last good one.
     """
     counts_out[0] = OK
     counts_out[1] = 0
@@ -333,6 +324,8 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
     terms, system = in_memory(all_terms), in_memory(whole_system)
     force = system.state.force
     for n in range(n_steps):
+        if counts_out.shape[0] > 4:
+            counts_out[4] = counts_out[2]
         keep_state(system)
         for k in range(mean_force_out.shape[1]):
             mean_force_out[1, k] = 0.0

@@ -1,0 +1,121 @@
+"""Arrays for the rows of constraints in the block matrix (theory.md 9): what couples the nodes, and room for what is found."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .kernels.constraint_rows import Couplings, Order, Touched
+from .kernels.constraint_solve import Factors
+from .kernels.constraints import Constraints
+from .kernels.inner import Inner
+from .model import Model
+from .pattern import Pattern
+
+Array = np.ndarray
+
+
+def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array, late: list[Array], unknowns: Array,
+                 forces: Array, in_force: Array) -> Couplings:
+    """What couples the rows of a pattern.
+
+    Parameters
+    ----------
+    size, end : int
+        Unknowns of a node; where the assembled blocks end, in doubles.
+    held, tied : int [n]
+        Mask of held unknowns of every row; the tied node that has the row, or -1.
+    late : list of int arrays
+        Of every constraint the rows that it need not wait for.
+    unknowns, forces, in_force : int [S]
+        Of every constraint its unknowns and the forces among them; equations behind those of the gaps in the unit of a force.
+    """
+    n, block = pattern.n, 8 * size
+    low, high = pattern.coupled[:, 0], pattern.coupled[:, 1]
+    row, near = np.concatenate((low, high)), np.concatenate((high, low))
+    order = np.lexsort((near, row))
+    row, near = row[order], near[order]
+
+    def where(i: Array, j: Array) -> Array:
+        return block * np.searchsorted(pattern.keys, i * n + j)
+
+    every = np.arange(n)
+    return Couplings(np.searchsorted(row, np.arange(n + 1)), near, where(row, near), where(near, row), where(every, every),
+                     held.astype(np.int64), tied.astype(np.int64), _starts(np.array([len(x) for x in late], np.int64)),
+                     np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int64), unknowns, forces, in_force,
+                     _starts(unknowns)[:-1].copy(), _starts(forces)[:-1].copy(), np.array([end]))
+
+
+def _starts(counts: Array) -> Array:
+    return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+
+
+def with_room(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
+              others: tuple[Any, ...] = (None,) * 5) -> Constraints:
+    """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
+    eliminated inner nodes; others: the last five of `Constraints`."""
+    n, s = couplings.diagonal.size, couplings.unknowns.size
+    rows = n + s
+
+    def integers(*shape: int) -> Array:
+        return np.zeros(shape, np.int32)
+
+    touched = int(scale * s * (entries + 2)) + 16
+    columns = int(scale * (couplings.near.size + 8 * s)) + rows
+    touching = Touched(integers(s), integers(s, entries), integers(s), integers(s, entries), integers(s, entries), integers(s + 1),
+                       integers(touched), integers(touched), integers(touched), integers(touched), integers(n + 1),
+                       integers(touched), integers(s + 1), integers(int(scale * s * min(entries, 3)) + 16, 6), integers(elements),
+                       integers(elements, 2), integers(int(scale * 9 * s)), integers(n), integers(n), integers(4))
+    order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
+                  integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
+                  integers(6, rows + 1), integers(2))
+    # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
+    some = 1.1 * min(entries, 6)
+    room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024
+    factors = Factors(_aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int64), np.zeros(7 * s), np.zeros(8),
+                      np.zeros(2, np.int64))
+    return Constraints(couplings, touching, order, factors, _aligned(int(scale * 512 * size)), *others)
+
+
+def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:
+    """Of the sliders of a model; inner: with the work arrays of a run."""
+    assert model.sliders is not None and model.curves is not None
+    n, s = model.pattern.n, model.n_sliders
+    held, tied = np.zeros(n, np.int64), np.full(n, -1)
+    row_of = model.pattern.row_of
+    if model.held is not None:
+        held[model.held.row[model.held.row < n]] = model.held.mask[model.held.row < n]
+    if model.ties is not None:
+        tied[model.ties.row] = model.ties.slave
+    on_curve: dict[int, Array] = {}
+    late = []
+    for c, point in zip(model.sliders.curve.tolist(), model.sliders.point.tolist()):
+        if c not in on_curve:
+            first = int(model.curves.meta[c, 0])
+            on_curve[c] = np.zeros(model.n_nodes + 1, bool)
+            for node in range(first, first + int(model.curves.shape[c, 2])):
+                on_curve[c][_rows_of(model, node)] = True
+        rows = _rows_of(model, point)
+        late.append(rows[~on_curve[c][rows]])
+    every = np.ones(s, np.int64)
+    couplings = couplings_of(model.pattern, len(model.size), 8 * len(model.size) * (model.n_blocks + 1), held, tied, late,
+                             model.border * every, model.dim * every, every)
+    assert row_of.size == model.n_nodes
+    elements = 0 if inner is None else inner.mark.size
+    others = (inner, model.ties, model.held, model.simo, model.green)
+    return with_room(couplings, entries, elements, len(model.size), scale, others)
+
+
+def _rows_of(model: Model, node: int) -> Array:
+    """Rows of a node and of those that it is tied to."""
+    row = model.pattern.row_of[node:node + 1]
+    if model.ties is None:
+        return row
+    return np.concatenate((row, model.ties.target_row[model.ties.start[node]:model.ties.start[node + 1]]))
+
+
+def _aligned(n: int) -> Array:
+    """n zeros on a cache line."""
+    raw = np.zeros(n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift:shift + n]

@@ -1,0 +1,314 @@
+"""Entries of constraints into the blocks of kernels/constraint_solve.py; those on inner nodes are carried to the ends of elements.
+
+Of a constraint with columns C and lines L on the inner nodes of an element, which were eliminated in the element loop
+(kernels/inner.py), there remains at the others j and between constraints k, l
+
+    C_i <- K_ii^-1 C_i,   C_j -= K_ji C_i,   L_j -= L_i U_ij,   D_kl -= L_ki C_il,   r_k -= L_ki y_i
+"""
+from __future__ import annotations
+
+from .._generic import generic
+from .._jit import kernel, written_in
+from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
+from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
+from .constraint_solve import RIGHT
+from .planar_nodes import PlanarTies, planar_arm
+from .rows import gather_lanes, put_rows
+from .ties import Ties, tie_arm
+
+
+@kernel
+def add_column(store, to, column, at, n):
+    """A column of an entry, n rows of 8, to a block."""
+    for c in range(0, 8 * n, 8):
+        vst(store, to + c, 0, vld(store, to + c, 0) + vld(column, at + c, 0))
+
+
+@kernel
+def add_line(store, to, line, at, n, m):
+    """A line of an entry, transposed, to a block of m rows."""
+    for a in range(m):
+        for c in range(n):
+            store[to + 8 * a + c] += line[at + 8 * c + a]
+
+
+@written_in
+def start_blocks(contact, couplings, order, factors, r, size):
+    """Right-hand sides, the blocks of constraints by themselves, and zeros."""
+    n = len(size)
+    store = factors.store
+    nodes = order.rank.shape[0]
+    for i in range(couplings.end[0], order.counts[1], 8):
+        vst(store, i, 0, 0.0)
+    for i in range(nodes):
+        d = couplings.diagonal[i] + RIGHT
+        for c in range(n):
+            store[d + 8 * c] = -r[8 * i + c]
+    for k in range(couplings.unknowns.shape[0]):
+        d = order.diagonal[order.position[nodes + k]]
+        for a in range(couplings.unknowns[k]):
+            vst(store, d + 8 * a, 0, vld(contact.corner[k], 8 * a, 0))
+            store[d + 8 * a + RIGHT] = -contact.residual[k, a]
+            factors.own[7 * k + a] = 0.0
+    factors.failed[1] = -1
+
+
+@written_in
+def put_entries(contact, couplings, touched, factors, size):
+    """Entries on rows that the solver sees."""
+    n = len(size)
+    for k in range(couplings.unknowns.shape[0]):
+        for m in range(contact.entries[k]):
+            t = touched.entry[k, m]
+            if t >= 0:
+                add_column(factors.store, touched.column[t], contact.column[k], 8 * n * m, n)
+                add_line(factors.store, touched.line[t], contact.line[k], 8 * n * m, n, couplings.unknowns[k])
+
+
+@written_in
+def gather_job(contact, inner, touched, j, buffer, at, size):
+    """Columns and lines of one job by the nodes of its element, columns of all nodes first."""
+    n = len(size)
+    e = touched.job[j, 0]
+    k = touched.job[j, 1]
+    nodes = inner.where[e, 1] + 2
+    for c in range(at, at + 16 * n * nodes, 8):
+        vst(buffer, c, 0, 0.0)
+    m = touched.job[j, 2]
+    while m >= 0:
+        i = 1
+        while inner.rows[inner.where[e, 2] + i] != contact.row[k, m]:
+            i += 1
+        add_column(buffer, at + 8 * n * i, contact.column[k], 8 * n * m, n)
+        add_column(buffer, at + 8 * n * (nodes + i), contact.line[k], 8 * n * m, n)
+        m = touched.after[k, m]
+
+
+@written_in
+def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, size):
+    """What inner node i of the element leaves between its constraints; its columns are solved, its y stands at y."""
+    n = len(size)
+    store = factors.store
+    room = 16 * n * nodes
+    a = 0
+    p = touched.last_job[touched.found[f, 0]]
+    while p >= 0:
+        k = touched.job[p, 1]
+        m = couplings.unknowns[k]
+        line = room * a + 8 * n * (nodes + i)
+        for b in range(touched.found[f, 1]):
+            d = touched.pair[pair + touched.found[f, 1] * a + b]
+            column = room * b + 8 * n * i
+            for u in range(m):
+                z = vld(store, d + 8 * u, 0)
+                before = store[d + 9 * u]
+                for c in range(n):
+                    z -= buffer[line + 8 * c + u] * vld(buffer, column + 8 * c, 0)
+                vst(store, d + 8 * u, 0, z)
+                if a == b:
+                    factors.own[7 * k + u] += before - store[d + 9 * u]
+        d = touched.pair[pair + touched.found[f, 1] * a + a]
+        for u in range(m):
+            for c in range(n):
+                store[d + 8 * u + RIGHT] += buffer[line + 8 * c + u] * rhs[y + c]
+        a += 1
+        p = touched.job[p, 3]
+
+
+@written_in
+def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size):
+    """Eliminate the inner nodes of one element from the columns and lines of its constraints, side by side in buffer."""
+    n = len(size)
+    block = 8 * n * n
+    e = touched.found[f, 0]
+    d = inner.where[e, 0]
+    count = inner.where[e, 1]
+    nodes = count + 2
+    for i in range(1, count + 1):
+        others = count + 2 - i
+        for b in range(touched.found[f, 1]):
+            at = 16 * n * nodes * b
+            solve_rows(inner.store, d, 8 * n, 8, buffer, at + 8 * n * i, 8, size)
+        carry_inside(couplings, touched, order, factors, f, i, nodes, 8 * inner.rows[inner.where[e, 2] + i], inner.rhs, buffer, pair,
+                     size)
+        for b in range(touched.found[f, 1]):
+            at = 16 * n * nodes * b
+            line = at + 8 * n * nodes
+            for m in range(others):
+                j = i + 1 + m if m < others - 1 else 0
+                u = d + block * (1 + 2 * m)
+                subtract_rows(inner.store, u + block, 8 * n, 8, buffer, at + 8 * n * i, 8, buffer, at + 8 * n * j, 8, size)
+                # the transpose of U_ij
+                subtract_rows(inner.store, u, 8, 8 * n, buffer, line + 8 * n * i, 8, buffer, line + 8 * n * j, 8, size)
+        d += block * (1 + 2 * others)
+
+
+@generic
+def pass_on(ties, e, q_mid, q_end, buffer, column, line, m, store, to_column, to_line):
+    """What a node carries, m columns and lines in buffer, goes along entry e of its ties into blocks of the target: forces to its
+    position, or with the moment of an arm."""
+
+
+@pass_on.register(Ties)
+@kernel
+def pass_on_in_space(ties, e, q_mid, q_end, buffer, column, line, m, store, to_column, to_line):
+    for a in range(m):
+        f = ld3(buffer, column + a, 8)
+        g = ld3(buffer, line + a, 8)
+        o = 0
+        if ties.kind[e] == 1:
+            f = cross(tie_arm(ties, e, q_mid), f)
+            g = cross(tie_arm(ties, e, q_end), g)
+            o = 3
+        elif ties.kind[e] == 2:
+            f = ld3(buffer, column + 24 + a, 8)
+            g = ld3(buffer, line + 24 + a, 8)
+            o = 3
+        st3(store, to_column + 8 * o + a, 8, ld3(store, to_column + 8 * o + a, 8) + f)
+        st3(store, to_line + 8 * a + o, 1, ld3(store, to_line + 8 * a + o, 1) + g)
+
+
+@pass_on.register(PlanarTies)
+@kernel
+def pass_on_in_plane(ties, e, q_mid, q_end, buffer, column, line, m, store, to_column, to_line):
+    for a in range(m):
+        f = ld2(buffer, column + a, 8)
+        g = ld2(buffer, line + a, 8)
+        if ties.kind[e] == 0:
+            st2(store, to_column + a, 8, ld2(store, to_column + a, 8) + f)
+            st2(store, to_line + 8 * a, 1, ld2(store, to_line + 8 * a, 1) + g)
+        elif ties.kind[e] == 1:
+            store[to_column + 16 + a] += cross2(planar_arm(ties, e, q_mid), f)
+            store[to_line + 8 * a + 2] += cross2(planar_arm(ties, e, q_end), g)
+        else:
+            store[to_column + 16 + a] += buffer[column + 16 + a]
+            store[to_line + 8 * a + 2] += buffer[line + 16 + a]
+
+
+@kernel
+def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
+    """Columns and lines of job j at an end of its element, place t, into the blocks; a tied node passes them on."""
+    n = len(size)
+    k = touched.job[j, 1]
+    m = couplings.unknowns[k]
+    add_column(factors.store, touched.column[t], buffer, column, n)
+    add_line(factors.store, touched.line[t], buffer, line, n, m)
+    if ties is not None:
+        node = couplings.tied[touched.row[t]]
+        if node >= 0:
+            for e in range(ties.start[node], ties.start[node + 1]):
+                if ties.target[e] != node:
+                    to = touched.start[k]
+                    while touched.row[to] != ties.target_row[e]:
+                        to += 1
+                    pass_on.call(ties, e, q_mid, q_end, buffer, column, line, m, factors.store, touched.column[to],
+                                 touched.line[to])
+
+
+@kernel
+def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mid, q_end, size):
+    """Entries on inner nodes, element by element."""
+    n = len(size)
+    pair = 0
+    for f in range(touched.counts[0]):
+        nodes = inner.where[touched.found[f, 0], 1] + 2
+        last = touched.last_job[touched.found[f, 0]]
+        at = 0
+        j = last
+        while j >= 0:
+            gather_job(contact, inner, touched, j, buffer, at, size)
+            at += 16 * n * nodes
+            j = touched.job[j, 3]
+        carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size)
+        pair += touched.found[f, 1] * touched.found[f, 1]
+        at = 0
+        j = last
+        while j >= 0:
+            line = at + 8 * n * nodes
+            put_end(ties, couplings, touched, factors, j, touched.job[j, 4], at, line, buffer, q_mid, q_end, size)
+            put_end(ties, couplings, touched, factors, j, touched.job[j, 5], line - 8 * n,
+                    line + 8 * n * (nodes - 1), buffer, q_mid, q_end, size)
+            at += 16 * n * nodes
+            j = touched.job[j, 3]
+
+
+@written_in
+def clear_held_columns(held, touched, factors, n):
+    """Zero in the columns on held unknowns."""
+    for k in range(held.row.shape[0]):
+        row = held.row[k]
+        if row < n:
+            for u in range(touched.user_start[row], touched.user_start[row + 1]):
+                o = touched.column[touched.user[u]]
+                for c in range(6):
+                    if (held.mask[k] >> c) & 1:
+                        vst(factors.store, o + 8 * c, 0, 0.0)
+
+
+@kernel
+def start_inner(inner, x_out, size):
+    """-y of the inner nodes in their rows."""
+    n = len(size)
+    for i in range(inner.first[0], inner.first[0] + inner.element.shape[0]):
+        for c in range(n):
+            x_out[8 * i + c] = -inner.rhs[8 * i + c]
+
+
+@kernel
+def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
+    """Take from the rows of inner nodes what the solved unknowns of constraints move them, K_ii^-1 C_i y and what earlier nodes
+    pass on."""
+    n = len(size)
+    block = 8 * n * n
+    for f in range(touched.counts[0]):
+        e = touched.found[f, 0]
+        count = inner.where[e, 1]
+        rows = inner.where[e, 2]
+        for c in range(8 * (count + 2)):
+            buffer[c] = 0.0
+        j = touched.last_job[e]
+        while j >= 0:
+            k = touched.job[j, 1]
+            m = touched.job[j, 2]
+            while m >= 0:
+                i = 1
+                while inner.rows[rows + i] != contact.row[k, m]:
+                    i += 1
+                for c in range(n):
+                    for a in range(couplings.unknowns[k]):
+                        buffer[8 * i + c] += contact.column[k, 8 * (n * m + c) + a] * y[couplings.first[k] + a]
+                m = touched.after[k, m]
+            j = touched.job[j, 3]
+        d = inner.where[e, 0]
+        for i in range(1, count + 1):
+            others = count + 2 - i
+            solve_column(inner.store, d, 8 * n, 8, buffer, 8 * i, 1, size)
+            for m in range(others - 2):
+                subtract_column(inner.store, d + 2 * block * (m + 1), 8 * n, 8, buffer, 8 * i, 1, buffer, 8 * (i + 1 + m), 1, size)
+            for c in range(n):
+                x_out[8 * inner.rows[rows + i] + c] -= buffer[8 * i + c]
+            d += block * (1 + 2 * others)
+
+
+@kernel
+def recover_inner_rows(tables, inner, x_out, scratch, size):
+    """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what stands in their rows."""
+    n = len(size)
+    block = 8 * n * n
+    for k in range(tables.meta.shape[0]):
+        if tables.meta[k, 6] >= 0:
+            nn = tables.meta[k, 0]
+            no = tables.meta[k, 3]
+            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
+            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
+            end = tables.meta[k, 6]
+            for i in range(1, nn - 1):
+                end += block * (1 + 2 * (nn - i))
+            for i in range(nn - 2, 0, -1):
+                end -= block * (1 + 2 * (nn - i))
+                xi = 8 * n * i
+                gather_lanes(x_out, tables.rows, no + 8 * i, 8, scratch, xi, size)
+                for m in range(nn - i):
+                    a = i + 1 + m if m < nn - 1 - i else 0
+                    subtract_lanes(inner.store, end + block * (1 + 2 * m), scratch, 8 * n * a, scratch, xi, ONE, size)
+                put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, size)

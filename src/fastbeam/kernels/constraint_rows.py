@@ -1,0 +1,370 @@
+"""Rows of constraints in the block matrix, theory.md 9: what they touch, the order of elimination, its fill and its targets.
+
+A constraint has a few unknowns of its own and touches a few nodes. Its row stands right behind the last node that it has to wait
+for. All this depends on nothing but what is touched, and is found again when that changes, as when a slider enters another element.
+
+Rows are those of the n nodes, then those of the constraints; a position is the place of a row in the elimination. Blocks are rows of
+8 doubles in one array, `store`: those that are assembled, then those of constraints and fill.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel, written_in
+
+
+class Couplings(NamedTuple):
+    """Constant: what couples n rows of nodes without constraints, and S constraints."""
+
+    start: np.ndarray       # int64 [n + 1]: range of a row in the next three
+    near: np.ndarray        # int64: rows that it is coupled with
+    block: np.ndarray       # int64: where block (row, near) begins in store
+    back: np.ndarray        # int64: where block (near, row) begins
+    diagonal: np.ndarray    # int64 [n]
+    held: np.ndarray        # int64 [n]: bit c set, unknown c of the row is held
+    tied: np.ndarray        # int64 [n]: the tied node that has the row, or -1
+    late_start: np.ndarray  # int64 [S + 1]
+    late: np.ndarray        # int64: rows that a constraint need not wait for
+    unknowns: np.ndarray    # int64 [S]: forces, then others, at most 7
+    forces: np.ndarray      # int64 [S]: number of forces; as many equations come first, gaps
+    in_force: np.ndarray    # int64 [S]: number of the next equations, in the unit of a force
+    first: np.ndarray       # int64 [S]: number of its first unknown
+    first_force: np.ndarray  # int64 [S]: number of its first force
+    end: np.ndarray         # int64 [1]: where the assembled blocks end in store
+
+
+class Touched(NamedTuple):
+    """What the constraints touch; E entries a constraint at most. A job is a constraint on inner nodes of one element."""
+
+    entries: np.ndarray     # int32 [S]: entries and
+    kept: np.ndarray        # int32 [S, E]: rows for which all this was found
+    wait: np.ndarray        # int32 [S]: 1 where a constraint waits for all that it touches
+    entry: np.ndarray       # int32 [S, E]: place in `row` of every entry, -1 on inner nodes
+    after: np.ndarray       # int32 [S, E]: the next entry of the same job, or -1
+    start: np.ndarray       # int32 [S + 1]: range of a constraint in the next four
+    row: np.ndarray         # int32 [T]: rows that it touches, each once
+    owner: np.ndarray       # int32 [T]: the constraint
+    column: np.ndarray      # int32 [T]: where block (row, constraint) begins in store
+    line: np.ndarray        # int32 [T]: where block (constraint, row) begins
+    user_start: np.ndarray  # int32 [n + 1]: range of a row in `user`
+    user: np.ndarray        # int32 [T]: places in `row` that name it
+    job_start: np.ndarray   # int32 [S + 1]: range of a constraint in the jobs
+    job: np.ndarray         # int32 [J, 6]: element, constraint, first entry, the job before in this element or -1, places of both ends
+    last_job: np.ndarray    # int32 [elements]: the last job of an element, or -1
+    found: np.ndarray       # int32 [elements, 2]: elements with jobs and how many
+    pair: np.ndarray        # int32 [P]: where the blocks between the constraints of an element begin
+    mark: np.ndarray        # int32 [n]: work
+    place: np.ndarray       # int32 [n]: work
+    counts: np.ndarray      # int32 [4]: elements with jobs; whether anything was found; doubles for an element; pairs
+
+
+class Order(NamedTuple):
+    """Order and structure of the elimination by positions; N = n + S."""
+
+    rank: np.ndarray        # int32 [n]: place of a node among the nodes
+    order: np.ndarray       # int32 [N]: row at a position
+    position: np.ndarray    # int32 [N]: position of a row
+    unknowns: np.ndarray    # int32 [N]: of the row at a position
+    diagonal: np.ndarray    # int32 [N]: where its diagonal block begins in store
+    start: np.ndarray       # int32 [N + 1]: range of a position in the next three
+    column: np.ndarray      # int32 [M]: later positions, ascending
+    upper: np.ndarray       # int32 [M]: where block (position, column) begins
+    lower: np.ndarray       # int32 [M]: where block (column, position) begins
+    target_start: np.ndarray  # int32 [N + 1]
+    target: np.ndarray      # int32: where the products of a row belong, all pairs of its columns row by row
+    work: np.ndarray        # int32 [6, N + 1]
+    counts: np.ndarray      # int32 [2]: entries; where the blocks in use end in store
+
+
+@written_in
+def is_changed(contact, touched):
+    """Whether other rows are touched than those for which the order was found."""
+    if touched.counts[1] == 0:
+        return True
+    for k in range(contact.entries.shape[0]):
+        if contact.entries[k] != touched.entries[k]:
+            return True
+        for m in range(contact.entries[k]):
+            if contact.row[k, m] != touched.kept[k, m]:
+                return True
+    return False
+
+
+@written_in
+def find_waiting(contact, couplings, touched, size):
+    """Mark constraints whose forces hardly move what they wait for, at a clamp: those wait for all that they touch. Returns whether
+    anything changed."""
+    n = len(size)
+    changed = False
+    for k in range(contact.entries.shape[0]):
+        largest = 0.0
+        for m in range(contact.entries[k]):
+            row = contact.row[k, m]
+            mask = couplings.held[row] if row < couplings.held.shape[0] else 0
+            for t in range(couplings.late_start[k], couplings.late_start[k + 1]):
+                if couplings.late[t] == row:
+                    mask = -1
+            if mask != -1:
+                for c in range(n):
+                    if (mask >> c) & 1 == 0:
+                        for a in range(couplings.forces[k]):
+                            largest = max(largest, abs(contact.column[k, 8 * (n * m + c) + a]))
+        wait = 0 if largest > 1e-3 else 1
+        if wait != touched.wait[k]:
+            touched.wait[k] = wait
+            changed = True
+    return changed
+
+
+@kernel
+def touch(touched, k, row, at):
+    """Let constraint k touch a row. Returns where the next new row goes, also beyond the room."""
+    if touched.mark[row] != k:
+        touched.mark[row] = k
+        touched.place[row] = at
+        if at < touched.row.shape[0]:
+            touched.row[at] = row
+            touched.owner[at] = k
+        at += 1
+    return at
+
+
+@kernel
+def touch_end(couplings, ties, touched, k, row, at):
+    """The same for an end of an element: a tied node passes on what it carries."""
+    at = touch(touched, k, row, at)
+    if ties is not None:
+        node = couplings.tied[row]
+        if node >= 0:
+            for e in range(ties.start[node], ties.start[node + 1]):
+                at = touch(touched, k, ties.target_row[e], at)
+    return at
+
+
+@written_in
+def touch_inner(couplings, inner, ties, touched, k, m, row, at, jobs):
+    """Entry m of constraint k on an inner node becomes part of a job. Returns the next new row and the next new job."""
+    e = inner.element[row - inner.first[0]]
+    j = touched.last_job[e]
+    if j < touched.job_start[k]:
+        if j < 0:
+            touched.found[touched.counts[0], 0] = e
+            touched.counts[0] += 1
+        first = inner.where[e, 2]
+        touched.job[jobs, 0] = e
+        touched.job[jobs, 1] = k
+        touched.job[jobs, 2] = -1
+        touched.job[jobs, 3] = j
+        a = inner.rows[first]
+        b = inner.rows[first + inner.where[e, 1] + 1]
+        at = touch_end(couplings, ties, touched, k, a, at)
+        at = touch_end(couplings, ties, touched, k, b, at)
+        touched.job[jobs, 4] = touched.place[a]
+        touched.job[jobs, 5] = touched.place[b]
+        touched.last_job[e] = jobs
+        j = jobs
+        jobs += 1
+    touched.entry[k, m] = -1
+    touched.after[k, m] = touched.job[j, 2]
+    touched.job[j, 2] = m
+    return at, jobs
+
+
+@kernel
+def collect(contact, inner, ties, couplings, touched, n_unknowns):
+    """Rows and jobs of all constraints. Returns False where there is not enough room."""
+    n = couplings.diagonal.shape[0]
+    touched.counts[0] = 0
+    for i in range(n):
+        touched.mark[i] = -1
+    for e in range(touched.last_job.shape[0]):
+        touched.last_job[e] = -1
+    at = 0
+    jobs = 0
+    for k in range(contact.entries.shape[0]):
+        touched.start[k] = at
+        touched.job_start[k] = jobs
+        touched.entries[k] = contact.entries[k]
+        for m in range(contact.entries[k]):
+            if at > touched.row.shape[0] or jobs == touched.job.shape[0]:
+                return False
+            row = contact.row[k, m]
+            touched.kept[k, m] = row
+            if row < n:
+                at = touch(touched, k, row, at)
+                touched.entry[k, m] = touched.place[row]
+            elif inner is not None:
+                at, jobs = touch_inner(couplings, inner, ties, touched, k, m, row, at, jobs)
+    if at > touched.row.shape[0]:
+        return False
+    touched.start[contact.entries.shape[0]] = at
+    touched.job_start[contact.entries.shape[0]] = jobs
+    count_jobs(inner, touched, n_unknowns)
+    return list_users(touched, at, n)
+
+
+@kernel
+def count_jobs(inner, touched, n):
+    """How many jobs every element has, pairs of them, and the most doubles that the jobs of an element need side by side."""
+    most = 0
+    pairs = 0
+    for f in range(touched.counts[0]):
+        jobs = 0
+        j = touched.last_job[touched.found[f, 0]]
+        while j >= 0:
+            jobs += 1
+            j = touched.job[j, 3]
+        touched.found[f, 1] = jobs
+        if inner is not None:
+            most = max(most, 16 * n * jobs * (inner.where[touched.found[f, 0], 1] + 2))
+        pairs += jobs * jobs
+    touched.counts[2] = most
+    touched.counts[3] = pairs
+
+
+@kernel
+def list_users(touched, at, n):
+    """The constraints of every row. Returns False where there is not enough room for pairs."""
+    start = touched.user_start
+    for i in range(n + 1):
+        start[i] = 0
+    for t in range(at):
+        start[touched.row[t] + 1] += 1
+    for i in range(n):
+        start[i + 1] += start[i]
+        touched.mark[i] = start[i]
+    for t in range(at):
+        row = touched.row[t]
+        touched.user[touched.mark[row]] = t
+        touched.mark[row] += 1
+    return touched.counts[3] <= touched.pair.shape[0]
+
+
+@written_in
+def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
+    """Append the neighbours of row g that were not seen in this turn. Returns the end of the queue."""
+    if g >= n:
+        for t in range(touched.start[g - n], touched.start[g - n + 1]):
+            j = touched.row[t]
+            if seen[j] != turn:
+                seen[j] = turn
+                came[j] = g
+                queue[tail] = j
+                tail += 1
+        return tail
+    for e in range(couplings.start[g], couplings.start[g + 1]):
+        j = couplings.near[e]
+        if seen[j] != turn:
+            seen[j] = turn
+            came[j] = g
+            queue[tail] = j
+            tail += 1
+    for u in range(touched.user_start[g], touched.user_start[g + 1]):
+        j = n + touched.owner[touched.user[u]]
+        if seen[j] != turn:
+            seen[j] = turn
+            came[j] = g
+            queue[tail] = j
+            tail += 1
+    return tail
+
+
+@kernel
+def sweep(couplings, touched, order):
+    """Rank of the nodes: backwards of a search in width through nodes and constraints, which begins in the middle between two
+    ends. No fill in trees; of a chain both ends take turns."""
+    n = couplings.diagonal.shape[0]
+    seen = order.work[0]
+    came = order.work[1]
+    queue = order.work[2]
+    for g in range(order.position.shape[0]):
+        seen[g] = -1
+    at = 0
+    for root in range(n):
+        if seen[root] >= 0:
+            continue
+        r = root
+        tail = at
+        for turn in range(3):
+            queue[at] = r
+            seen[r] = turn
+            came[r] = -1
+            head = at
+            tail = at + 1
+            while head < tail:
+                tail = visit(couplings, touched, queue[head], n, seen, came, queue, turn, tail)
+                head += 1
+            r = next_root(queue, came, tail, n, turn)
+        at = tail
+    k = 0
+    for x in range(at - 1, -1, -1):
+        if queue[x] < n:
+            order.rank[queue[x]] = k
+            k += 1
+
+
+@kernel
+def next_root(queue, came, tail, n, turn):
+    """Where a search goes on: at the last node that it met, after the second at the middle of its way there."""
+    x = tail - 1
+    while queue[x] >= n:
+        x -= 1
+    r = queue[x]
+    if turn == 1:
+        steps = 0
+        g = r
+        while came[g] >= 0:
+            g = came[g]
+            steps += 1
+        for _ in range(steps // 2):
+            r = came[r]
+        while r >= n:
+            r = came[r]
+    return r
+
+
+@written_in
+def last_rank(couplings, touched, order, k):
+    """Rank of the last node that constraint k waits for."""
+    last = -1
+    least = -1
+    for t in range(touched.start[k], touched.start[k + 1]):
+        row = touched.row[t]
+        late = False
+        for u in range(couplings.late_start[k], couplings.late_start[k + 1]):
+            if couplings.late[u] == row:
+                late = True
+        least = max(least, order.rank[row])
+        if not late:
+            last = max(last, order.rank[row])
+    return last if last >= 0 and touched.wait[k] == 0 else least
+
+
+@kernel
+def put_in_order(couplings, touched, order):
+    """Positions: nodes by rank, every constraint right behind the last node that it waits for."""
+    n = couplings.diagonal.shape[0]
+    behind = order.work[0]
+    last = order.work[1]
+    filled = order.work[2]
+    constraints = order.position.shape[0] - n
+    for i in range(n + 1):
+        behind[i] = 0
+        filled[i] = 0
+    for k in range(constraints):
+        last[k] = last_rank(couplings, touched, order, k)
+        behind[last[k] + 1] += 1
+    for i in range(n):
+        behind[i + 1] += behind[i]
+    for i in range(n):
+        # constraints behind nodes before this one
+        p = order.rank[i] + behind[order.rank[i]]
+        order.position[i] = p
+        order.order[p] = i
+    for k in range(constraints):
+        p = last[k] + 1 + behind[last[k]] + filled[last[k]]
+        filled[last[k]] += 1
+        order.position[n + k] = p
+        order.order[p] = n + k
