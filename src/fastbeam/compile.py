@@ -87,7 +87,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
             packers[part.strain].add(part, nodes.phi, nodes.directors, lanes.reshape(-1), lanes.shape[1])
     used = [packers[name] for name in packers if packers[name].meta]
     ends = condensed_ends(used)
-    size, columns = 0, len(scene.sliders) > 0
+    size, columns = 0, len(scene.sliders) + len(links.kept) > 0
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         eligible[links.touched] = False
@@ -126,7 +126,8 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, bodies=bodies,
-        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=links.kept, ties=ties, held=held, static_held=static_held,
+        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=links.kept,
+        ties=ties, held=held, static_held=static_held,
         curves=curves, sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),

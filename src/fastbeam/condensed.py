@@ -172,7 +172,7 @@ class CondensedIteration(Iteration):
     def finish(self, h: float) -> None:
         state, work = self.owner.core_state, self.owner.work
         work.past[-1] = work.line.use[2]
-        nodes.remember(state.s, work.s_end, state.force, h, work.past)
+        nodes.remember(state.s, work.s_end, state.force, self.owner.core.dim, h, work.past)
         self._advance(h)
         state.s[:] = work.s_end
 

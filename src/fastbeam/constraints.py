@@ -78,8 +78,7 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:
-    """Of the sliders of a model; inner: with the work arrays of a run."""
-    assert model.sliders is not None and model.curves is not None
+    """Of the constraints of a model; inner: with the work arrays of a run."""
     n, s = model.pattern.n, model.n_sliders
     held, tied = np.zeros(n, np.int64), np.full(n, -1)
     row_of = model.pattern.row_of
@@ -89,7 +88,7 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
         tied[model.ties.row] = model.ties.slave
     on_curve: dict[int, Array] = {}
     late = []
-    for c, point in zip(model.sliders.curve.tolist(), model.sliders.point.tolist()):
+    for c, point in [] if model.sliders is None else zip(model.sliders.curve.tolist(), model.sliders.point.tolist()):
         if c not in on_curve:
             first = int(model.curves.meta[c, 0])
             on_curve[c] = np.zeros(model.n_nodes + 1, bool)
@@ -97,9 +96,11 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
                 on_curve[c][_rows_of(model, node)] = True
         rows = _rows_of(model, point)
         late.append(rows[~on_curve[c][rows]])
-    every = np.ones(s, np.int64)
+    # a joint waits for both of its ends
+    late += [np.zeros(0, np.int64)] * len(model.kept)
+    in_force = (np.arange(model.n_constraints) < s).astype(np.int64)
     couplings = couplings_of(model.pattern, len(model.size), 8 * len(model.size) * (model.n_blocks + 1), held, tied, late,
-                             model.border * every, model.dim * every, every)
+                             model.unknowns, model.forces, in_force)
     assert row_of.size == model.n_nodes
     elements = 0 if inner is None else inner.mark.size
     others = (inner, model.ties, model.held, model.simo, model.green)

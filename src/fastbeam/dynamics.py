@@ -38,9 +38,10 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
     model = stepper.model
     node, size = stepper.worst_node()
     worst = f"{model.node_label(node)} (residual {size:.3g})"
-    if model.n_sliders and stepper.contact is not None:
-        k, gap, slide = stepper.worst_slider()
-        worst += f", slider {model.names['sliders'][k]!r} (gap {gap:.3g} m, sliding {slide:.3g} N)"
+    if stepper.contact is not None:
+        k, gap, slide = stepper.worst_constraint()
+        sliding = f", sliding {slide:.3g} N" if k < model.n_sliders else ""
+        worst += f", {model.constraint_names[k]} (gap {gap:.3g} m{sliding})"
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
     cause, advice = _cause(stepper, outcome)
     if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
@@ -59,11 +60,11 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
 
 def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
     """Why a step failed, and what to do."""
-    names, contact = stepper.model.names["sliders"], stepper.contact
+    names, contact = stepper.model.constraint_names, stepper.contact
     others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:
         # a negative size stands for the slider
-        cause = f"the equations of slider {names[int(-min(outcome.sizes)) - 1]!r} are singular"
+        cause = f"the equations of {names[int(-min(outcome.sizes)) - 1]} are singular"
         if max(outcome.sizes) > 0.1:
             # far from any solution that says nothing about the scene
             return cause, smaller
@@ -73,7 +74,7 @@ def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
     last = [x for x in outcome.sizes if x > 0.0][-1:]
     if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
         k = int(np.argmax(contact.remaining))
-        return (f"the gap of slider {names[k]!r} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
+        return (f"the gap of {names[k]} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
                 "motion", "Move them apart, or raise augmentation=...")
     return MEANING.get(outcome.status, "failed"), smaller
 

@@ -6,7 +6,7 @@ import numpy as np
 from .connections import ARM, TRIAD, Connections
 from .errors import SceneError
 from .kernels.work import State
-from .links import KeptLink
+from .kept import KeptLink
 from .numbering import NodeList
 from .projection import project
 from .scene import PointMass, RigidBody, Scene
@@ -67,7 +67,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     if omega.any():
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
-    forces = 3 * s.size + sum(link.forces for link in kept)
+    forces = 3 * s.size + sum(link.forces(3) for link in kept)
     return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(forces)), changed
 
 
@@ -209,7 +209,7 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
         a, b = link.node
-        out.append((float(np.linalg.norm(link.rates(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
+        out.append((float(np.linalg.norm(link.lead(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]

@@ -6,12 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from .connections import Connections
 from .errors import SceneError
+from .kept import KeptLink
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
@@ -70,14 +71,14 @@ class Entry:
         The table of all links of this kind from their `Ends`.
     couples : bool
         Whether it adds to the blocks between its nodes.
-    gaps : callable or None
-        Of a joint with multipliers: derivative [m, 3] of its gaps by x_b - x_a, from that vector.
+    distance : bool or None
+        Of a joint with multipliers, whether it keeps the distance of its points, or the points together.
     """
 
     noun: type
     table: Callable[[Ends], Any]
     couples: bool = True
-    gaps: Callable[[Array], Array] | None = None
+    distance: bool | None = None
 
 
 def _springs(ends: Ends) -> Springs:
@@ -87,22 +88,10 @@ def _springs(ends: Ends) -> Springs:
 
 REGISTRY = (
     Entry(Spring, _springs),
-    Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, gaps=lambda r: np.eye(3)),
+    Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, distance=False),
     Entry(DistanceJoint, lambda x: DistanceJoints(x.node, x.row, x.block, x.distance, x.first, x.ties),
-          gaps=lambda r: r[None] / np.linalg.norm(r)),
+          distance=True),
 )
-
-
-class KeptLink(NamedTuple):
-    """A joint that multipliers hold."""
-
-    name: str
-    node: tuple[int, int]
-    gaps: Callable[[Array], Array]
-
-    def rates(self, r: Array) -> Array:
-        """Derivative [m, 3] of the gaps by r = x_b - x_a."""
-        return self.gaps(r)
 
 
 class Links:
@@ -163,9 +152,9 @@ class Links:
     def kept(self) -> list[KeptLink]:
         """Joints with multipliers, in the order of their constraints."""
         nodes = self._nodes
-        return [KeptLink(part.name if part is not None else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}",
-                         (int(a), int(b)), entry.gaps)
-                for entry, parts, node in self.groups if entry.gaps is not None for part, (a, b) in zip(parts, node)]
+        return [KeptLink(f"{entry.noun.kind} {part.name!r}" if part is not None else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}",
+                         (int(a), int(b)), entry.distance)
+                for entry, parts, node in self.groups if entry.distance is not None for part, (a, b) in zip(parts, node)]
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any) -> tuple[Any, ...]:
         """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
@@ -173,7 +162,7 @@ class Links:
         for entry, parts, node in self.groups:
             ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties)
             out.append(entry.table(ends))
-            first += len(parts) if entry.gaps is not None else 0
+            first += len(parts) if entry.distance is not None else 0
         return tuple(out)
 
 

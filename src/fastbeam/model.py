@@ -12,16 +12,17 @@ import numpy as np
 from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables, scratch_size
+from .kernels.curves import Curves
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
 from .kernels.nodes import NODES_SCRATCH, Bodies, Held
 from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
-from .kernels.curves import Curves
 from .kernels.slider import Contact, ContactInRows, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
+from .kept import KeptLink
 from .mapping import state_for
 from .pattern import Pattern
 
@@ -137,6 +138,26 @@ class Model:
         return self.s0.size
 
     @property
+    def n_constraints(self) -> int:
+        """Number of constraints with multipliers: sliders, then joints."""
+        return self.n_sliders + len(self.kept)
+
+    @property
+    def constraint_names(self) -> list[str]:
+        """Sliders and joints with multipliers, for messages."""
+        return [f"slider {name!r}" for name in self.names["sliders"]] + [link.name for link in self.kept]
+
+    @property
+    def forces(self) -> Array:
+        """Of every constraint the number of its forces, int64 [C]."""
+        return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept], np.int64)
+
+    @property
+    def unknowns(self) -> Array:
+        """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces."""
+        return self.forces + (self.dim + 1) * (np.arange(self.n_constraints) < self.n_sliders)
+
+    @property
     def dim(self) -> int:
         """Components of a position: 3, in the tables of a planar scene 2."""
         return 3 if self.size == SPACE else 2
@@ -149,12 +170,12 @@ class Model:
     @property
     def columns(self) -> int:
         """Right-hand sides of a solve: residual and borders."""
-        return 1 + self.border * self.n_sliders
+        return 1 + self.border * self.n_constraints
 
     @property
     def width(self) -> int:
         """Columns of the panel of right-hand sides: one, or those of sliders padded to 8."""
-        return 1 if self.sliders is None else -(-self.columns // 8) * 8
+        return -(-self.columns // 8) * 8 if self.n_constraints else 1
 
     @property
     def past_size(self) -> int:
@@ -183,7 +204,7 @@ class Model:
     @property
     def own_unknowns(self) -> int:
         """The same of these tables, whether or not the scene has a plane."""
-        return len(self.size) * self.n_rows - self.n_held + (self.dim + 1) * self.n_sliders
+        return len(self.size) * self.n_rows - self.n_held + int(self.forces.sum()) + self.n_sliders
 
     @property
     def n_rows(self) -> int:
@@ -206,7 +227,8 @@ class Model:
         same in every process of one machine."""
         digest = sha256()
         tables = (self.simo, self.green, self.bodies, *self.links, self.ties, self.held, self.curves, self.sliders)
-        parts = [x for table in tables for x in ((None,) if table is None else table)]
+        # the ties of a joint are those of the model
+        parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
                   self.v0, self.s0, self.slider_lengths]
         for x in parts:
@@ -232,7 +254,7 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.dim * self.n_sliders))
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()))
 
     def state_for(self, names: dict[str, list[Any]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
@@ -249,7 +271,7 @@ class Model:
     @property
     def panel_rows(self) -> int:
         """Rows of the panel of right-hand sides: those that the solver sees; with sliders all but those of condensed beams."""
-        if self.sliders is None:
+        if not self.n_constraints:
             return self.pattern.n
         return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
 
@@ -282,7 +304,7 @@ class Model:
         q = self.q0.size
         # what is not a beam takes the coordinates from these
         moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None or bool(self.links))
-        border = self.border * s
+        border = self.border * self.n_constraints
         # what only a dense border needs
         dense = 0 if self.by_rows else border
         panel = 0 if self.by_rows else size * self.panel_rows * self.width
@@ -294,7 +316,7 @@ class Model:
                     panel=_aligned(panel), rows=_aligned((dense + 1) * self.width),
                     schur=np.zeros((dense, dense)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.dim * s), keep_dphi=np.zeros(kept * self.dim * n),
+                    keep_force=np.zeros(kept * self.forces.sum()), keep_dphi=np.zeros(kept * self.dim * n),
                     keep_theta=np.zeros(kept * theta.size),
                     past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),
@@ -304,32 +326,37 @@ class Model:
     @property
     def by_rows(self) -> bool:
         """Whether sliders are rows of the block matrix (theory.md 9) and not a dense border."""
-        return self.sliders is not None and self.pattern.plan is not None and self.substructures is None
+        return self.n_constraints > 0 and self.pattern.plan is not None and self.substructures is None
 
     @property
     def entries(self) -> int:
-        """Entries that a slider may have: those of every node of its beam and its point; fewer at first where sliders are rows and
-        room for more is made when one has them."""
-        assert self.curves is not None
-        most = int(self.curves.shape[:, 2].max())
-        # each as often as a tied node passes it on, and the spin of every node
+        """Entries that a constraint may have: those of every node of a slider's beam and its point, or of both ends of a joint;
+        fewer at first where constraints are rows, and room for more is made when one has them."""
+        # each as often as a tied node passes it on
         widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
+        if self.curves is None:
+            return 2 * widest
+        most = int(self.curves.shape[:, 2].max())
         if self.by_rows:
             most = min(most, int(self.curves.count.max()))
             return most + 1 + (widest > 1) * (most + 4 * widest)
+        # and the spin of every node
         return (most + 1) * widest + most
 
     def contact(self, entries: int | None = None) -> Contact | None:
-        """Work arrays of the sliders, with room for so many entries (default: `entries`)."""
-        if self.sliders is None or self.curves is None:
+        """Work arrays of the constraints, with room for so many entries (default: `entries`)."""
+        n, row = self.n_constraints, 8 * len(self.size)
+        if not n:
             return None
-        s, row = self.n_sliders, 8 * len(self.size)
-        most = int(self.curves.shape[:, 2].max())
+        shape = np.zeros((1, 3), np.int64) if self.curves is None else self.curves.shape
         entries = entries or self.entries
-        return (ContactInRows if self.by_rows else Contact)(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
-                       np.zeros((s, entries), np.int64), np.zeros((s, row * entries)), np.zeros((s, row * entries)),
-                       np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s), np.zeros(s),
-                       np.zeros(1, np.int64), np.zeros(3))
+        first = np.cumsum(self.unknowns) - self.unknowns if self.by_rows else self.border * np.arange(n)
+        kind = ContactInRows if self.by_rows else Contact
+        return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
+                    entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=np.zeros((n, row * entries)),
+                    line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
+                    element=np.zeros(n, np.int64), forces=self.forces, first=first,
+                    first_force=np.cumsum(self.forces) - self.forces, compliance=np.zeros(n), remaining=np.zeros(n), full=np.zeros(1, np.int64), augmented=np.zeros(4))
 
     def inner_work(self) -> Inner | None:
         """The eliminated nodes with work arrays of one run."""

@@ -122,7 +122,7 @@ class Stepper:
         self.weights = np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
-        self.work = core.work(keep=self.weights.size > 1 or core.n_sliders > 0 or rates, rates=rates)
+        self.work = core.work(keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
         self.inner = core.inner_work()
         self.contact = core.contact()
         self.rows: Constraints | None = None
@@ -235,7 +235,7 @@ class Stepper:
     @property
     def _border_size(self) -> int:
         """Doubles of the dense border of all sliders."""
-        columns = self.core.columns if self.core.n_sliders else 0
+        columns = self.core.columns if self.core.n_constraints else 0
         return columns * (columns + len(self.core.size) * self.core.n_nodes)
 
     @property
@@ -392,13 +392,14 @@ class Stepper:
         status, sizes = self.parts.newton(h, self.max_iterations, LARGEST_IN_TIME, self.stop)
         return status, np.array(sizes)
 
-    def worst_slider(self) -> tuple[int, float, float]:
-        """(slider, gap in m, residual of its sliding equation in N) where the gap of the last iteration is largest."""
+    def worst_constraint(self) -> tuple[int, float, float]:
+        """(slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last iteration
+        is largest."""
         assert self.contact is not None
-        dim = self.core.dim
-        gaps = np.abs(self.contact.residual[:, :dim]).max(axis=1)
+        inside = np.arange(8) < self.contact.forces[:, None]
+        gaps = np.where(inside, np.abs(self.contact.residual), 0.0).max(axis=1)
         k = int(np.argmax(np.where(np.isfinite(gaps), gaps, np.inf)))
-        return k, float(gaps[k]), float(self.contact.residual[k, dim])
+        return k, float(gaps[k]), float(self.contact.residual[k, self.core.dim])
 
     def largest_turn(self) -> tuple[int, float]:
         """(node, angle in rad) of the largest turn of a triad in the last substep."""

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .kernels.beam import ElementTables, group_table_size
-from .kernels.kinds import PLANE
 from .kernels.inner import Inner, store_size
+from .kernels.kinds import PLANE
 from .kernels.nodes import Held
 from .kernels.planar_beam import planar_group_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
+from .kernels.terms import NoTies
 from .kernels.work import State
 from .tables import CHUNK, TablePool
 
@@ -44,6 +45,8 @@ class Plane:
         Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
     normal : float64 [N, 3]
         Constant component of the directors along the normal.
+    vectors : int
+        Forces of constraints that are vectors; behind them come single ones.
     model : Model
         With 4 coordinates a node, x, y and u, and 3 unknowns.
     """
@@ -52,6 +55,7 @@ class Plane:
     height: float
     factor: Array
     normal: Array
+    vectors: int
     model: Any = None
 
     @property
@@ -70,12 +74,15 @@ class Plane:
         k = np.argmax(np.abs(self.factor), axis=1)
         at = np.arange(n)
         q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
-        force = _complex(state.force.reshape(-1, 3), self.axes)
-        return State(_numbers(q), _numbers(v), state.s.copy(), _numbers(force))
+        vectors = 3 * self.vectors
+        force = _complex(state.force[:vectors].reshape(-1, 3), self.axes)
+        return State(_numbers(q), _numbers(v), state.s.copy(), np.concatenate((_numbers(force), state.force[vectors:])))
 
     def expand(self, flat: State) -> State:
         """Coordinates in space."""
-        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), self.forces(flat.force))
+        vectors = 2 * self.vectors
+        force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:]))
+        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force)
 
     def _within(self, x: Array) -> Array:
         """[12 N] from [4 N], without what points along the normal."""
@@ -101,7 +108,7 @@ class Plane:
             _check_state(state.q, state.v, self, self.model.length)
         except NotPlanar:
             return False
-        force = state.force.reshape(-1, 3)
+        force = state.force[:3 * self.vectors].reshape(-1, 3)
         return bool(np.all(np.abs(force @ self.axes[2]) <= TOLERANCE * np.max(np.abs(force), initial=1e-300)))
 
 
@@ -153,7 +160,8 @@ def _plane_of(model: Model) -> Plane:
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
-    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal))
+    vectors = model.n_sliders + sum(not link.distance for link in model.kept)
+    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors)
     _check_state(model.q0, model.v0, plane, model.length)
     _refuse((model.numbers.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", model)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .connections import ARM, POSITION, Connections
-from .links import KeptLink
+from .kept import KeptLink
 from .nearest import nearest
 from .numbering import NodeList
 from .scene import RigidBody, Scene
@@ -71,8 +71,8 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
             add([(k, 1, eye)], np.zeros(3))
     for link in kept:
         a, b = link.node
-        lead = link.rates(nodes.phi[b] - nodes.phi[a])
-        add([(b, 0, lead), (a, 0, -lead)], np.zeros(link.forces))
+        lead = link.lead(nodes.phi[b] - nodes.phi[a])
+        add([(b, 0, lead), (a, 0, -lead)], np.zeros(len(lead)))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:

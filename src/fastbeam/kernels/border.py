@@ -50,21 +50,20 @@ def take_solution(panel, width, factor, x_out, size):
 def augment(contact, force, schur, y, size):
     """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
     first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
-    d = dim(size)
     border = 2 * dim(size) + 1
     n = border * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
         o = border * k
         largest = 0.0
-        for j in range(o, o + d):
+        for j in range(o, o + contact.forces[k]):
             largest = max(largest, abs(schur[j, j]))
         if not largest > contact.augmented[1]:
             return k
         contact.compliance[k] = largest
         first = contact.augmented[2] * contact.augmented[0] * largest
-        for j in range(d):
-            y[o + j] -= first * force[d * k + j]
-        for j in range(o, o + d):
+        for j in range(contact.forces[k]):
+            y[o + j] -= first * force[contact.first_force[k] + j]
+        for j in range(o, o + contact.forces[k]):
             schur[j, j] += contact.augmented[0] * largest
             for i in range(n):
                 schur[i, j] /= largest
@@ -77,8 +76,7 @@ def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
     the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: room for one row of the panel
     more than the border has."""
     nu = len(size)
-    d = dim(size)
-    border = 2 * d + 1
+    border = 2 * dim(size) + 1
     n = border * contact.entries.shape[0]
     for i in range((n + 1) * width):
         rows[i] = 0.0
@@ -111,9 +109,10 @@ def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
     for k in range(contact.entries.shape[0]):
         o = border * k
         contact.remaining[k] = 0.0
-        for i in range(d):
+        for i in range(contact.forces[k]):
             y_out[o + i] /= contact.compliance[k]
-            left = contact.augmented[0] * contact.compliance[k] * (y_out[o + i] + contact.augmented[2] * force[d * k + i])
+            before = contact.augmented[2] * force[contact.first_force[k] + i]
+            left = contact.augmented[0] * contact.compliance[k] * (y_out[o + i] + before)
             contact.remaining[k] = max(contact.remaining[k], abs(left))
     contact.augmented[2] = 0.0
     last = n * width

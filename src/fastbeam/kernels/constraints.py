@@ -10,8 +10,8 @@ from .constraint_entries import (add_inner, carry, clear_held_columns, put_entri
 from .constraint_fill import update_order
 from .constraint_rows import Couplings, Order, Touched
 from .constraint_solve import Factors, eliminate, substitute, take_solution
-from .slider import ContactInRows, move_sliders
-from .terms import close, fill, push_increments, solve
+from .slider import ContactInRows
+from .terms import close, fill, push_increments, solve, take_unknowns
 
 
 class Constraints(NamedTuple):
@@ -99,4 +99,6 @@ def close_rows(contact, terms, system):
         return -1.0 - rows.factors.failed[1], 0.0
     push_increments.each(terms, system)
     complete_inner(rows.simo, rows.green, contact, rows.inner, rows, work.y, work.line.x, work.scratch, system.size)
-    return 0.0, move_sliders(system.state, work, system.size)
+    contact.augmented[3] = 0.0
+    take_unknowns.each(terms, system)
+    return 0.0, contact.augmented[3]

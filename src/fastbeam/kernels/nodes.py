@@ -106,8 +106,8 @@ def predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
 
 
 @kernel
-def remember(s, s_end, force, h, past):
-    """A step of size h has converged: its increments are the newest rates.
+def remember(s, s_end, force, d, h, past):
+    """A step of size h has converged: its increments are the newest rates; contact forces have d components.
 
     past: how many rates are known, times of their middles from now on, size of the step whose increments are the newest of the
     nodes or 0; s and force of every slider, newest and older; of the nodes the older, those of positions, then Cayley vectors;
@@ -117,8 +117,7 @@ def remember(s, s_end, force, h, past):
     past[0] = min(past[0] + 1.0, 2.0)
     past[3] = h
     if s.shape[0] > 0:
-        d = force.shape[0] // s.shape[0]
-        m = s.shape[0] + force.shape[0]
+        m = (d + 1) * s.shape[0]
         for k in range(4, 4 + m):
             past[k + m] = past[k]
         for k in range(s.shape[0]):

@@ -26,7 +26,7 @@ from .alpha import Alpha
 from .curves import Curves, add_basis, find_element, point_on_curve, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
                     vector, zero_spin, zero_vector)
-from .terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, within_limits
+from .terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns, within_limits
 
 
 END_SLACK = 1e-12
@@ -50,7 +50,7 @@ class Sliding(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Work of the sliders; `E` entries a slider at most."""
+    """Work of all constraints with multipliers: the sliders come first, then joints; S constraints, `E` entries each at most."""
 
     basis: np.ndarray       # float64 [5, n]: N(s_n), N(s_n+1), N'(s_n+1), N[s_n, s_n+1], its derivative by s_n+1
     legendre: np.ndarray    # float64 [3, n_coef]
@@ -61,10 +61,14 @@ class Contact(NamedTuple):
     corner: np.ndarray      # float64 [S, 64]
     residual: np.ndarray    # float64 [S, 8]
     element: np.ndarray     # int64 [S]: element of s_n, a hint
+    forces: np.ndarray      # int64 [S]: number of forces, as many equations come first, gaps
+    first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints
+    first_force: np.ndarray  # int64 [S]: number of the first force
     compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
     remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
     full: np.ndarray        # int64 [1]: 1 where a slider had more entries than there is room for
-    augmented: np.ndarray   # float64 [3]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration
+    augmented: np.ndarray   # float64 [4]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration,
+    #                         largest increment of s
 
 
 class ContactInRows(Contact):
@@ -249,21 +253,6 @@ def add_sliders(curves, sliders, contact, ties, row_of, q, q_mid, q_end, theta, 
 
 
 @kernel
-def move_sliders(state, work, size):
-    """Add the solved unknowns of all sliders to forces and positions. Returns the largest increment of s."""
-    d = dim(size)
-    slide = 0.0
-    for k in range(state.s.shape[0]):
-        for c in range(d):
-            state.force[d * k + c] += work.y[(2 * d + 1) * k + c]
-        z = work.y[(2 * d + 1) * k + d]
-        work.s_end[k] += z
-        if abs(z) > slide or z != z:
-            slide = abs(z)
-    return slide
-
-
-@kernel
 def put_residual(contact, k, gap, sliding, size):
     """Residuals of the border of slider k, and the equation g_mean = mean gap, which holds whatever the increment."""
     d = dim(size)
@@ -329,7 +318,6 @@ def add_plain_sliders(curves, sliders, contact, ties, row_of, q_mid, q_end, s, s
 @kernel
 def predict_sliding(term, system, h, c):
     state, work = system.state, system.work
-    system.contact.augmented[2] = 1.0
     predict_sliders(term.curves, term.sliders, system.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
                     state.force, system.size)
 
@@ -358,12 +346,26 @@ def assemble_sliding_at_end(term, method, system, h):
                       work.s_end, state.force, 0.5, work.r, system.size)
 
 
+@take_unknowns.register(Sliding)
+@kernel
+def move_sliders(term, system):
+    """Add the solved unknowns of all sliders to forces and positions."""
+    state, work, contact, d = system.state, system.work, system.contact, dim(system.size)
+    for k in range(state.s.shape[0]):
+        for c in range(d):
+            state.force[contact.first_force[k] + c] += work.y[contact.first[k] + c]
+        z = work.y[contact.first[k] + d]
+        work.s_end[k] += z
+        if abs(z) > contact.augmented[3] or z != z:
+            contact.augmented[3] = abs(z)
+
+
 @is_settled.register(Sliding)
 @kernel
 def gaps_are_closed(term, system):
     """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
     contact, q, size = system.contact, system.state.q, system.size
-    for k in range(contact.remaining.shape[0]):
+    for k in range(term.sliders.point.shape[0]):
         p = coordinates(size) * term.sliders.point[k]
         reach = 0.0
         for c in range(dim(size)):

@@ -12,14 +12,15 @@ from .._jit import beside, kernel
 from . import beams, constraints, slider, tied  # noqa: F401  all terms
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, back_substitute, factor
+from .kinds import dim
 from .nodes import extrapolation, remember
 from .slider import Contact
 from .sparse import PardisoTables, solve_sparse
 from .sparse import begin_step as begin_pardiso_step
-from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_solver,
-                    begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess, follow_nodes,
+from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_contact,
+                    begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess, follow_nodes,
                     inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
-                    push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, weigh,
+                    push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, take_unknowns, weigh,
                     weigh_residual, within_limits)
 from .work import clear_equations, copy, follow_line, keep, start_line
 
@@ -37,7 +38,20 @@ def begin_in_time(method, terms, system, h):
     c = extrapolation(system.work.past, h)
     predict_nodes.call(system.size, system.state, system.work, system.spinless, h, c, 0, system.row_of.shape[0])
     start_line(system.work)
+    begin_contact.call(system.contact)
     first_guess.each(terms, system, h, c)
+
+
+@begin_contact.register(NoContact)
+@kernel
+def begin_without_contact(contact):
+    pass
+
+
+@begin_contact.register(Contact)
+@kernel
+def begin_with_contact(contact):
+    contact.augmented[2] = 1.0
 
 
 @begin_step.register(Equilibrium)
@@ -186,14 +200,16 @@ def close_residual(contact, terms, system):
 @close.register(Contact)
 @kernel
 def close_bordered(contact, terms, system):
-    state, work = system.state, system.work
+    work = system.work
     complete_columns.each_backward(terms, system)
-    singular = solve_border(contact, state.force, work.panel, system.width, work.rows, work.schur, work.y, work.line.x,
+    singular = solve_border(contact, system.state.force, work.panel, system.width, work.rows, work.schur, work.y, work.line.x,
                             system.size)
     if singular >= 0:
         return -1.0 - singular, 0.0
     push_increments.each(terms, system)
-    return 0.0, slider.move_sliders(state, work, system.size)
+    contact.augmented[3] = 0.0
+    take_unknowns.each(terms, system)
+    return 0.0, contact.augmented[3]
 
 
 @kernel
@@ -293,7 +309,7 @@ def finish_step(terms, system, h):
     """Accept a converged step."""
     state, work = system.state, system.work
     work.past[work.past.shape[0] - 1] = work.line.use[2]
-    remember(state.s, work.s_end, state.force, h, work.past)
+    remember(state.s, work.s_end, state.force, dim(system.size), h, work.past)
     advance_nodes.call(system.size, system.method, state, work, h, 0, system.row_of.shape[0], work.scratch)
     accept.each(terms, system.method, system)
     copy(work.s_end, state.s)
@@ -407,7 +423,9 @@ def assemble_some(terms, system, h):
 
 @kernel
 def guess_some(terms, system, h, c):
-    first_guess.each(in_memory(terms), in_memory(system), h, c)
+    record = in_memory(system)
+    begin_contact.call(record.contact)
+    first_guess.each(in_memory(terms), record, h, c)
 
 
 @kernel

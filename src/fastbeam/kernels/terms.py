@@ -119,6 +119,11 @@ def recover(term, system, share):
 
 
 @generic
+def take_unknowns(term, system):
+    """Add the increments in work.y to forces and own unknowns of constraints; contact.augmented[3]: the largest of a length."""
+
+
+@generic
 def follow_nodes(term, system):
     """After the increments of the nodes."""
 
@@ -239,6 +244,11 @@ def take_increments(method, system):
 
 
 # --- by contact and solver ----------------------------------------------------------------------------------------------
+@generic
+def begin_contact(contact):
+    """Before the first iteration of a step."""
+
+
 @generic
 def fill(contact, terms, system):
     """Right-hand sides of the panel."""
