@@ -302,8 +302,8 @@ class Model:
 
     @property
     def entries(self) -> int:
-        """Entries that a slider may have: those of every node of its beam and its point; fewer at first where sliders are rows and
-        room for more is made when one has them."""
+        """Entries that a slider may have: those of every node of its beam and its point; fewer at first where sliders are rows
+        and room for more is made when one has them."""
         assert self.curves is not None
         most = int(self.curves.shape[:, 2].max())
         # each as often as a tied node passes it on, and the spin of every node
@@ -320,7 +320,8 @@ class Model:
         s, row = self.n_sliders, 8 * len(self.size)
         most = int(self.curves.shape[:, 2].max())
         entries = entries or self.entries
-        return (ContactInRows if self.by_rows else Contact)(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
+        kind = ContactInRows if self.by_rows else Contact
+        return kind(np.zeros((5, most)), np.zeros((3, int(self.curves.shape[:, 1].max()))), np.zeros(s, np.int64),
                        np.zeros((s, entries), np.int64), np.zeros((s, row * entries)), np.zeros((s, row * entries)),
                        np.zeros((s, 64)), np.zeros((s, 8)), np.zeros(s, np.int64), np.zeros(s), np.zeros(s),
                        np.zeros(1, np.int64), np.zeros(3))
