@@ -334,14 +334,15 @@ class Model:
         fewer at first where constraints are rows, and room for more is made when one has them."""
         # each as often as a tied node passes it on
         widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
+        ends = 2 * widest if self.kept else 0
         if self.curves is None:
-            return 2 * widest
+            return ends
         most = int(self.curves.shape[:, 2].max())
         if self.by_rows:
             most = min(most, int(self.curves.count.max()))
-            return most + 1 + (widest > 1) * (most + 4 * widest)
+            return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
         # and the spin of every node
-        return (most + 1) * widest + most
+        return max(ends, (most + 1) * widest + most)
 
     def contact(self, entries: int | None = None) -> Contact | None:
         """Work arrays of the constraints, with room for so many entries (default: `entries`)."""
@@ -356,7 +357,8 @@ class Model:
                     entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=np.zeros((n, row * entries)),
                     line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
                     element=np.zeros(n, np.int64), forces=self.forces, first=first,
-                    first_force=np.cumsum(self.forces) - self.forces, compliance=np.zeros(n), remaining=np.zeros(n), full=np.zeros(1, np.int64), augmented=np.zeros(4))
+                    first_force=np.cumsum(self.forces) - self.forces, compliance=np.zeros(n), remaining=np.zeros(n),
+                    full=np.zeros(1, np.int64), augmented=np.zeros(4))
 
     def inner_work(self) -> Inner | None:
         """The eliminated nodes with work arrays of one run."""

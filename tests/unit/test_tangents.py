@@ -194,8 +194,8 @@ class Kernels:
     def parts(self, method: Any = Conserving()) -> tuple[Any, Any]:
         """Terms and the record of what they share."""
         m, static = self.model, isinstance(method, Equilibrium)
-        return (terms_of(m, None, static),
-                system_of(m, method, None if static else self.contact, m.pattern.plan if static else self.solver, self.state, self.work))
+        contact, solver = (None, m.pattern.plan) if static else (self.contact, self.solver)
+        return terms_of(m, None, static), system_of(m, method, contact, solver, self.state, self.work)
 
     def load(self) -> None:
         """Loads at factor 1."""

@@ -1,4 +1,4 @@
-"""Entries of constraints into the blocks of kernels/constraint_solve.py; those on inner nodes are carried to the ends of elements.
+"""Entries of constraints into the blocks of kernels/constraint_solve.py; those on inner nodes are carried to ends of elements.
 
 Of a constraint with columns C and lines L on the inner nodes of an element, which were eliminated in the element loop
 (kernels/inner.py), there remains at the others j and between constraints k, l
@@ -129,8 +129,8 @@ def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size)
         for b in range(touched.found[f, 1]):
             at = 16 * n * nodes * b
             solve_rows(inner.store, d, 8 * n, 8, buffer, at + 8 * n * i, 8, size)
-        carry_inside(couplings, touched, order, factors, f, i, nodes, 8 * inner.rows[inner.where[e, 2] + i], inner.rhs, buffer, pair,
-                     size)
+        y = 8 * inner.rows[inner.where[e, 2] + i]
+        carry_inside(couplings, touched, order, factors, f, i, nodes, y, inner.rhs, buffer, pair, size)
         for b in range(touched.found[f, 1]):
             at = 16 * n * nodes * b
             line = at + 8 * n * nodes
@@ -284,7 +284,8 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
             others = count + 2 - i
             solve_column(inner.store, d, 8 * n, 8, buffer, 8 * i, 1, size)
             for m in range(others - 2):
-                subtract_column(inner.store, d + 2 * block * (m + 1), 8 * n, 8, buffer, 8 * i, 1, buffer, 8 * (i + 1 + m), 1, size)
+                low = d + 2 * block * (m + 1)
+                subtract_column(inner.store, low, 8 * n, 8, buffer, 8 * i, 1, buffer, 8 * (i + 1 + m), 1, size)
             for c in range(n):
                 x_out[8 * inner.rows[rows + i] + c] -= buffer[8 * i + c]
             d += block * (1 + 2 * others)
@@ -292,7 +293,7 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
 
 @kernel
 def recover_inner_rows(tables, inner, x_out, scratch, size):
-    """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what stands in their rows."""
+    """Increments of all inner nodes of elements with one strain set from those of the end nodes and what stands in their rows."""
     n = len(size)
     block = 8 * n * n
     for k in range(tables.meta.shape[0]):

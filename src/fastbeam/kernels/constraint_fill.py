@@ -55,8 +55,8 @@ def sort_columns(column, first, last):
 
 @kernel
 def find_fill(couplings, touched, order, size):
-    """Columns of every row behind its diagonal, and its blocks. Returns where the blocks end in store, -1 where there is not enough
-    room for columns."""
+    """Columns of every row behind its diagonal, and its blocks. Returns where the blocks end in store, -1 where there is not
+    enough room for columns."""
     n = couplings.diagonal.shape[0]
     rows = order.position.shape[0]
     child = order.work[1]
@@ -164,8 +164,8 @@ def find_places(couplings, touched, order):
 
 @kernel
 def update_order(contact, inner, ties, couplings, touched, order, room, buffer_room, size):
-    """Find order and structure again where something else is touched; room: doubles in store and in a buffer. Returns False, and has to be called
-    again, where some array is too short."""
+    """Find order and structure again where something else is touched; room: doubles in store and in a buffer. Returns False, and
+    has to be called again, where some array is too short."""
     waiting = find_waiting(contact, couplings, touched, size)
     if not waiting and not is_changed(contact, touched):
         return True

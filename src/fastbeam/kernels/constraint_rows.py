@@ -1,10 +1,11 @@
 """Rows of constraints in the block matrix, theory.md 9: what they touch, the order of elimination, its fill and its targets.
 
 A constraint has a few unknowns of its own and touches a few nodes. Its row stands right behind the last node that it has to wait
-for. All this depends on nothing but what is touched, and is found again when that changes, as when a slider enters another element.
+for. All this depends on nothing but what is touched, and is found again when that changes, as when a slider enters another
+element.
 
-Rows are those of the n nodes, then those of the constraints; a position is the place of a row in the elimination. Blocks are rows of
-8 doubles in one array, `store`: those that are assembled, then those of constraints and fill.
+Rows are those of the n nodes, then those of the constraints; a position is the place of a row in the elimination. Blocks are rows
+of 8 doubles in one array, `store`: those that are assembled, then those of constraints and fill.
 """
 from __future__ import annotations
 
@@ -51,7 +52,7 @@ class Touched(NamedTuple):
     user_start: np.ndarray  # int32 [n + 1]: range of a row in `user`
     user: np.ndarray        # int32 [T]: places in `row` that name it
     job_start: np.ndarray   # int32 [S + 1]: range of a constraint in the jobs
-    job: np.ndarray         # int32 [J, 6]: element, constraint, first entry, the job before in this element or -1, places of both ends
+    job: np.ndarray         # int32 [J, 6]: element, constraint, first entry, job before in the element or -1, places of both ends
     last_job: np.ndarray    # int32 [elements]: the last job of an element, or -1
     found: np.ndarray       # int32 [elements, 2]: elements with jobs and how many
     pair: np.ndarray        # int32 [P]: where the blocks between the constraints of an element begin
@@ -94,8 +95,8 @@ def is_changed(contact, touched):
 
 @written_in
 def find_waiting(contact, couplings, touched, size):
-    """Mark constraints whose forces hardly move what they wait for, at a clamp: those wait for all that they touch. Returns whether
-    anything changed."""
+    """Mark constraints whose forces hardly move what they wait for, at a clamp: those wait for all that they touch. Returns
+    whether anything changed."""
     n = len(size)
     changed = False
     for k in range(contact.entries.shape[0]):

@@ -1,8 +1,8 @@
 """Elimination of nodes and constraints in an order of kernels/constraint_rows.py, theory.md 9.
 
 The right-hand side stands in the last column of the diagonal blocks and, once a row is eliminated, of its first block behind the
-diagonal. Nodes are factored without exchange of rows where that is good enough, constraints always with it: their rows in units of
-what is found of their compliance, theory.md (5.5).
+diagonal. Nodes are factored without exchange of rows where that is good enough, constraints always with it: their rows in units
+of what is found of their compliance, theory.md (5.5).
 """
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def update_rows(order, factors, i, is_node, size):
 
 @kernel
 def factor_with_exchange(order, factors, i, size):
-    """Factor the diagonal block of a node with exchange of rows, those of the right-hand side too. Returns the worst pivot ratio."""
+    """Factor the diagonal block of a node with exchange of rows, of the right-hand side too. Returns the worst pivot ratio."""
     n = len(size)
     d = order.diagonal[i]
     for c in range(n):
@@ -129,13 +129,14 @@ def scale_constraint(couplings, order, factors, contact, force, i, k):
     if not c > contact.augmented[1]:
         return 0.0
     contact.compliance[k] = c
+    inverse = 1.0 / c
     first = contact.augmented[2] * contact.augmented[0] * c
     for a in range(forces):
         store[d + 8 * a + RIGHT] -= first * force[couplings.first_force[k] + a]
         store[d + 9 * a] += contact.augmented[0] * c
     for b in range(m):
         for a in range(forces):
-            store[d + 8 * b + a] /= c
+            store[d + 8 * b + a] *= inverse
     for a in range(forces, forces + couplings.in_force[k]):
         vst(store, d + 8 * a, 0, c * vld(store, d + 8 * a, 0))
     return c
@@ -143,8 +144,8 @@ def scale_constraint(couplings, order, factors, contact, force, i, k):
 
 @kernel
 def factor_constraint(store, d, m, pivots, p):
-    """LU of m rows with their exchange, reciprocal pivots on the diagonal; the right-hand side is exchanged too. Returns the smallest
-    pivot."""
+    """LU of m rows with their exchange, reciprocal pivots on the diagonal; the right-hand side is exchanged too. Returns the
+    smallest pivot."""
     least = np.inf
     for k in range(m):
         largest = k
@@ -233,8 +234,8 @@ def solve_right(store, d, m):
 
 @kernel
 def eliminate(couplings, order, factors, contact, force, size):
-    """Factor in place, the right-hand side goes along. force: of the constraints, one after the other. Returns False at a singular
-    block: `factors.failed` then has the constraint, or -1."""
+    """Factor in place, the right-hand side goes along. force: of the constraints, one after the other. Returns False at a
+    singular block: `factors.failed` then has the constraint, or -1."""
     n = order.rank.shape[0]
     least = LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_PLAIN
     rows = order.order.shape[0]
@@ -253,7 +254,9 @@ def eliminate(couplings, order, factors, contact, force, size):
             continue
         # two rows at a time where the second does not wait for the first
         end = i + 2
-        if end > rows or order.order[i + 1] >= n or (order.start[i] < order.start[i + 1] and order.column[order.start[i]] == i + 1):
+        if end > rows or order.order[i + 1] >= n:
+            end = i + 1
+        elif order.start[i] < order.start[i + 1] and order.column[order.start[i]] == i + 1:
             end = i + 1
         factored = False
         if end == i + 2:
@@ -300,7 +303,7 @@ def substitute(order, factors, size):
 
 @kernel
 def take_solution(couplings, order, factors, contact, force, x_out, y_out, size):
-    """Solution by rows: nodes in rows of 8, constraints one behind the other; and the gaps that the augmented Lagrangian leaves."""
+    """Solution by rows: nodes in rows of 8, constraints one by one; and the gaps that the augmented Lagrangian leaves."""
     n = order.rank.shape[0]
     for i in range(n):
         p = order.position[i]

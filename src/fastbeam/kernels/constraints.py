@@ -1,4 +1,4 @@
-"""Nodes and constraints solved together, theory.md 9: how the step fills, solves and closes its equations with sliders as rows."""
+"""Nodes and constraints solved together, theory.md 9: how a step fills, solves and closes its equations with sliders as rows."""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -22,11 +22,11 @@ class Constraints(NamedTuple):
     order: Order
     factors: Factors
     buffer: np.ndarray      # float64: columns and lines of the constraints of an element
-    inner: Any              # inner.Inner, ties.Ties or planar_nodes.PlanarTies, nodes.Held, beam.ElementTables of both strain sets;
-    ties: Any               # None where there are none
-    held: Any
-    simo: Any
-    green: Any
+    inner: Any              # inner.Inner; all of these are None where there are none
+    ties: Any               # ties.Ties or planar_nodes.PlanarTies
+    held: Any               # nodes.Held
+    simo: Any               # beam.ElementTables of strain set (2.2)
+    green: Any              # of strain set (2.1)
 
 
 for _record in (Constraints, Couplings, Touched, Order, Factors):
