@@ -53,14 +53,15 @@ class Saddle:
     def __init__(self, matrix: Any, multiplier: Array) -> None:
         from scipy import sparse
         self.matrix, self.multiplier = matrix.tocsc(), multiplier
-        self.row, self.column = equilibrated(self.matrix)
+        self.is_finite = bool(np.isfinite(self.matrix.data).all())
+        self.row, self.column = equilibrated(self.matrix) if self.is_finite else (np.ones(multiplier.size),) * 2
         self.scaled = (sparse.diags(self.row) @ self.matrix @ sparse.diags(self.column)).tocsc()
         self.is_singular = False
         self.residual = 0.0
 
     def solve(self, right: Array) -> Array | None:
         """x [n] with matrix x = right [n]. None where nothing finite is found."""
-        if not (np.isfinite(self.scaled.data).all() and np.isfinite(right).all()):
+        if not (self.is_finite and np.isfinite(right).all()):
             return None
         b = self.row * right
         # the order that suits a symmetric structure first, then plain partial pivoting

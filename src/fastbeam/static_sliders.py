@@ -206,7 +206,7 @@ class SlidingSolver(StaticSolver):
         free, state = self.sliding, self.stepper.core_state
         held = np.zeros(free.size, bool)
         sizes: list[float] = []
-        drag, trust = 0.0, 1.0
+        drag, trust, near = 0.0, 1.0, NEWTON_FROM
         for _ in range(MOST_SLIDES):
             self.work.line.use[0] = 0.0
             x = self._increment(free, drag)
@@ -221,15 +221,16 @@ class SlidingSolver(StaticSolver):
                 drag = max(4.0 * drag, 2.0 * abs(work) / float(x.s @ x.s) + drag)
                 continue
             saved = self._saved()
-            if close or (largest <= NEWTON_FROM and drag == 0.0):
+            if close or (largest <= near and drag == 0.0):
                 status, more = self._newton(free)
                 sizes += more
-                moved = float(np.max(np.abs(state.s - saved[1]) / self.lengths))
-                if status == OK and (close or moved <= 4.0 * largest):
+                way = state.s - saved[1]
+                if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * self.lengths) and self._rises(way))):
                     return OK, sizes
                 self._restore(saved)
                 if close:
                     return (NOT_CONVERGED if status == SLIDER_END else status), sizes
+                near = 0.25 * largest
             steps, out = self._steps(trust * x.s, slope)
             if out >= 0:
                 self.runaway = out
@@ -248,6 +249,16 @@ class SlidingSolver(StaticSolver):
             if trust < LEAST_TRUST:
                 return (status if status != OK else NOT_CONVERGED), sizes
         return NOT_CONVERGED, sizes
+
+    def _rises(self, way: Array) -> bool:
+        """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
+        self.work.line.use[0] = 0.0
+        saddle, right = self._assembled(self.sliding)
+        right[:] = 0.0
+        n = len(self.core.size) * self.core.pattern.n
+        right[n:n + way.size] = np.where(self.sliding, way, 0.0)
+        x = saddle.solve(right)
+        return x is None or bool(way @ x[n:n + way.size] >= 0.0)
 
     def _steps(self, s: Array, slope: Array) -> tuple[Array, int]:
         """Increments of the sliding coordinates, none too long and none beyond an end; and a slider that stands at the end that
