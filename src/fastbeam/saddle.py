@@ -4,9 +4,9 @@
     [ B'   0  ] [ m ] = [ c ]      m: multipliers (forces), in any number and any units
 
 A may be singular and so may be its diagonal (a mass has no stiffness): only the whole is solved. Rows and columns are brought to
-a size of 1 first, so units do not matter. Where the matrix is singular to round-off (a free motion, the same constraint twice)
-coordinates get a small stiffness and multipliers a small compliance, and the solution is refined with the matrix itself: what
-the right-hand side does not ask for stays small.
+a size of 1 first, so units do not matter. Where the matrix is singular to round-off (a free motion, the same constraint twice) its
+null vectors are found by inverse iteration and left out of the solution; what the right-hand side asks for along them is kept
+apart.
 """
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from .linsolve import SuperLU, _inertia
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing
 SWEEPS = 12
-# relative residuals of a solution that is accepted; and of one whose backward error is round-off
-GOOD, FAIR, ROUND_OFF = 1e-9, 1e-2, 1e-12
+# relative residual of a regular matrix; of a solution that is accepted; backward error that is round-off
+REGULAR, FAIR, ROUND_OFF = 1e-12, 1e-2, 1e-12
 # a smaller pivot next to the largest tells a singular matrix
 LEAST_PIVOT = 1e-15
-# stiffness and compliance of what is singular, in the scaled matrix, and refinements with the matrix itself
-SMALL, REFINEMENTS = 1e-9, 8
+# of the scaled matrix: singular values that are round-off, what is added to the diagonal so that it can be factored, and null
+# vectors that are looked for at most
+NULL, SMALL, MOST_NULL = 1e-12, 1e-13, 12
 # share of B^T B that is added to A before its pivots are counted: any gives the same number; and multipliers up to which
 # the rest is counted by eigenvalues of a dense matrix
 PENALTIES, DENSE = (1e2, 1e4, 1e6), 4000
@@ -45,9 +46,13 @@ class Saddle:
     Attributes
     ----------
     is_singular : bool
-        Whether the last solution took the small stiffnesses.
+        Whether the last solution left null vectors out.
+    drift : float64 [n]
+        Along these, what the right-hand side asks for, in no unit; zero where the matrix is regular.
+    unbalanced : float
+        Its share in the right-hand side, in scaled rows.
     residual : float
-        Of the last solution, relative to the right-hand side, in scaled rows.
+        Of the rest of the last solution, relative to the right-hand side, in scaled rows.
     """
 
     def __init__(self, matrix: Any, multiplier: Array) -> None:
@@ -57,58 +62,98 @@ class Saddle:
         self.row, self.column = equilibrated(self.matrix) if self.is_finite else (np.ones(multiplier.size),) * 2
         self.scaled = (sparse.diags(self.row) @ self.matrix @ sparse.diags(self.column)).tocsc()
         self.is_singular = False
-        self.residual = 0.0
+        self.residual = self.unbalanced = 0.0
+        self.drift = np.zeros(multiplier.size)
+
+    def stiffened(self, by: float) -> Saddle:
+        """The same with this much on the diagonal of the coordinates, in scaled rows."""
+        from scipy import sparse
+        more = np.where(self.multiplier, 0.0, by / (self.row * self.column))
+        return Saddle(self.matrix + sparse.diags(more), self.multiplier)
 
     def solve(self, right: Array) -> Array | None:
-        """x [n] with matrix x = right [n]. None where nothing finite is found."""
+        """x [n] with matrix x = right [n]. None where nothing acceptable is found."""
         if not (self.is_finite and np.isfinite(right).all()):
             return None
         b = self.row * right
+        self.is_singular, self.unbalanced, self.drift = False, 0.0, np.zeros(b.size)
+        fair = None
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1, "options": {"SymmetricMode": True}}, {}):
-            x = self._solution(b, self.scaled, options, 2)
-            if x is not None and self._is_good(x, b):
-                self.is_singular = False
+            factors = _factors(self.scaled, options)
+            if factors is None:
+                continue
+            x, self.residual = self._refined(factors, b, 2)
+            if self.residual <= REGULAR:
                 return self.column * x
-        self.is_singular = True
-        from scipy import sparse
-        small = sparse.diags(np.where(self.multiplier, -SMALL, SMALL), format="csc")
-        x = self._solution(b, (self.scaled + small).tocsc(), {}, REFINEMENTS)
-        if x is None or not np.isfinite(x).all():
-            return None
-        return self.column * x
+            if self._is_fair(x, b):
+                fair = x
+        found = self._deflated(b)
+        if found is None:
+            found = fair
+        return None if found is None else self.column * found
 
-    def _solution(self, b: Array, matrix: Any, options: dict[str, Any], refinements: int) -> Array | None:
-        """By factors of a matrix, refined with the scaled one as long as that helps."""
-        from scipy.sparse.linalg import splu
-        try:
-            factors = splu(matrix, **options)
-        except RuntimeError:
-            return None
-        pivots = np.abs(factors.U.diagonal())
-        if matrix is self.scaled and not np.min(pivots, initial=np.inf) > LEAST_PIVOT * np.max(pivots, initial=0.0):
-            return None
-        x = factors.solve(b)
+    def _refined(self, factors: Any, b: Array, refinements: int, without: tuple[Array, Array] | None = None) -> tuple[Array, float]:
+        """Solution by factors, refined with the matrix as long as that helps, and its relative residual; without: orthonormal
+        columns that the residual and the solution leave out."""
+        def solved(rest: Array) -> Array:
+            x = factors.solve(rest)
+            return x if without is None else x - without[1] @ (without[1].T @ x)
+
+        def residual(x: Array) -> tuple[Array, float]:
+            rest = b - self.scaled @ x
+            if without is not None:
+                rest = rest - without[0] @ (without[0].T @ rest)
+            return rest, float(np.linalg.norm(rest)) / size
+
         size = float(np.linalg.norm(b)) or 1.0
-        rest = b - self.scaled @ x
-        self.residual = float(np.linalg.norm(rest)) / size
+        x = solved(b)
+        rest, left = residual(x)
         for _ in range(refinements):
-            if not 1e-14 < self.residual < 1e3:
+            if not 1e-15 < left < 1e3:
                 break
-            better = x + factors.solve(rest)
-            rest = b - self.scaled @ better
-            found = float(np.linalg.norm(rest)) / size
-            if not found < self.residual:
+            better = x + solved(rest)
+            rest, found = residual(better)
+            if not found < left:
                 break
-            x, self.residual = better, found
-        return x
+            x, left = better, found
+        return x, left
 
-    def _is_good(self, x: Array, b: Array) -> bool:
-        if self.residual <= GOOD:
-            return True
+    def _is_fair(self, x: Array, b: Array) -> bool:
+        """Whether the residual is small, or what round-off leaves of large terms."""
         rest = np.abs(b - self.scaled @ x)
         size = np.max(abs(self.scaled) @ np.abs(x) + np.abs(b))
         return bool(self.residual <= FAIR and np.max(rest) <= ROUND_OFF * size)
+
+    def _deflated(self, b: Array) -> Array | None:
+        """Solution without null vectors; None where there are none, or nothing is found."""
+        from scipy import sparse
+        near = (self.scaled + sparse.diags(np.where(self.multiplier, -SMALL, SMALL), format="csc")).tocsc()
+        factors = _factors(near, {}, 0.0)
+        if factors is None:
+            return None
+        right, left = (self._null(factors, trans) for trans in ("N", "T"))
+        if not right.shape[1] or right.shape[1] != left.shape[1]:
+            return None
+        asked = left.T @ b
+        x, self.residual = self._refined(factors, b - left @ asked, 6, (left, right))
+        if not (np.isfinite(x).all() and self.residual <= FAIR):
+            return None
+        self.is_singular = True
+        self.unbalanced = float(np.linalg.norm(asked))
+        # null vectors of both sides belong to each other through the matrix beside it
+        self.drift = self.column * (right @ (right.T @ (left @ asked)))
+        return x
+
+    def _null(self, factors: Any, trans: str) -> Array:
+        """Orthonormal null vectors of the scaled matrix, or of its transpose, by columns."""
+        matrix = self.scaled if trans == "N" else self.scaled.T
+        n = matrix.shape[0]
+        v = np.random.default_rng(0).standard_normal((n, min(n, MOST_NULL)))
+        for _ in range(3):
+            v = np.linalg.qr(np.nan_to_num(factors.solve(np.ascontiguousarray(v), trans)))[0]
+        _, sizes, turn = np.linalg.svd(matrix @ v, full_matrices=False)
+        return v @ turn[sizes <= NULL].T
 
     def signs(self, symmetric: bool = True) -> tuple[int, int] | None:
         """Numbers of negative and of zero directions of A among the motions that the constraints allow, B x = 0; as
@@ -130,6 +175,17 @@ class Saddle:
             return found
         sign = SuperLU._determinant_sign(self.matrix) * (-1)**int(np.sum(self.multiplier))
         return (1, 0) if sign < 0 else None
+
+
+def _factors(matrix: Any, options: dict[str, Any], least: float = LEAST_PIVOT) -> Any:
+    """Of SuperLU; None where a pivot vanishes."""
+    from scipy.sparse.linalg import splu
+    try:
+        factors = splu(matrix, **options)
+    except RuntimeError:
+        return None
+    pivots = np.abs(factors.U.diagonal())
+    return factors if np.min(pivots, initial=np.inf) > least * np.max(pivots, initial=0.0) else None
 
 
 def _signs(a: Any, b: Any) -> tuple[int, int] | None:

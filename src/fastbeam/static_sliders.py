@@ -28,14 +28,19 @@ AT_END, CLOSE = 1e-6, 1e-9
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
 LEAST_TRUST = 1e-6
+# added to the diagonal of the scaled matrix, one after the other, until no increment is too long
+STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
+# forces along motions that nothing resists, next to all loads, that are no round-off; and how far nodes go along in one iteration
+UNBALANCED, DRIFT = 1e-9, 0.2
 
 
 class Increment(NamedTuple):
-    """Of nodes [n], sliding coordinates [S] and contact forces [d S]."""
+    """Of nodes [n], sliding coordinates [S] and contact forces [d S]; whether it is a whole one of Newton's method."""
 
     nodes: Array
     s: Array
     force: Array
+    whole: bool = True
 
 
 class SlidingSolver(StaticSolver):
@@ -86,7 +91,7 @@ class SlidingSolver(StaticSolver):
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         self._load(factors)
         self._loads[:] = self.work.f_ext
-        self.longest = 0
+        self.longest, self.runaway = 0, -1
         status, sizes = self._newton(np.zeros(self.sliding.size, bool))
         if status == OK and self.sliding.any():
             status, more = self._release()
@@ -151,18 +156,36 @@ class SlidingSolver(StaticSolver):
 
     def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
         saddle, right = self._assembled(sliding, drag)
-        x = saddle.solve(right)
-        if x is None or not np.isfinite(x).all():
-            return None
         n = len(self.core.size) * self.core.pattern.n
-        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:])
+        for stiffness in (0.0, *STIFFNESSES):
+            used = saddle.stiffened(stiffness) if stiffness else saddle
+            x = used.solve(right)
+            if x is None or not np.isfinite(x).all():
+                return None
+            if used.unbalanced > UNBALANCED * np.linalg.norm(used.row[:n] * self._largest_terms()):
+                # forces push where nothing resists: a little along
+                size = self._size(used.drift[:n])
+                if size > 0.0:
+                    x[:n] += DRIFT / size * used.drift[:n]
+            # what is soft runs away by itself: it alone is kept back
+            if self._size(x[:n]) <= LARGEST_MOVE:
+                break
+        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
+
+    def _largest_terms(self) -> Array:
+        """The loads on the unknowns of the nodes [n], contact forces among them."""
+        size, n = len(self.core.size), self.core.pattern.n
+        return np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+
+    def _size(self, nodes: Array) -> float:
+        """Of an increment of the nodes, in sizes of the scene and rad."""
+        x = np.abs(nodes.reshape(-1, len(self.core.size)))
+        dim = self.core.dim
+        return float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
 
     def _share(self, nodes: Array) -> float:
         """Of an increment of the nodes that is not too long."""
-        x = np.abs(nodes.reshape(-1, len(self.core.size)))
-        dim = self.core.dim
-        size = float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
-        return min(1.0, LARGEST_MOVE / size) if size > 0.0 else 1.0
+        return min(1.0, LARGEST_MOVE / max(self._size(nodes), 1e-300))
 
     def _move(self, x: Increment) -> float:
         """Add an increment. Returns its size."""
@@ -193,7 +216,7 @@ class SlidingSolver(StaticSolver):
             self.longest = max(self.longest, len(sizes))
             if not sizes[-1] < np.inf:
                 return NOT_FINITE, sizes
-            if share == 1.0 and has_converged(sizes[-1], before, expected):
+            if share == 1.0 and x.whole and has_converged(sizes[-1], before, expected):
                 return OK, sizes
             before, expected = sizes[-1], next_increment(sizes[-1], before)
             self.interrupts.serve()
