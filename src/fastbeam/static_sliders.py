@@ -32,6 +32,7 @@ LEAST_TRUST = 1e-6
 STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 # forces along motions that nothing resists, next to all loads, that are no round-off; and how far nodes go along in one iteration
 UNBALANCED, DRIFT = 1e-9, 0.2
+EPSILON = 1e-13
 
 
 class Increment(NamedTuple):
@@ -162,7 +163,7 @@ class SlidingSolver(StaticSolver):
             x = used.solve(right)
             if x is None or not np.isfinite(x).all():
                 return None
-            if used.unbalanced > UNBALANCED * np.linalg.norm(used.row[:n] * self._largest_terms()):
+            if used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
                 # forces push where nothing resists: a little along
                 size = self._size(used.drift[:n])
                 if size > 0.0:
@@ -172,10 +173,12 @@ class SlidingSolver(StaticSolver):
                 break
         return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
 
-    def _largest_terms(self) -> Array:
-        """The loads on the unknowns of the nodes [n], contact forces among them."""
+    def _round_off(self, saddle: Saddle) -> Array:
+        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of the forces in the beams."""
         size, n = len(self.core.size), self.core.pattern.n
-        return np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+        loads = np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+        stiff = np.abs(saddle.matrix.diagonal()[:size * n])
+        return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
     def _size(self, nodes: Array) -> float:
         """Of an increment of the nodes, in sizes of the scene and rad."""
