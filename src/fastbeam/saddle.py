@@ -4,9 +4,9 @@
     [ B'   0  ] [ m ] = [ c ]      m: multipliers (forces), in any number and any units
 
 A may be singular and so may be its diagonal (a mass has no stiffness): only the whole is solved. Rows and columns are brought to
-a size of 1 first, so units do not matter. Where the matrix is singular to round-off (a free motion, the same constraint twice) its
-null vectors are found by inverse iteration and left out of the solution; what the right-hand side asks for along them is kept
-apart.
+a size of 1 first, so units do not matter. Where the matrix is singular to round-off (a free motion, the same constraint twice)
+its null vectors are found by inverse iteration and left out of the solution; what the right-hand side asks for along them is
+kept apart.
 """
 from __future__ import annotations
 
@@ -93,7 +93,8 @@ class Saddle:
             found = fair
         return None if found is None else self.column * found
 
-    def _refined(self, factors: Any, b: Array, refinements: int, without: tuple[Array, Array] | None = None) -> tuple[Array, float]:
+    def _refined(self, factors: Any, b: Array, refinements: int,
+                 without: tuple[Array, Array] | None = None) -> tuple[Array, float]:
         """Solution by factors, refined with the matrix as long as that helps, and its relative residual; without: orthonormal
         columns that the residual and the solution leave out."""
         def solved(rest: Array) -> Array:

@@ -126,7 +126,6 @@ class SlidingSolver(StaticSolver):
         dim = self.core.dim
         contact.residual[:, :dim] = border.gap
         contact.residual[:, dim] = np.where(self.sliding, border.sliding, 0.0)
-        contact.remaining[:] = np.abs(border.gap).max(axis=1)
         return border
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
@@ -174,7 +173,7 @@ class SlidingSolver(StaticSolver):
         return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
 
     def _round_off(self, saddle: Saddle) -> Array:
-        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of the forces in the beams."""
+        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
         size, n = len(self.core.size), self.core.pattern.n
         loads = np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:size * n])

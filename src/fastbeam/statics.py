@@ -67,8 +67,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     Parameters
     ----------
     model : Model
-        A planar scene has to be held in its plane, any other one in space. Sliders connect what they join; they slide downhill from
-        where they are until they do not push along their beams any more.
+        A planar scene has to be held in its plane, any other one in space. Sliders connect what they join; they slide downhill
+        from where they are until they do not push along their beams any more.
     load_step, largest_load_step, smallest_step : float
         First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1].
     levels : sequence of float
@@ -83,19 +83,20 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
     threads : int
-        As in `simulate`.
+        As in `simulate`; scenes with sliders are solved by SuperLU on one thread.
     mend_start : bool
         As in `simulate`.
     held : bool, str or sequence of str
-        Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have a
-        part along the beam.
+        Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have
+        a part along the beam.
 
     Returns
     -------
     Result
-        With place, contact force and gap of every slider in rows, see `Result.slider`, and the equilibrium in `.state`, ready as `start` of `simulate`. `info["unstable_directions"]` and
-        `info["free_directions"]` count the negative and the zero eigenvalues of its tangent; any is an event too: a buckling or
-        limit load was passed, or is met, or something is held by nothing. `info["counted_in"]` is "space" or "plane": a planar
+        With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
+        (`Result.slider`). `info["unstable_directions"]` and `info["free_directions"]` count the negative and the zero eigenvalues
+        of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
+        or something is held by nothing. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
         negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8).
@@ -256,7 +257,7 @@ def _runs_off(solver: SlidingSolver, target: float, reached: float, result: Resu
     model = solver.stepper.model
     name = model.names["sliders"][solver.runaway]
     return ConvergenceError(
-        f"load factor {target:.6g}: slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it "
-        f"where it is (held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it. The "
-        "last equilibrium is in .state, everything computed in .result", step=len(solver.history), time=reached,
+        f"load factor {target:.6g}: slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold "
+        f"it where it is (held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it. "
+        "The last equilibrium is in .state, everything computed in .result", step=len(solver.history), time=reached,
         state=State(*(x.copy() for x in solver.state)), result=result)

@@ -97,7 +97,7 @@ def test_both_sides_of_a_ring_without_friction_carry_the_same_tension() -> None:
     left, right = (phi[j] - phi[j + step] for j, step in ((k // 2, 6), (k + (len(phi) - k) // 2, -6)))
     left, right = left / np.linalg.norm(left), right / np.linalg.norm(right)
     tensions = np.linalg.solve(np.stack((left, right), axis=1)[[0, 2]], (0.0, -20 * 9.81))
-    assert tensions[0] == pytest.approx(tensions[1], rel=2e-3)
+    assert tensions[0] == pytest.approx(tensions[1], rel=2e-2)
     # the two-string solution: the ring hangs where both strings meet the vertical at the same angle, sin = width/length
     length = model.slider_lengths[0] * (1.0 + abs(tensions[0]) / 2e4)
     sine = 10.0 / length
@@ -163,8 +163,8 @@ def test_a_tendon_through_discs_bends_a_spine_into_a_circle() -> None:
 
 # ------------------------------------------------------------------------------------------------------------- the arm scale
 def tips(at: float, elements: int) -> tuple[float, float, float]:
-    """A rod through two fixed eyes 0.4 m apart with weights of 1 and 1.5 N at its tips, held at the first of them: force along the
-    rod that holds it, and P sin(slope) of both tips."""
+    """A rod through two fixed eyes 0.4 m apart with weights of 1 and 1.5 N at its tips, held at the first of them: force along
+    the rod that holds it, and P sin(slope) of both tips."""
     rod = fb.Beam.straight("rod", (-at, 0, 0), (2.9 - at, 0, 0), section=fb.Section(
         EA=1e6, GA2=1e6, GA3=1e6, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1e-6, rhoI2=1e-6, rhoI3=1e-6), elements=elements, degree=4)
     eyes = [fb.PointMass(f"eye {k}", mass=1.0, position=(x, 0, 0)) for k, x in enumerate((0.0, 0.4))]

@@ -255,8 +255,8 @@ def test_the_place_of_rest_has_the_least_energy_of_all() -> None:
 
 def test_some_are_held_and_others_slide() -> None:
     b, rings = rope(), [fb.PointMass(name, mass=3.0) for name in "ab"]
-    scene = fb.Scene(b, *rings, fb.Pin(b.start), fb.Pin(b.end), fb.Slider("A", rings[0], b, at=0.7), fb.Slider("B", rings[1], b, at=2),
-                     gravity=GRAVITY)
+    scene = fb.Scene(b, *rings, fb.Pin(b.start), fb.Pin(b.end), fb.Slider("A", rings[0], b, at=0.7),
+                     fb.Slider("B", rings[1], b, at=2.0), gravity=GRAVITY)
     one = solve(scene, held=("A",))
     assert one.state.s[0] == 0.7 and one.state.s[1] != 2.0
     for name, sliding in (("A", True), ("B", False)):
@@ -318,7 +318,8 @@ def test_a_ring_without_weight_on_a_straight_wire_is_free() -> None:
     b, ring = rope(), fb.PointMass("ring", mass=5.0)
     scene = fb.Scene(b, ring, fb.Clamp(b.start), fb.Clamp(b.end), fb.Slider("run", ring, b, at=0.8), name="wire")
     result = solve(scene, planar=False)
-    assert result.state.s[0] == pytest.approx(0.8, abs=1e-12) and result.info["free_directions"] == 1 and result.info["unstable_directions"] == 0
+    assert result.state.s[0] == pytest.approx(0.8, abs=1e-12)
+    assert result.info["free_directions"] == 1 and result.info["unstable_directions"] == 0
     assert any(event["kind"] == "free" for event in result.events)
     np.testing.assert_allclose(result.state.force, 0.0, atol=1e-12)
 
