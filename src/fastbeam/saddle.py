@@ -77,7 +77,7 @@ class Saddle:
             return None
         b = self.row * right
         self.is_singular, self.unbalanced, self.drift = False, 0.0, np.zeros(b.size)
-        fair = None
+        fair = last = None
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1, "options": {"SymmetricMode": True}}, {}):
             factors = _factors(self.scaled, options)
@@ -86,9 +86,11 @@ class Saddle:
             x, self.residual = self._refined(factors, b, 2)
             if self.residual <= REGULAR:
                 return self.column * x
+            last = factors
             if self._is_fair(x, b):
                 fair = x
-        found = self._deflated(b)
+                break
+        found = self._deflated(b, last)
         if found is None:
             found = fair
         return None if found is None else self.column * found
@@ -126,11 +128,12 @@ class Saddle:
         size = np.max(abs(self.scaled) @ np.abs(x) + np.abs(b))
         return bool(self.residual <= FAIR and np.max(rest) <= ROUND_OFF * size)
 
-    def _deflated(self, b: Array) -> Array | None:
-        """Solution without null vectors; None where there are none, or nothing is found."""
+    def _deflated(self, b: Array, factors: Any) -> Array | None:
+        """Solution without null vectors; None where there are none, or nothing is found. factors: of the matrix, or None."""
         from scipy import sparse
-        near = (self.scaled + sparse.diags(np.where(self.multiplier, -SMALL, SMALL), format="csc")).tocsc()
-        factors = _factors(near, {}, 0.0)
+        if factors is None:
+            near = (self.scaled + sparse.diags(np.where(self.multiplier, -SMALL, SMALL), format="csc")).tocsc()
+            factors = _factors(near, {}, 0.0)
         if factors is None:
             return None
         right, left = (self._null(factors, trans) for trans in ("N", "T"))
@@ -150,10 +153,13 @@ class Saddle:
         """Orthonormal null vectors of the scaled matrix, or of its transpose, by columns."""
         matrix = self.scaled if trans == "N" else self.scaled.T
         n = matrix.shape[0]
-        v = np.random.default_rng(0).standard_normal((n, min(n, MOST_NULL)))
-        for _ in range(3):
-            v = np.linalg.qr(np.nan_to_num(factors.solve(np.ascontiguousarray(v), trans)))[0]
-        _, sizes, turn = np.linalg.svd(matrix @ v, full_matrices=False)
+        for count in (1, min(n, MOST_NULL)):
+            v = np.random.default_rng(0).standard_normal((n, count))
+            for _ in range(3):
+                v = _orthonormal(np.nan_to_num(factors.solve(np.ascontiguousarray(v), trans)))[0]
+            _, sizes, turn = np.linalg.svd(_orthonormal(matrix @ v)[1])
+            if not np.any(sizes <= NULL):
+                break
         return v @ turn[sizes <= NULL].T
 
     def signs(self, symmetric: bool = True) -> tuple[int, int] | None:
@@ -176,6 +182,20 @@ class Saddle:
             return found
         sign = SuperLU._determinant_sign(self.matrix) * (-1)**int(np.sum(self.multiplier))
         return (1, 0) if sign < 0 else None
+
+
+def _orthonormal(v: Array) -> tuple[Array, Array]:
+    """Q, R of a few long columns, by Gram and Schmidt, each column twice: LAPACK takes a hundred times as long."""
+    q, r = v.copy(), np.zeros((v.shape[1], v.shape[1]))
+    for j in range(v.shape[1]):
+        for _ in range(2):
+            part = q[:, :j].T @ q[:, j]
+            q[:, j] -= q[:, :j] @ part
+            r[:j, j] += part
+        r[j, j] = np.linalg.norm(q[:, j])
+        if r[j, j] > 0.0:
+            q[:, j] /= r[j, j]
+    return q, r
 
 
 def _factors(matrix: Any, options: dict[str, Any], least: float = LEAST_PIVOT) -> Any:
