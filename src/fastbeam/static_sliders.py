@@ -27,7 +27,7 @@ AT_END, CLOSE = 1e-6, 1e-9
 # increments up to this share of the beam may be ones that Newton's method squares
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
-LEAST_TRUST = 1e-6
+LEAST_TRUST = 1e-4
 # added to the diagonal of the scaled matrix, one after the other, until no increment is too long
 STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 # forces along motions that nothing resists, next to all loads, that are no round-off; and how far nodes go along in one iteration
@@ -69,8 +69,9 @@ class SlidingSolver(StaticSolver):
         self.contacts = StaticContacts(plain, None if plane is None else plane.axes)
         self.sliding = ~held
         self.lengths = plain.slider_lengths
-        # the slider that ran off its beam
-        self.runaway = -1
+        # the slider that ran off its beam, and one at a kink of its curve
+        self.runaway = self.stuck = -1
+        self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
 
     @property
@@ -92,7 +93,7 @@ class SlidingSolver(StaticSolver):
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         self._load(factors)
         self._loads[:] = self.work.f_ext
-        self.longest, self.runaway = 0, -1
+        self.longest, self.runaway, self.stuck = 0, -1, -1
         status, sizes = self._newton(np.zeros(self.sliding.size, bool))
         if status == OK and self.sliding.any():
             status, more = self._release()
@@ -265,14 +266,18 @@ class SlidingSolver(StaticSolver):
             sizes.append(self._move(Increment(share * x.nodes, steps, share * x.force)))
             status, more = self._newton(held)
             sizes += more
-            beyond = float(np.where(free, self._border().sliding, 0.0) @ steps) if status == OK else np.inf
-            if beyond <= 0.9 * abs(float(slope @ steps)):
+            after = np.where(free, self._border().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
+            if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
                 trust, drag = min(1.0, 2.0 * trust), 0.0
                 continue
             self._restore(saved)
             trust *= 0.25
             if trust < LEAST_TRUST:
-                return (status if status != OK else NOT_CONVERGED), sizes
+                if status == OK:
+                    # the slope jumps from one sign to the other
+                    self.stuck, self.last_s = int(np.argmax(after)), state.s.copy()
+                    return SLIDER_END, sizes
+                return status, sizes
         return NOT_CONVERGED, sizes
 
     def _rises(self, way: Array) -> bool:

@@ -185,9 +185,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 grown = size * (2.0 if solver.longest <= 6 else 1.4 if solver.longest <= 9 else 1.0)
                 step = min(max(grown, step if size < step else 0.0), largest_load_step)
                 continue
-            if status == SLIDER_END and isinstance(solver, SlidingSolver) and solver.runaway >= 0:
+            if status == SLIDER_END and isinstance(solver, SlidingSolver) and max(solver.runaway, solver.stuck) >= 0:
                 bar.close()
-                raise _runs_off(solver, target, reached, finish())
+                raise _no_rest(solver, target, reached, finish())
             if size <= smallest_step * (1.0 + 1e-12):
                 failed = Outcome(status, 0, len(sizes), -1, np.array(sizes), np.zeros((2, 0)))
                 error = failure(solver.stepper, failed, reached, len(solver.history))
@@ -252,12 +252,17 @@ def _held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
     return np.array([name in held for name in names], bool)
 
 
-def _runs_off(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
+def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:
     """The error of a slider that finds no place on its beam."""
-    model = solver.stepper.model
-    name = model.names["sliders"][solver.runaway]
+    names = solver.stepper.model.names["sliders"]
+    name = names[max(solver.runaway, solver.stuck)]
+    if solver.runaway >= 0:
+        text = (f"slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it where it is "
+                f"(held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it")
+    else:
+        text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: a "
+                "kink of its curve at an element end, where it has no direction to rest on. Let it run on curve='c1', or hold "
+                f"it (held=({name!r},))")
     return ConvergenceError(
-        f"load factor {target:.6g}: slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold "
-        f"it where it is (held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it. "
-        "The last equilibrium is in .state, everything computed in .result", step=len(solver.history), time=reached,
-        state=State(*(x.copy() for x in solver.state)), result=result)
+        f"load factor {target:.6g}: {text}. The last equilibrium is in .state, everything computed in .result",
+        step=len(solver.history), time=reached, state=State(*(x.copy() for x in solver.state)), result=result)

@@ -98,8 +98,8 @@ def test_both_sides_of_a_ring_without_friction_carry_the_same_tension() -> None:
     left, right = left / np.linalg.norm(left), right / np.linalg.norm(right)
     tensions = np.linalg.solve(np.stack((left, right), axis=1)[[0, 2]], (0.0, -20 * 9.81))
     assert tensions[0] == pytest.approx(tensions[1], rel=2e-2)
-    # the two-string solution: the ring hangs where both strings meet the vertical at the same angle, sin = width/length; rest positions
-    # scatter by the kink that elements do not show
+    # the two-string solution: the ring hangs where both strings meet the vertical at the same angle, sin = width/length;
+    # rest positions scatter by the kink that elements do not show
     length = model.slider_lengths[0] * (1.0 + abs(tensions[0]) / 2e4)
     sine = 10.0 / length
     drop = 1.0 / np.sqrt(1.0 - sine**2)

@@ -177,6 +177,16 @@ def test_directions_are_counted_among_the_motions_that_constraints_allow(negativ
     assert Saddle(sparse.csc_matrix(matrix), multiplier).signs() == (0, 2)
 
 
+def test_directions_of_an_unsymmetric_matrix_follow_from_its_determinant() -> None:
+    from scipy import sparse
+    # x, y, z on the plane z = 0: a skew part that makes the symmetric part undecided
+    for own, skew, found in ((1.0, 0.5, (0, 0)), (-1.0, 0.5, (1, 0)), (-1.0, 3.0, None)):
+        matrix = np.zeros((4, 4))
+        matrix[:2, :2] = [[1.0, skew], [-skew, own]]
+        matrix[2, 2], matrix[2, 3], matrix[3, 2] = 1.0, 1.0, 1.0
+        assert Saddle(sparse.csc_matrix(matrix), np.arange(4) == 3).signs(symmetric=False) == found
+
+
 def test_saddle_is_solved_whatever_the_units() -> None:
     from scipy import sparse
     matrix, multiplier, _ = dense(12, 4, 3)
@@ -335,6 +345,23 @@ def test_a_ring_on_top_of_an_arch_is_unstable() -> None:
     off = fb.Scene(arch, ring, *scene.clamps, fb.Slider("run", ring, arch, at=0.45 * arch.length), gravity=GRAVITY)
     with pytest.raises(fb.ConvergenceError, match="runs off"):
         solve(off)
+
+
+def test_a_kink_of_the_curve_is_no_place_of_rest() -> None:
+    b, ring = rope(elements=7, degree=1, section=SECTION), fb.PointMass("ring", mass=5.0)
+    parts = (b, ring, fb.Clamp(b.start), fb.Clamp(b.end), fb.Load("more", b.node(3), force=(0, 0, -100)))
+    message = "slider 'run' is pushed to the same place from both sides, near s = 1.285.*'c1'"
+    with pytest.raises(fb.ConvergenceError, match=message):
+        solve(fb.Scene(*parts, fb.Slider("run", ring, b, at=0.8, curve="own"), gravity=GRAVITY))
+    smooth = solve(fb.Scene(*parts, fb.Slider("run", ring, b, at=0.8), gravity=GRAVITY))
+    assert 1.0 < smooth.state.s[0] < 2.0
+
+
+def test_moments_in_space_leave_the_number_of_directions_to_the_symmetric_part() -> None:
+    scene = ring_on_rope(0.8, 5.0, clamped=True)
+    scene.add(fb.Load("twist", scene.beams[0].node(6), moment=(0.3, 0.2, 0.1)))
+    result = solve(scene)
+    assert result.info["unstable_directions"] == 0 and result.info["counted_in"] == "space"
 
 
 # -------------------------------------------------------------------------------------------------------------- rows, start
