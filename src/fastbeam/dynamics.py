@@ -72,7 +72,7 @@ def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
         return (f"{cause}: no force of it moves anything, as where {others} it already",
                 "Leave out one of what holds it, or give what it joins mass and room to move.")
     last = [x for x in outcome.sizes if x > 0.0][-1:]
-    if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9:
+    if outcome.status == NOT_CONVERGED and contact is not None and last and last[0] < 1e-9 and np.any(contact.remaining > 0.0):
         k = int(np.argmax(contact.remaining))
         return (f"the gap of {names[k]} does not close, {contact.remaining[k]:.2g} m are left: {others} almost the same "
                 "motion", "Move them apart, or raise augmentation=...")

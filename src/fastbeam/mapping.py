@@ -42,8 +42,8 @@ def follow(model: Model, x: Array) -> Array:
     return out
 
 
-def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
-    """Nodes [n] under the contact of slider k at s, their shape functions and slopes [n]."""
+def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
+    """Nodes [n] under the contact of slider k at s; their shape functions, slopes and second derivatives by s [3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
     c = int(sliders.curve[k])
@@ -54,8 +54,15 @@ def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
     coef = curves.coef[co + e * size[0] * size[1]:][:size[0] * size[1]].reshape(size)[:count].T
     scale = 2.0 / (ends[e + 1] - ends[e])
     xi = scale * (s - ends[e]) - 1.0
-    return (base + int(curves.first[p + e]) + np.arange(count), legendre.legval(xi, coef),
-            scale * legendre.legval(xi, legendre.legder(coef)))
+    values = [legendre.legval(xi, coef), scale * legendre.legval(xi, legendre.legder(coef)),
+              scale * scale * legendre.legval(xi, legendre.legder(coef, 2))]
+    return base + int(curves.first[p + e]) + np.arange(count), np.array(values)
+
+
+def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:
+    """Nodes [n] under the contact of slider k at s, their shape functions and slopes [n]."""
+    nodes, (values, slopes, _) = shapes_at(model, k, s)
+    return nodes, values, slopes
 
 
 def contact(model: Model, k: int, s: float, q: Array, v: Array) -> tuple[Array, Array, Array]:

@@ -278,7 +278,7 @@ def calls(folder: Path) -> dict[str, Call]:
             callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag)),
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
-            at_time=is_real)),
+            at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)))),
         "load_result": Call(fb.load_result, dict(path=folder / "text"), dict(path=PATH)),
         "load_checkpoint": Call(fb.load_checkpoint, dict(path=folder / "text"), dict(path=PATH)),
         "Checkpoint": Call(fb.Checkpoint, dict(state=model().state(), t=0.0, step=1.0, t_start=0.0, steps=0, next_step=None,

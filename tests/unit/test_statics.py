@@ -11,7 +11,7 @@ import pytest
 import fastbeam as fb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from small_scenes import SECTION, bead, cantilever, straight  # noqa: E402
+from small_scenes import SECTION, cantilever, straight  # noqa: E402
 
 
 def solve(scene: fb.Scene, **arguments: Any) -> fb.Result:
@@ -58,11 +58,6 @@ def test_what_is_not_compiled_is_refused(what: Any, shown: str) -> None:
     message = rf"solve_static: needs a model, got {shown}.*; compile it first: model = fb.compile_scene\(scene\)"
     with pytest.raises(fb.SceneError, match=message):
         fb.solve_static(what)
-
-
-def test_sliders_are_refused() -> None:
-    with pytest.raises(fb.SceneError, match="scene 'bead' has sliders, which it cannot bring to rest; leave the sliders"):
-        solve(bead())
 
 
 def test_time_functions_need_a_time() -> None:

@@ -1,0 +1,108 @@
+"""Newton's method for equilibria under given loads (theory.md 8): of scenes without sliders, and of scenes with them."""
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from .interrupt import Interrupts
+from .kernels import step as kernels
+from .kernels.step import OK, SINGULAR
+from .kernels.work import State
+from .model import Model
+from .newton import Stepper
+
+Array = np.ndarray
+# an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
+LARGEST_INCREMENT = 4.0
+
+
+class StaticSolver:
+    """Newton iterations of one model; keeps the last equilibrium."""
+
+    def __init__(self, model: Model, start: State | None, max_iterations: int, backend: str, threads: int | None = None) -> None:
+        # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
+        # well, unless moments act (theory.md 8)
+        self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
+        self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
+                               symmetric=not self.moments)
+        self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
+        self.stepper.core_state.v[:] = 0.0
+        self.history: list[int] = []
+        # iterations of the last equilibrium, or of the hardest part of it
+        self.longest = 0
+        self.interrupts = Interrupts()
+        self.linear = self.stepper.linear
+        self.inner = self.stepper.inner
+
+    @property
+    def name(self) -> str:
+        """What was used, for the result."""
+        return self.linear.name
+
+    @property
+    def state(self) -> State:
+        """The present shape."""
+        return self.stepper.state
+
+    def _load(self, factors: Array) -> None:
+        self.work.f_ext[:] = 0.0
+        if self.core.loads.shape[0]:
+            kernels.external_forces(self.core.loads, factors, self.work.f_ext)
+
+    def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        """Solve for load factors [K]; on a failure or interrupt the state is the last equilibrium."""
+        before = self.stepper.core_state.q.copy()
+        try:
+            return self._equilibrium(factors)
+        except KeyboardInterrupt:
+            self.stepper.core_state.q[:] = before
+            raise
+
+    def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        model, state = self.core, self.stepper.core_state
+        self._load(factors)
+        before = state.q.copy()
+        if self.linear.is_compiled and model.substructures is None:
+            buffer = np.zeros(self.max_iterations)
+            with self.linear.threads():
+                status, n = kernels.solve_equilibrium(self.stepper.terms, self.stepper.system, self.max_iterations,
+                                                      LARGEST_INCREMENT, buffer)
+            sizes = [float(x) for x in buffer[:n]]
+        else:
+            self.stepper.parts.start(0.0)
+            status, sizes = self.stepper.parts.newton(0.0, self.max_iterations, LARGEST_INCREMENT, self.interrupts.serve)
+        if status == SINGULAR and not self.stepper.pivots_everywhere:
+            state.q[:] = before
+            status, sizes = self.spare.equilibrium(factors)
+            self.linear.fallbacks += status == OK
+        if status != OK:
+            state.q[:] = before
+        self.longest = len(sizes)
+        return status, sizes
+
+    def _plain(self, planar: bool) -> StaticSolver:
+        plain = self.stepper.model.plain
+        assert plain is not None
+        return StaticSolver(plain(planar=planar), self.state, self.max_iterations, "superlu")
+
+    @cached_property
+    def spare(self) -> StaticSolver:
+        """The same state around SuperLU without elimination of inner nodes, see `Stepper.spare`."""
+        spare = self._plain(self.stepper.plane is not None)
+        spare.stepper.core_state = self.stepper.core_state
+        spare.interrupts = self.interrupts
+        return spare
+
+    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
+        """Numbers of negative and of zero eigenvalues of the tangent at the last equilibrium, that of load factors [K]: in space,
+        also in directions that a planar scene cannot follow, or in its plane. None where moments leave it undecided."""
+        if in_plane != (self.stepper.plane is not None) or not self.stepper.pivots_everywhere:
+            return self._plain(in_plane).signs(factors, in_plane)
+        model, work = self.core, self.work
+        self._load(factors)
+        self.stepper.parts.start(0.0)
+        self.stepper.parts.assemble(0.0)
+        size = len(model.size)
+        return self.linear.superlu.signs(work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8),
+                                         symmetric=in_plane or not self.moments)

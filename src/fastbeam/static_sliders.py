@@ -1,0 +1,305 @@
+"""Equilibria of scenes with sliders (theory.md 8): nodes, contact forces and sliding coordinates in one saddle matrix.
+
+A sliding coordinate is only determined once its contact carries a force. So every load step is found with all sliders held first;
+then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on everything
+squares its increments.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .equilibrium import StaticSolver
+from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, has_converged, next_increment
+from .kernels.work import State
+from .model import Model
+from .saddle import Saddle
+from .static_contact import Border, StaticContacts
+
+Array = np.ndarray
+# a Newton increment moves and turns nodes by this much at most, in sizes of the scene and rad
+LARGEST_MOVE = 1.0
+# a slider moves by this share of its beam at once, and goes this share of the way to an end of it
+REACH, TO_END = 0.1, 0.75
+# nearer to an end, as a share of the beam, it runs off; increments below this share of the scene are those of Newton's method
+AT_END, CLOSE = 1e-6, 1e-9
+# increments up to this share of the beam may be ones that Newton's method squares
+NEWTON_FROM = 0.02
+MOST_SLIDES = 100
+LEAST_TRUST = 1e-4
+# added to the diagonal of the scaled matrix, one after the other, until no increment is too long
+STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
+# forces along motions that nothing resists, next to all loads, that are no round-off; and how far nodes go along in one iteration
+UNBALANCED, DRIFT = 1e-9, 0.2
+EPSILON = 1e-13
+
+
+class Increment(NamedTuple):
+    """Of nodes [n], sliding coordinates [S] and contact forces [d S]; whether it is a whole one of Newton's method."""
+
+    nodes: Array
+    s: Array
+    force: Array
+    whole: bool = True
+
+
+class SlidingSolver(StaticSolver):
+    """As `StaticSolver`, around one sparse matrix without elimination of inner nodes.
+
+    Parameters
+    ----------
+    model : Model
+    start : State or None
+    max_iterations : int
+        Of each Newton iteration.
+    held : bool [S]
+        Sliders that stay at their s.
+    flat : bool, optional
+        Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
+    """
+
+    def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None) -> None:
+        if flat is None:
+            flat = model.plane is not None and (start is None or model.plane.holds(start))
+        assert model.plain is not None
+        plain = model.plain(planar=flat)
+        super().__init__(plain, start, max_iterations, "superlu")
+        plane = self.stepper.plane
+        self.contacts = StaticContacts(plain, None if plane is None else plane.axes)
+        self.sliding = ~held
+        self.lengths = plain.slider_lengths
+        # the slider that ran off its beam, and one at a kink of its curve
+        self.runaway = self.stuck = -1
+        self.last_s = np.zeros(held.size)
+        self._loads = self.work.f_ext.copy()
+
+    @property
+    def name(self) -> str:
+        """What was used, for the result."""
+        return "SuperLU on nodes and sliders"
+
+    def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        before = self._saved()
+        try:
+            status, sizes = self._equilibrium(factors)
+        except KeyboardInterrupt:
+            self._restore(before)
+            raise
+        if status != OK:
+            self._restore(before)
+        return status, sizes
+
+    def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        self.longest, self.runaway, self.stuck = 0, -1, -1
+        status, sizes = self._newton(np.zeros(self.sliding.size, bool))
+        if status == OK and self.sliding.any():
+            status, more = self._release()
+            sizes += more
+        return status, sizes
+
+    def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
+        if in_plane != (self.stepper.plane is not None):
+            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self.sliding, in_plane)
+            return other.signs(factors, in_plane)
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        self.work.line.use[0] = 0.0
+        return self._assembled(self.sliding)[0].signs(in_plane or not self.moments)
+
+    # --- states -------------------------------------------------------------------------------------------------------
+    def _saved(self) -> tuple[Array, Array, Array]:
+        state = self.stepper.core_state
+        return state.q.copy(), state.s.copy(), state.force.copy()
+
+    def _restore(self, saved: tuple[Array, Array, Array]) -> None:
+        state = self.stepper.core_state
+        state.q[:], state.s[:], state.force[:] = saved
+
+    def _border(self) -> Border:
+        """Equations of the sliders at the present shape; their residuals are kept for messages."""
+        state, contact = self.stepper.core_state, self.stepper.contact
+        assert contact is not None
+        self._weights = self.contacts.weights(state.s)
+        border = self.contacts.border(self._weights, self.state.q, state.force)
+        dim = self.core.dim
+        contact.residual[:, :dim] = border.gap
+        contact.residual[:, dim] = np.where(self.sliding, border.sliding, 0.0)
+        return border
+
+    # --- Newton's method ----------------------------------------------------------------------------------------------
+    def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
+        """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
+        from scipy import sparse
+        model, work, state = self.core, self.work, self.stepper.core_state
+        size, n = len(model.size), model.pattern.n
+        border = self._border()
+        work.f_ext[:] = self._loads + self.contacts.loads(self._weights, state.force)
+        self.stepper.parts.assemble(0.0)
+        # the kernels give half the static tangent
+        blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
+        nodes = 2.0 * self.linear.superlu.matrix(blocks)
+        free = sparse.diags(sliding.astype(float))
+        slide = free @ border.slide
+        dim, count = model.dim, sliding.size
+        of_tangent = sparse.csr_matrix((border.tangent.reshape(-1), (np.arange(dim * count), np.repeat(np.arange(count), dim))),
+                                       shape=(dim * count, count)) @ free
+        bend = sparse.diags(np.where(sliding, border.bend + drag, 1.0))
+        matrix = sparse.bmat([[nodes, slide.T, -border.gradient.T], [slide, bend, of_tangent.T],
+                              [-border.gradient, of_tangent, None]], format="csc")
+        r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
+        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), border.gap.reshape(-1)))
+        multiplier = np.zeros(right.size, bool)
+        multiplier[r.size + count:] = True
+        return Saddle(matrix, multiplier), right
+
+    def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
+        saddle, right = self._assembled(sliding, drag)
+        n = len(self.core.size) * self.core.pattern.n
+        for stiffness in (0.0, *STIFFNESSES):
+            used = saddle.stiffened(stiffness) if stiffness else saddle
+            x = used.solve(right)
+            if x is None or not np.isfinite(x).all():
+                return None
+            if used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
+                # forces push where nothing resists: a little along
+                size = self._size(used.drift[:n])
+                if size > 0.0:
+                    x[:n] += DRIFT / size * used.drift[:n]
+            # what is soft runs away by itself: it alone is kept back
+            if self._size(x[:n]) <= LARGEST_MOVE:
+                break
+        return Increment(x[:n], x[n:n + sliding.size], x[n + sliding.size:], stiffness == 0.0)
+
+    def _round_off(self, saddle: Saddle) -> Array:
+        """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
+        size, n = len(self.core.size), self.core.pattern.n
+        loads = np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
+        stiff = np.abs(saddle.matrix.diagonal()[:size * n])
+        return UNBALANCED * loads + EPSILON * self.core.length * stiff
+
+    def _size(self, nodes: Array) -> float:
+        """Of an increment of the nodes, in sizes of the scene and rad."""
+        x = np.abs(nodes.reshape(-1, len(self.core.size)))
+        dim = self.core.dim
+        return float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
+
+    def _share(self, nodes: Array) -> float:
+        """Of an increment of the nodes that is not too long."""
+        return min(1.0, LARGEST_MOVE / max(self._size(nodes), 1e-300))
+
+    def _move(self, x: Increment) -> float:
+        """Add an increment. Returns its size."""
+        state, core = self.stepper.core_state, self.core
+        # the kernels take half of what solves the equations of half the tangent, and subtract it
+        self.work.panel.reshape(-1, core.width)[:x.nodes.size, 0] = -2.0 * x.nodes
+        moved = self.stepper.parts.update()
+        state.s[:] += x.s
+        state.force[:] += x.force
+        return moved + float(np.max(np.abs(x.s))) / core.length
+
+    def _newton(self, sliding: Array) -> tuple[int, list[float]]:
+        """Newton iteration with these sliders [S] free."""
+        sizes: list[float] = []
+        before = expected = np.inf
+        self.work.line.use[0] = 0.0
+        state = self.stepper.core_state
+        for _ in range(self.max_iterations):
+            x = self._increment(sliding)
+            if x is None:
+                return (SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE), sizes
+            s = state.s + x.s
+            if np.any((s < 0.0) | (s > self.lengths)):
+                return SLIDER_END, sizes
+            share = self._share(x.nodes)
+            # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
+            sizes.append(self._move(Increment(share * x.nodes, share * x.s, x.force)))
+            self.longest = max(self.longest, len(sizes))
+            if not sizes[-1] < np.inf:
+                return NOT_FINITE, sizes
+            if share == 1.0 and x.whole and has_converged(sizes[-1], before, expected):
+                return OK, sizes
+            before, expected = sizes[-1], next_increment(sizes[-1], before)
+            self.interrupts.serve()
+        return NOT_CONVERGED, sizes
+
+    # --- sliding ------------------------------------------------------------------------------------------------------
+    def _release(self) -> tuple[int, list[float]]:
+        """From an equilibrium with all sliders held to one in which those that are free do not push along their beams. They go
+        downhill: with the others in equilibrium F . c' is the derivative of the energy by s."""
+        free, state = self.sliding, self.stepper.core_state
+        held = np.zeros(free.size, bool)
+        sizes: list[float] = []
+        drag, trust, near = 0.0, 1.0, NEWTON_FROM
+        for _ in range(MOST_SLIDES):
+            self.work.line.use[0] = 0.0
+            x = self._increment(free, drag)
+            if x is None:
+                return SINGULAR, sizes
+            slope = np.where(free, self._border().sliding, 0.0)
+            largest = float(np.max(np.abs(x.s) / self.lengths))
+            close = largest * float(np.max(self.lengths)) <= CLOSE * self.core.length
+            work = float(slope @ x.s)
+            if not close and not work < 0.0:
+                # uphill, to where it is steepest or highest: as much against it as turns the increment round
+                drag = max(4.0 * drag, 2.0 * abs(work) / float(x.s @ x.s) + drag)
+                continue
+            saved = self._saved()
+            if close or (largest <= near and drag == 0.0):
+                status, more = self._newton(free)
+                sizes += more
+                way = state.s - saved[1]
+                if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * self.lengths) and self._rises(way))):
+                    return OK, sizes
+                self._restore(saved)
+                if close:
+                    return (NOT_CONVERGED if status == SLIDER_END else status), sizes
+                near = 0.25 * largest
+            steps, out = self._steps(trust * x.s, slope)
+            if out >= 0:
+                self.runaway = out
+                return SLIDER_END, sizes
+            share = float(np.max(np.abs(steps)) / np.max(np.abs(x.s)))
+            share *= self._share(share * x.nodes)
+            sizes.append(self._move(Increment(share * x.nodes, steps, share * x.force)))
+            status, more = self._newton(held)
+            sizes += more
+            after = np.where(free, self._border().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
+            if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
+                trust, drag = min(1.0, 2.0 * trust), 0.0
+                continue
+            self._restore(saved)
+            trust *= 0.25
+            if trust < LEAST_TRUST:
+                if status == OK:
+                    # the slope jumps from one sign to the other
+                    self.stuck, self.last_s = int(np.argmax(after)), state.s.copy()
+                    return SLIDER_END, sizes
+                return status, sizes
+        return NOT_CONVERGED, sizes
+
+    def _rises(self, way: Array) -> bool:
+        """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
+        self.work.line.use[0] = 0.0
+        saddle, right = self._assembled(self.sliding)
+        right[:] = 0.0
+        n = len(self.core.size) * self.core.pattern.n
+        right[n:n + way.size] = np.where(self.sliding, way, 0.0)
+        x = saddle.solve(right)
+        return x is None or bool(way @ x[n:n + way.size] >= 0.0)
+
+    def _steps(self, s: Array, slope: Array) -> tuple[Array, int]:
+        """Increments of the sliding coordinates, none too long and none beyond an end; and a slider that stands at the end that
+        it is pushed to, or -1."""
+        now = self.stepper.core_state.s
+        room = np.where(s > 0.0, self.lengths - now, now)
+        out = np.flatnonzero((room <= AT_END * self.lengths) & (np.abs(s) > room) & (slope * s < 0.0))
+        if out.size:
+            return s, int(out[0])
+        most = np.minimum(REACH * self.lengths, TO_END * room)
+        steps = np.clip(s, -most, most)
+        if not slope @ steps < 0.0:
+            steps = s * float(np.min(np.where(np.abs(s) > most, most / np.where(s == 0.0, 1.0, np.abs(s)), 1.0)))
+        return steps, -1

@@ -1,0 +1,123 @@
+"""Whether supports hold a scene in statics: every connected part against the rigid motions that space or its plane allows."""
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import SceneError
+from .mapping import curve_at
+from .model import Model
+from .planar import find_plane
+
+Array = np.ndarray
+
+
+def check_supports(model: Model, flat: bool = False) -> bool:
+    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene. Returns
+    whether all six are prevented. Sliders and joints connect.
+
+    Raises
+    ------
+    SceneError
+        Names the part and the motion that nothing prevents.
+    """
+    held_in_space = True
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    pattern = model.pattern
+    n = model.n_nodes
+    graph = coo_matrix((np.ones(pattern.keys.size), (pattern.rows, pattern.columns)), shape=(n, n))
+    rows, columns = [pattern.row_of], [pattern.row_of]
+    if model.inner is not None:
+        # an eliminated node hangs on the first node of its element
+        rows.append(pattern.n + np.arange(model.inner.element.size))
+        columns.append(model.inner.rows[model.inner.where[model.inner.element, 2]])
+    if model.substructures is not None:
+        # a node of a condensed beam hangs on the start of the beam
+        for tables, groups in zip((model.simo, model.green), model.groups_of_beams()):
+            for count, nn in np.unique(groups[:, 1:3], axis=0).tolist():
+                first = groups[(groups[:, 1] == count) & (groups[:, 2] == nn), 0]
+                at = tables.meta[first[:, None] + np.arange(count), 3]
+                own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
+                rows.append(own.reshape(-1))
+                columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))
+    if model.ties is not None:
+        # a tied node hangs on its targets
+        count = np.diff(model.ties.start)
+        rows.append(np.repeat(pattern.row_of, count))
+        columns.append(model.ties.target_row)
+    graph = graph + coo_matrix((np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n))
+    for k in range(model.n_sliders):
+        # a sliding point hangs on its beam, and the beam on it
+        nodes = curve_at(model, k, float(model.s0[k]))[0]
+        graph = graph + coo_matrix((np.ones(nodes.size), (pattern.row_of[nodes], np.full(nodes.size, pattern.row_of[
+            model.sliders.point[k]]))), shape=(n, n))
+    _, part = connected_components(graph, directed=False)
+    part = np.unique(part[pattern.row_of], return_inverse=True)[1]
+    phi = model.q0.reshape(-1, 12)[:, :3]
+    mask = model.held_mask
+    if model.ties is not None:
+        mask[model.ties.slave] = 0
+    point = model.numbers.rank == 9
+    eye6 = np.eye(6)
+    within = eye6
+    if flat:
+        axes = model.plane.axes
+        within = np.zeros((6, 3))
+        within[:3, 0], within[:3, 1], within[3:, 2] = axes
+    by_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
+    for nodes in by_part:
+        if np.all(point[nodes]) and np.all(mask[nodes] & 7):
+            continue
+        center = phi[nodes].mean(axis=0)
+        size = float(np.max(np.linalg.norm(phi[nodes] - center, axis=1))) or 1.0
+        eye, none = np.eye(3), np.zeros((3, 3))
+        # unit motions: shift, and turn about the centre
+        x = (phi[nodes[mask[nodes] & 7 != 0]] - center) / size
+        turn = np.cross(eye[:, None], x[None]).transpose(1, 2, 0)
+        held = [np.concatenate((np.broadcast_to(eye, turn.shape), turn), axis=2).reshape(-1, 6)]
+        if np.any((mask[nodes] & 56 != 0) & ~point[nodes]):
+            held.append(np.hstack((none, eye)))
+        matrix = np.concatenate(held)
+        values, motions = _free_motions(matrix, eye6)
+        if values[5] > 1e-9:
+            continue
+        held_in_space = False
+        if flat:
+            values, motions = _free_motions(matrix, within)
+            if values[2] > 1e-9:
+                continue
+        what = model.labels[nodes[0]].split(" node ")[0]
+        shift, turn = motions[-1][:3], motions[-1][3:]
+        how = "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
+        n_free = int(np.sum(values <= 1e-9))
+        kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
+        raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of {kind} are free); "
+                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}"
+                         + ("" if flat else _planar_hint(model, shift, turn)))
+    return held_in_space
+
+
+def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
+    """Singular values [k] of what supports feel of the rigid motions basis [6, k], and the motions [k, 6], the freest last."""
+    k = basis.shape[1]
+    # the triangle of a QR has the same singular values
+    triangle = np.linalg.qr(np.concatenate((matrix @ basis, np.zeros((k, k)))), mode="r")
+    _, values, motions = np.linalg.svd(triangle)
+    return values, motions @ basis.T
+
+
+def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
+    """What to say to someone whose scene would do in its plane."""
+    plane, reason = (model.plane, "") if model.plane is not None else find_plane(model)
+    if plane is None:
+        return f"; it would do in a plane, but it is not planar: {reason}" if reason and model.not_planar == reason else ""
+    normal = plane.axes[2]
+    inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
+    if np.linalg.norm(inside) > 1e-6:
+        return ""
+    return "; within its plane it is held: compile it with planar=True" + (" and start in the plane" if model.plane else "")
+
+
+def _axis(v: Array) -> str:
+    v = v / (np.max(np.abs(v)) or 1.0)
+    return "(" + ", ".join(f"{x:.3g}" for x in np.where(np.abs(v) < 1e-9, 0.0, v)) + ")"
