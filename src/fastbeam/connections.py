@@ -35,7 +35,7 @@ class Connections:
     offset, rotation : [M, 3], [M, 3, 3]
         Offset of an ARM in the triad of the target; d_i = sum_j R_ij d_j of the target of a TRIAD.
     loops : int [L]
-        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: multipliers hold them.
+        Ball joints, counted through `balls` and then `hinges`, that close loops of rigid parts and supports: held by multipliers.
     """
 
     held: Array
@@ -248,14 +248,14 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, labels: Sequ
         before = first.setdefault((min(a, b), max(a, b)), [])
         before.append(j)
         if a == b:
-            raise SceneError(f"{name(j)}: rigid connections hold both of its sides together, so the joint does nothing; remove it")
+            raise SceneError(f"{name(j)}: rigid connections hold both of its sides together, so the joint does nothing; remove "
+                             "it")
         if sets.join(a, b):
             continue
         if any(np.array_equal(_sides(offset, ball[j], a, local[j]), _sides(offset, ball[k], a, local[k])) for k in before[:-1]):
             raise SceneError(f"{name(j)}: a second ball joint between the same rigid parts at the same point, beside "
                              f"{name(before[0])}: it does nothing; remove it")
-        stands = [held[roots[x]] == 63 or (standing[x] and not np.any(offset[ball[j, list(local[j]).index(x)]])) for x in (a, b)]
-        if all(stands):
+        if all(held[roots[x]] == 63 or (standing[x] and not np.any(offset[node])) for x, node in zip((a, b), ball[j])):
             raise SceneError(f"{name(j)}: both sides are held ({labels[roots[a]]}, {labels[roots[b]]}), the joint does nothing; "
                              "remove it or one of the supports")
         loops.append(j)
@@ -269,8 +269,8 @@ def _sides(offset: Array, pair: Array, a: int, local: Array) -> Array:
 
 def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
                 rank: Array) -> tuple[Array, dict[int, list[tuple[int, Array]]]]:
-    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any), for ball
-    joints that close no loops; at most one set of a tree is supported."""
+    """(node whose position starts that of a root's set [n], offsets in triads from there on for the roots that have any), for
+    ball joints that close no loops; at most one set of a tree is supported."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import breadth_first_order, connected_components
     base = np.arange(root_of.size)

@@ -64,7 +64,8 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
     columns = int(scale * (couplings.near.size + 8 * s)) + rows
     touching = Touched(integers(s), integers(s, entries), integers(s), integers(s, entries), integers(s, entries),
                        integers(s + 1), integers(touched), integers(touched), integers(touched), integers(touched),
-                       integers(n + 1), integers(touched), integers(s + 1), integers(int(scale * s * min(entries, 3)) + 16, 6), integers(elements),
+                       integers(n + 1), integers(touched), integers(s + 1), integers(int(scale * s * min(entries, 3)) + 16, 6),
+                       integers(elements),
                        integers(elements, 2), integers(int(scale * 9 * s)), integers(n), integers(n), integers(4))
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
@@ -88,7 +89,8 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
         tied[model.ties.row] = model.ties.slave
     on_curve: dict[int, Array] = {}
     late = []
-    for c, point in [] if model.sliders is None else zip(model.sliders.curve.tolist(), model.sliders.point.tolist()):
+    sliders = [] if model.sliders is None else zip(model.sliders.curve.tolist(), model.sliders.point.tolist())
+    for c, point in sliders:
         if c not in on_curve:
             first = int(model.curves.meta[c, 0])
             on_curve[c] = np.zeros(model.n_nodes + 1, bool)

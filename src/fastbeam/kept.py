@@ -32,6 +32,18 @@ class KeptLink(NamedTuple):
         """Derivative [m, 3] of its gaps by r = x_b - x_a, which keeps its length or is none."""
         return r[None] / np.linalg.norm(r) if self.distance else np.eye(3)
 
+    def bend(self, r: Array, rate: Array) -> Array:
+        """Minus what the second derivative in time of its gaps has besides accelerations, [m], m/s^2."""
+        if not self.distance:
+            return np.zeros(3)
+        along = self.lead(r) @ rate
+        return -(rate @ rate - along**2) / np.linalg.norm(r)
+
+    def curvature(self, r: Array, force: Array) -> Array:
+        """Second derivative [3, 3] of force . gap by r."""
+        n = self.lead(r)
+        return force[0] / np.linalg.norm(r) * (np.eye(3) - n.T @ n) if self.distance else np.zeros((3, 3))
+
     def gap(self, r: Array, at_start: Array) -> Array:
         """Its gaps [m], m, from r and that of the reference shape."""
         return np.array([np.linalg.norm(r) - np.linalg.norm(at_start)]) if self.distance else r

@@ -1,4 +1,4 @@
-"""Registry of what couples two points: springs, joints with multipliers. One entry turns all of a kind into the table of its term.
+"""Registry of what couples two points, springs and joints with multipliers: an entry turns all of a kind into a term's table.
 
 A new kind is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here.
 """
@@ -129,8 +129,8 @@ class Links:
                 reach = 1e-12 * float(np.max(np.abs(nodes.phi)))
                 for part, (a, b) in zip(parts, node):
                     if not np.linalg.norm(nodes.phi[b] - nodes.phi[a]) > reach:
-                        raise SceneError(f"distance joint {part.name!r}: {part.a} and {part.b} lie at the same place, so no direction "
-                                         "is kept apart; use BallJoint, or move one of them")
+                        raise SceneError(f"distance joint {part.name!r}: {part.a} and {part.b} lie at the same place; use "
+                                         "BallJoint, or move one of them")
 
     @property
     def touched(self) -> Array:
@@ -152,9 +152,11 @@ class Links:
     def kept(self) -> list[KeptLink]:
         """Joints with multipliers, in the order of their constraints."""
         nodes = self._nodes
-        return [KeptLink(f"{entry.noun.kind} {part.name!r}" if part is not None else f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}",
-                         (int(a), int(b)), entry.distance)
-                for entry, parts, node in self.groups if entry.distance is not None for part, (a, b) in zip(parts, node)]
+        out = []
+        for entry, parts, node in self.groups:
+            if entry.distance is not None:
+                out += [KeptLink(_label(part, nodes, a, b), (a, b), entry.distance) for part, (a, b) in zip(parts, node.tolist())]
+        return out
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any) -> tuple[Any, ...]:
         """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
@@ -169,3 +171,10 @@ class Links:
 def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
     """Nodes at both ends, int64 [L, 2]."""
     return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
+
+
+def _label(part: Any, nodes: NodeList, a: int, b: int) -> str:
+    """A joint for messages; automatic names already say the kind, joints of nets have none."""
+    if part is None:
+        return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"
+    return part.name if part.name.startswith(f"{part.kind} of ") else f"{part.kind} {part.name!r}"

@@ -7,6 +7,7 @@ import numpy as np
 
 from .kernels import curves as kernels
 from .kernels.beam import point_table_size
+from .kept import gap_matrix
 from .kernels.work import State
 from .model import Model
 
@@ -107,17 +108,17 @@ def mass_map(model: Model) -> Any:
 
 
 def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
-    """Gaps as a matrix on the 12 coordinates [3 S, 12 N], tangents [3] of the curves, and what the second derivative of a gap has
-    besides accelerations: 2 ds/dt N' phi' + (ds/dt)^2 N'' phi."""
+    """Gaps of sliders and joints with multipliers as a matrix on the 12 coordinates [3 S + J, 12 N], tangents [3] of the curves, and
+    minus what the second derivative of a gap has besides accelerations: 2 ds/dt N' phi' + (ds/dt)^2 N'' phi of sliders."""
     from scipy import sparse
     n, s = model.n_nodes, model.n_sliders
     curves, sliders = model.curves, model.sliders
-    assert curves is not None and sliders is not None
     x, v = state.q.reshape(n, 4, 3)[:, 0], state.v.reshape(n, 4, 3)[:, 0]
     matrix = sparse.lil_matrix((3 * s, 12 * n))
     contact = model.contact()
     tangents, convective = [], np.zeros((s, 3))
     for k in range(s):
+        assert curves is not None and sliders is not None
         c, point = int(sliders.curve[k]), int(sliders.point[k])
         e = int(kernels.find_element(curves, c, state.s[k], 0))
         p = int(curves.meta[c, 3]) + e
@@ -134,4 +135,6 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
         for i in range(3):
             matrix[3 * k + i, 12 * number + i] = -shape[0]
             matrix[3 * k + i, 12 * point + i] = 1.0
-    return matrix.tocsr(), tangents, convective.reshape(-1)
+    bent = [link.bend(*(y[link.node[1]] - y[link.node[0]] for y in (x, v))) for link in model.kept]
+    every = sparse.vstack((matrix.tocsr(), gap_matrix(model.kept, x)), format="csr")
+    return every, tangents, np.concatenate((convective.reshape(-1), *bent))

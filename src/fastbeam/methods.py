@@ -122,14 +122,18 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     mass = (lift.T @ mass_map(model) @ lift).tocsc()
     right = -residual(bias).reshape(-1)[free]
     system: Any = mass
-    if s:
+    forces = 0
+    if model.n_constraints:
         points, tangents, convective = gap_rates(model, state)
         gap = points @ lift
-        along = sparse.csr_matrix((np.concatenate(tangents), np.repeat(np.arange(s), 3), np.arange(3 * s + 1)), shape=(3 * s, s))
-        # sliders that hold the same motion twice share its force, as in theory.md (5.5)
+        forces = gap.shape[0]
+        along = sparse.csr_matrix((np.concatenate([np.zeros(0), *tangents]), (np.arange(3 * s), np.repeat(np.arange(s), 3))),
+                                  shape=(forces, s))
+        # constraints that hold the same motion twice share its force, as in theory.md (5.5)
         with np.errstate(divide="ignore"):
             soft = sparse.diags(1e-12 * (gap.power(2) @ (1.0 / mass.diagonal())))
-        system = sparse.bmat([[mass, -gap.T, None], [gap, soft, -along], [None, along.T, None]]).tocsc()
+        system = sparse.bmat([[mass, -gap.T, None], [gap, soft, -along], [None, along.T, None]] if s else
+                             [[mass, -gap.T], [gap, soft]]).tocsc()
         right = np.concatenate((right, convective - points @ bias, np.zeros(s)))
     try:
         x = splu(system).solve(right)
@@ -147,4 +151,4 @@ def start_rates(model: Model, alpha: Alpha, state: State, residual: Any) -> None
     turn[free] = x[:free.size]
     rates[1, :, 3:] = (spin @ (share @ turn).reshape(n, 6)[:, 3:].reshape(-1)).reshape(n, 3)
     rates[2] = rates[1]
-    state.force[:] = x[free.size:free.size + 3 * s]
+    state.force[:] = x[free.size:free.size + forces]

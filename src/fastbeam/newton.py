@@ -393,8 +393,8 @@ class Stepper:
         return status, np.array(sizes)
 
     def worst_constraint(self) -> tuple[int, float, float]:
-        """(slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last iteration
-        is largest."""
+        """(slider, or joint behind the sliders, gap in m, residual of its sliding equation in N) where the gap of the last
+        iteration is largest."""
         assert self.contact is not None
         inside = np.arange(8) < self.contact.forces[:, None]
         gaps = np.where(inside, np.abs(self.contact.residual), 0.0).max(axis=1)

@@ -8,6 +8,7 @@ import numpy as np
 
 from .arguments import shown
 from .errors import SceneError
+from .kept import KeptLink, gap_matrix
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
@@ -158,7 +159,20 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         out.append(Misfit(f"slider {name!r}: the velocity of its point across the beam is", float(np.linalg.norm(across)), "m/s",
                           UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
+    for link in model.kept:
+        a, b = link.node
+        r, moving = q[b, 0] - q[a, 0], v[b, 0] - v[a, 0]
+        gap, rate = link.gap(r, _at_start(model, link)), link.lead(r) @ moving
+        out.append(Misfit(f"{link.name}: its points lie", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
+        out.append(Misfit(f"{link.name}: the velocity of its points is", float(np.linalg.norm(rate)), "m/s",
+                          TIED * speed + noise, MENDABLE * speed))
     return out
+
+
+def _at_start(model: Model, link: KeptLink) -> Array:
+    """x_b - x_a of a joint in the reference shape."""
+    a, b = (model.q0.reshape(-1, 12)[k, :3] for k in link.node)
+    return b - a
 
 
 def _follows(model: Model) -> Array:
@@ -202,7 +216,7 @@ def _mended(model: Model, state: State) -> State:
     q = follow(model, q)
     inertia = mass_map(model)
     beams = sparse.diags(np.repeat(np.where(model.numbers.rank == 3, STIFF, 1.0), 12))
-    for _ in range(8 * (s.size > 0)):
+    for _ in range(8 * (model.n_constraints > 0)):
         across, gaps = _across(model, q, s)
         if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
             break
@@ -220,7 +234,7 @@ def _mended(model: Model, state: State) -> State:
     given.reshape(-1, 6)[:, :3] = v[:, 0]
     given.reshape(-1, 6)[:, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
     found = given[free]
-    if s.size:
+    if model.n_constraints:
         mass = (lift.T @ inertia @ lift).tocsr()
         found = nearest(mass, (across @ lift).tocsr(), np.zeros(across.shape[0]), found, free % 6 >= 3)
     return State(q.reshape(-1), lift @ found, s, state.force.copy())
@@ -233,7 +247,8 @@ def _lift(model: Model, q: Array) -> tuple[Any, Array]:
 
 
 def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
-    """Gaps across the curves [2 S] as a matrix on the coordinates, sparse, and their values; moves s to the nearest points."""
+    """Gaps across the curves [2 S] and of joints with multipliers as a matrix on the coordinates, sparse, and their values; moves
+    s to the nearest points."""
     from scipy import sparse
     out = sparse.lil_matrix((2 * s.size, q.size))
     gaps = np.zeros(2 * s.size)
@@ -253,7 +268,9 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             for c in range(3):
                 out[2 * k + j, 12 * nodes + c] = -values * axis[c]
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
-    return out.tocsr(), gaps
+    x = q[:, 0]
+    own = [link.gap(x[link.node[1]] - x[link.node[0]], _at_start(model, link)) for link in model.kept]
+    return sparse.vstack((out.tocsr(), gap_matrix(model.kept, x)), format="csr"), np.concatenate((gaps, *own))
 
 
 def _turned(triads: Array, spins: Array) -> Array:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .kept import gap_matrix
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
@@ -28,8 +29,10 @@ class Border(NamedTuple):
     tangent: Array    # float64 [S, d]: c'(s)
     sliding: Array    # float64 [S], N: F . c'
     bend: Array       # float64 [S], N/m: F . c''
-    gradient: Any     # sparse [d S, m]: derivative of the gaps by the unknowns of the nodes
+    gradient: Any     # sparse [F, m]: derivative of the gaps, of joints too, by the unknowns of the nodes
     slide: Any        # sparse [S, m]: of the sliding equations
+    joint_gap: Array  # float64 [F - d S]: of joints with multipliers, m
+    bent: Any         # sparse [m, m]: second derivative of - sum F . gap of joints, N/m
 
 
 class StaticContacts:
@@ -71,7 +74,7 @@ class StaticContacts:
         from scipy import sparse
         n = self.model.n_nodes
         entries: list[list[tuple[Array, Array, Array]]] = [[], [], []]
-        points = self.model.sliders.point  # type: ignore[union-attr]
+        points = np.zeros(0, np.int64) if self.model.sliders is None else self.model.sliders.point
         for k in range(s.size):
             nodes, values = shapes_at(self.model, k, float(s[k]))
             of = np.full(nodes.size, k)
@@ -81,13 +84,14 @@ class StaticContacts:
         out = []
         c = np.arange(3)
         for part in entries:
-            k, nodes, values = (np.concatenate(x) for x in zip(*part))
+            nothing = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+            k, nodes, values = (np.concatenate(x) for x in zip(nothing, *part))
             out.append(sparse.csr_matrix((np.repeat(values, 3), ((3 * k[:, None] + c).reshape(-1),
                                                                  (12 * nodes[:, None] + c).reshape(-1))), (3 * s.size, 12 * n)))
         return out
 
     def border(self, weights: list[Any], q: Array, force: Array) -> Border:
-        """At coordinates q [12 N] and forces [d S]."""
+        """At coordinates q [12 N] and forces of all constraints."""
         from scipy import sparse
         gap, tangent, second = ((w @ q).reshape(-1, 3) for w in weights)
         gradient, turn = (w @ self._ties for w in weights[:2])
@@ -98,16 +102,60 @@ class StaticContacts:
             within = sparse.kron(sparse.eye(len(gap)), self.axes[:2], format="csr")
             gradient, turn = within @ gradient, within @ turn
         s, d = gap.shape
-        f = force.reshape(s, d)
-        pick = sparse.csr_matrix((force, (np.repeat(np.arange(s), d), np.arange(s * d))), shape=(s, s * d))
-        return Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1), gradient, pick @ turn)
+        f = force[:s * d].reshape(s, d)
+        pick = sparse.csr_matrix((force[:s * d], (np.repeat(np.arange(s), d), np.arange(s * d))), shape=(s, s * d))
+        joint_gap, of_joints, bent = self._joints(q, force[s * d:], rates)
+        return Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
+                      sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent)
 
-    def loads(self, weights: list[Any], force: Array) -> Array:
-        """The contact forces [d S] as loads on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
+    def _joints(self, q: Array, force: Array, rates: Any) -> tuple[Array, Any, Any]:
+        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and the second ones of - force . gap.
+        rates: unknowns of the nodes -> coordinates."""
+        from scipy import sparse
+        kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
+        at_start = self.model.q0.reshape(-1, 4, 3)[:, 0]
+        gaps, bent = [np.zeros(0)], sparse.lil_matrix((q.size, q.size))
+        within = [np.zeros((0, 0))]
+        at = 0
+        for link, part in zip(kept, self._parts(force)):
+            a, b = link.node
+            r = x[b] - x[a]
+            gap = link.gap(r, at_start[b] - at_start[a])
+            axes = np.eye(1) if link.distance else np.eye(3) if self.axes is None else self.axes[:2]
+            gaps.append(axes @ gap)
+            within.append(axes)
+            at += len(gap)
+            second = link.curvature(r, part)
+            for i in (a, b):
+                for j in (a, b):
+                    bent[12 * i:12 * i + 3, 12 * j:12 * j + 3] += (-1.0 if i == j else 1.0) * second
+        lift = self._ties @ rates
+        lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift if kept else sparse.csr_matrix((0, lift.shape[1]))
+        return np.concatenate(gaps), lead, (lift.T @ bent.tocsr() @ lift).tocsr()
+
+    def _parts(self, force: Array) -> list[Array]:
+        """Forces of every joint with multipliers in space, [3] or [1], from all of them."""
+        out, at = [], 0
+        for link in self.model.kept:
+            m = link.forces(3 if self.axes is None else 2)
+            part = force[at:at + m]
+            out.append(part if link.distance or self.axes is None else part @ self.axes[:2])
+            at += m
+        return out
+
+    def loads(self, weights: list[Any], q: Array, force: Array) -> Array:
+        """The forces of all constraints as loads on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
         n = self.model.n_nodes
         flat = self.axes is not None
-        f = force.reshape(-1, 2) @ self.axes[:2] if self.axes is not None else force
+        own = self.model.n_sliders * (2 if flat else 3)
+        f = force[:own].reshape(-1, 2) @ self.axes[:2] if self.axes is not None else force[:own]
         of_node = (weights[0].T @ f.reshape(-1)).reshape(n, 12)[:, :3]
+        x = q.reshape(-1, 4, 3)[:, 0]
+        for link, part in zip(self.model.kept, self._parts(force[own:])):
+            a, b = link.node
+            push = link.lead(x[b] - x[a]).T @ part
+            of_node[b] += push
+            of_node[a] -= push
         if flat:
             of_node = of_node @ self.axes[:2].T  # type: ignore[index]
         out = np.zeros((n + 1, 8))

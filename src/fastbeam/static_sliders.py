@@ -125,8 +125,11 @@ class SlidingSolver(StaticSolver):
         self._weights = self.contacts.weights(state.s)
         border = self.contacts.border(self._weights, self.state.q, state.force)
         dim = self.core.dim
-        contact.residual[:, :dim] = border.gap
-        contact.residual[:, dim] = np.where(self.sliding, border.sliding, 0.0)
+        sliders = self.sliding.size
+        contact.residual[:sliders, :dim] = border.gap
+        contact.residual[:sliders, dim] = np.where(self.sliding, border.sliding, 0.0)
+        of_joints = np.arange(8) < contact.forces[sliders:, None]
+        contact.residual[sliders:][of_joints] = border.joint_gap
         return border
 
     # --- Newton's method ----------------------------------------------------------------------------------------------
@@ -136,21 +139,21 @@ class SlidingSolver(StaticSolver):
         model, work, state = self.core, self.work, self.stepper.core_state
         size, n = len(model.size), model.pattern.n
         border = self._border()
-        work.f_ext[:] = self._loads + self.contacts.loads(self._weights, state.force)
+        work.f_ext[:] = self._loads + self.contacts.loads(self._weights, self.state.q, state.force)
         self.stepper.parts.assemble(0.0)
         # the kernels give half the static tangent
         blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
-        nodes = 2.0 * self.linear.superlu.matrix(blocks)
+        nodes = 2.0 * self.linear.superlu.matrix(blocks) + border.bent
         free = sparse.diags(sliding.astype(float))
         slide = free @ border.slide
         dim, count = model.dim, sliding.size
         of_tangent = sparse.csr_matrix((border.tangent.reshape(-1), (np.arange(dim * count), np.repeat(np.arange(count), dim))),
-                                       shape=(dim * count, count)) @ free
+                                       shape=(border.gradient.shape[0], count)) @ free
         bend = sparse.diags(np.where(sliding, border.bend + drag, 1.0))
         matrix = sparse.bmat([[nodes, slide.T, -border.gradient.T], [slide, bend, of_tangent.T],
                               [-border.gradient, of_tangent, None]], format="csc")
         r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
-        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), border.gap.reshape(-1)))
+        right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), border.gap.reshape(-1), border.joint_gap))
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + count:] = True
         return Saddle(matrix, multiplier), right

@@ -1,7 +1,7 @@
 """Joints that keep the distance of two points, theory.md 4.1.
 
-Gap (|r|^2 - L^2)/(2 L) with r = x_b - x_a at the end of a step, tension T along the mean r: T r_mid/L on a, the opposite on b. Its
-work is T times the change of the gap, none; forces along the mean r leave the angular momentum alone.
+Gap (|r|^2 - L^2)/(2 L) with r = x_b - x_a at the end of a step, push P along the mean r: P r_mid/L on b, the opposite on a.
+Its work is P times the change of the gap, none; forces along the mean r leave the angular momentum alone. A tension is -P.
 """
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def add_distance_joints(joints, system, share):
         over = 1.0 / joints.length[j]
         end = difference(joints, j, work.q_end, size)
         mean = difference(joints, j, work.q_mid, size)
-        tension = system.state.force[contact.first_force[k]]
+        push = system.state.force[contact.first_force[k]]
         begin_joint(contact, k, 1)
-        add_pair(joints, j, (tension * over) * mean, 0.5 * tension * over, 0.0 * mean, mean, work, size)
+        add_pair(joints, j, (-push * over) * mean, -0.5 * push * over, 0.0 * mean, mean, work, size)
         length = dot(end, end)**0.5
         # (l^2 - L^2)/(2 L) without the loss of digits
         contact.residual[k, 0] = 0.5 * over * (length - joints.length[j]) * (length + joints.length[j])
-        column = (share * over) * mean
+        column = (-share * over) * mean
         line = over * end
         put_point.call(joints.ties, column, line, contact, k, joints.node[j, 1], joints.row[j, 1], work.q_mid, work.q_end, size)
         put_point.call(joints.ties, -1.0 * column, -1.0 * line, contact, k, joints.node[j, 0], joints.row[j, 0], work.q_mid,

@@ -1,4 +1,4 @@
-"""Entries of joints with multipliers in the border, theory.md 4.1: what their forces do to two points, and their gaps' derivatives.
+"""Entries of joints with multipliers, theory.md 4: what their forces do to two points, and the derivatives of their gaps.
 
 A joint has some forces and as many gaps, functions of the positions of two nodes a and b. Of a ball joint they are vectors: the
 factor of the unit matrix says what a node adds, a number. Of a distance joint there is one: a vector says it.

@@ -18,10 +18,10 @@ from .slider import Contact
 from .sparse import PardisoTables, solve_sparse
 from .sparse import begin_step as begin_pardiso_step
 from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_contact,
-                    begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess, follow_nodes,
-                    inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
-                    push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, take_unknowns, weigh,
-                    weigh_residual, within_limits)
+                    begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess,
+                    follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
+                    push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, take_unknowns,
+                    weigh, weigh_residual, within_limits)
 from .work import clear_equations, copy, follow_line, keep, start_line
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5

@@ -13,7 +13,7 @@ from fastbeam.scene.sections import Section
 from fastbeam.scene.spring import Spring
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load", "Net", "NetBeam",
-    "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider", "Spring",
-    "StraightLine",
+    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load",
+    "Net", "NetBeam", "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider",
+    "Spring", "StraightLine",
 ]
