@@ -64,8 +64,8 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
     columns = int(scale * (couplings.near.size + 8 * s)) + rows
     touching = Touched(integers(s), integers(s, entries), integers(s), integers(s, entries), integers(s, entries),
                        integers(s + 1), integers(touched), integers(touched), integers(touched), integers(touched),
-                       integers(n + 1), integers(touched), integers(s + 1), integers(int(scale * s * min(entries, 3)) + 16, 6),
-                       integers(elements),
+                       integers(n + 1), integers(touched), integers(s + 1),
+                       integers(int(scale * s * min(entries, 3)) + 16, 6), integers(elements),
                        integers(elements, 2), integers(int(scale * 9 * s)), integers(n), integers(n), integers(4))
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),

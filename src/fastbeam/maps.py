@@ -108,8 +108,8 @@ def mass_map(model: Model) -> Any:
 
 
 def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
-    """Gaps of sliders and joints with multipliers as a matrix on the 12 coordinates [3 S + J, 12 N], tangents [3] of the curves, and
-    minus what the second derivative of a gap has besides accelerations: 2 ds/dt N' phi' + (ds/dt)^2 N'' phi of sliders."""
+    """Gaps of sliders and joints with multipliers as a matrix on the 12 coordinates [3 S + J, 12 N], tangents [3] of the curves,
+    and minus what the second derivative of a gap has besides accelerations: 2 ds/dt N' phi' + (ds/dt)^2 N'' phi of sliders."""
     from scipy import sparse
     n, s = model.n_nodes, model.n_sliders
     curves, sliders = model.curves, model.sliders

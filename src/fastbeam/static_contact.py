@@ -115,8 +115,7 @@ class StaticContacts:
         kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
         at_start = self.model.q0.reshape(-1, 4, 3)[:, 0]
         gaps, bent = [np.zeros(0)], sparse.lil_matrix((q.size, q.size))
-        within = [np.zeros((0, 0))]
-        at = 0
+        within = []
         for link, part in zip(kept, self._parts(force)):
             a, b = link.node
             r = x[b] - x[a]
@@ -124,13 +123,14 @@ class StaticContacts:
             axes = np.eye(1) if link.distance else np.eye(3) if self.axes is None else self.axes[:2]
             gaps.append(axes @ gap)
             within.append(axes)
-            at += len(gap)
             second = link.curvature(r, part)
             for i in (a, b):
                 for j in (a, b):
                     bent[12 * i:12 * i + 3, 12 * j:12 * j + 3] += (-1.0 if i == j else 1.0) * second
         lift = self._ties @ rates
-        lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift if kept else sparse.csr_matrix((0, lift.shape[1]))
+        lead = sparse.csr_matrix((0, lift.shape[1]))
+        if kept:
+            lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift
         return np.concatenate(gaps), lead, (lift.T @ bent.tocsr() @ lift).tocsr()
 
     def _parts(self, force: Array) -> list[Array]:

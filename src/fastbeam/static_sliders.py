@@ -201,7 +201,7 @@ class SlidingSolver(StaticSolver):
         moved = self.stepper.parts.update()
         state.s[:] += x.s
         state.force[:] += x.force
-        return moved + float(np.max(np.abs(x.s))) / core.length
+        return moved + float(np.max(np.abs(x.s), initial=0.0)) / core.length
 
     def _newton(self, sliding: Array) -> tuple[int, list[float]]:
         """Newton iteration with these sliders [S] free."""

@@ -128,7 +128,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
-    if model.n_sliders:
+    if model.n_constraints:
         solver = SlidingSolver(model, start, max_iterations, stays)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
@@ -144,7 +144,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
         if model.n_sliders:
-            row["contact_force"] = solver.state.force.reshape(-1, 3)
+            row["contact_force"] = solver.state.force[:3 * model.n_sliders].reshape(-1, 3)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])

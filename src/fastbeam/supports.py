@@ -51,6 +51,8 @@ def check_supports(model: Model, flat: bool = False) -> bool:
         nodes = curve_at(model, k, float(model.s0[k]))[0]
         graph = graph + coo_matrix((np.ones(nodes.size), (pattern.row_of[nodes], np.full(nodes.size, pattern.row_of[
             model.sliders.point[k]]))), shape=(n, n))
+    linked = pattern.row_of[np.array([link.node for link in model.kept], np.int64).reshape(-1, 2)]
+    graph = graph + coo_matrix((np.ones(len(linked)), (linked[:, 0], linked[:, 1])), shape=(n, n))
     _, part = connected_components(graph, directed=False)
     part = np.unique(part[pattern.row_of], return_inverse=True)[1]
     phi = model.q0.reshape(-1, 12)[:, :3]
