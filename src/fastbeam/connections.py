@@ -146,8 +146,20 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     def name(j: int) -> str:
         return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
 
-    out.loops = _loops(root_of, ball, offset, out.held, labels, name)
+    out.loops = _loops(root_of, ball, offset, out.held, name)
     base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
+
+    def is_fixed(node: int) -> bool:
+        """Whether nothing can move the place of a node."""
+        top = root_of[node]
+        turns = np.any(offset[node]) or int(top) in arms
+        return bool(out.held[top] == 63 or (out.held[base[top]] & HOLD_POSITION != 0 and not turns))
+
+    for j in out.loops.tolist():
+        a, b = ball[j].tolist()
+        if is_fixed(a) and is_fixed(b):
+            raise SceneError(f"{name(j)}: both sides are held ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint does "
+                             "nothing; remove it or one of the supports")
 
     # entries: position, arms, triad of every tied node
     slave = touched[(touched != root) | (base[root] != root)]
@@ -214,7 +226,7 @@ def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array,
     return root_of
 
 
-def _loops(root_of: Array, ball: Array, offset: Array, held: Array, labels: Sequence[str], name: Callable[[int], str]) -> Array:
+def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callable[[int], str]) -> Array:
     """Ball joints that join rigid sets, or supports of them, which others before them join already, int [L].
 
     Raises
@@ -255,9 +267,6 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, labels: Sequ
         if any(np.array_equal(_sides(offset, ball[j], a, local[j]), _sides(offset, ball[k], a, local[k])) for k in before[:-1]):
             raise SceneError(f"{name(j)}: a second ball joint between the same rigid parts at the same point, beside "
                              f"{name(before[0])}: it does nothing; remove it")
-        if all(held[roots[x]] == 63 or (standing[x] and not np.any(offset[node])) for x, node in zip((a, b), ball[j])):
-            raise SceneError(f"{name(j)}: both sides are held ({labels[roots[a]]}, {labels[roots[b]]}), the joint does nothing; "
-                             "remove it or one of the supports")
         loops.append(j)
     return np.array(loops, np.int64)
 

@@ -165,7 +165,8 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         gap, rate = link.gap(r, _at_start(model, link)), link.lead(r) @ moving
         out.append(Misfit(f"{link.name}: its points lie", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
         out.append(Misfit(f"{link.name}: the velocity of its points is", float(np.linalg.norm(rate)), "m/s",
-                          TIED * speed + noise, MENDABLE * speed))
+                          UNTRUE * speed + noise, np.inf))
+        out[-1].told = SIDEWAYS * speed + noise
     return out
 
 
