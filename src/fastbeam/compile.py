@@ -122,12 +122,12 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     loads, times, weight, constant = _loads(scene, nodes, elements, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     static_held = _held(joints.held | idle, blocks.pattern) if idle.any() else held
+    link_tables = links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties)
     state, projected = initial_state(scene, nodes, joints, elements, links.kept)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, bodies=bodies,
-        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=links.kept,
-        ties=ties, held=held, static_held=static_held,
+        links=link_tables, kept=links.kept, ties=ties, held=held, static_held=static_held,
         curves=curves, sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
         spin_root=joints.spin_root, loads=loads, load_times=times, gravity=np.array(scene.gravity),

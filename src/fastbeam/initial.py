@@ -209,7 +209,7 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
         a, b = link.node
-        out.append((float(np.linalg.norm(link.lead(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
+        out.append((float(np.linalg.norm(link.law.lead(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]

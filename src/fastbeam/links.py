@@ -12,7 +12,7 @@ import numpy as np
 
 from .connections import Connections
 from .errors import SceneError
-from .kept import KeptLink
+from .kept import Distance, KeptLink, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
@@ -42,6 +42,8 @@ class Ends:
         Blocks a-a, a-b, b-a, b-b of the tangent; empty where the kind couples none.
     distance : float64 [L]
         Of both ends at t = 0, m.
+    round_off : float
+        Distances below are none, m.
     first : int64 [1]
         Number of the first among all constraints.
     ties
@@ -57,6 +59,7 @@ class Ends:
         if blocks is not None:
             self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
         self.distance = np.linalg.norm(phi[b] - phi[a], axis=1)
+        self.round_off = 1e-12 * float(np.max(np.abs(phi)))
         self.first = np.array([first])
 
 
@@ -71,14 +74,14 @@ class Entry:
         The table of all links of this kind from their `Ends`.
     couples : bool
         Whether it adds to the blocks between its nodes.
-    distance : bool or None
-        Of a joint with multipliers, whether it keeps the distance of its points, or the points together.
+    law : Together, Distance or None
+        Of a joint with multipliers: what it keeps.
     """
 
     noun: type
     table: Callable[[Ends], Any]
     couples: bool = True
-    distance: bool | None = None
+    law: Together | Distance | None = None
 
 
 def _springs(ends: Ends) -> Springs:
@@ -86,11 +89,18 @@ def _springs(ends: Ends) -> Springs:
     return Springs(ends.node, ends.row, ends.block, np.array([x.stiffness for x in ends.parts]), length)
 
 
+def _distances(ends: Ends) -> DistanceJoints:
+    for part, distance in zip(ends.parts, ends.distance):
+        if not distance > ends.round_off:
+            raise SceneError(f"{_label(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
+    return DistanceJoints(ends.node, ends.row, ends.block, ends.distance, ends.first, ends.ties)
+
+
+# those whose force is a vector come before those with one force
 REGISTRY = (
     Entry(Spring, _springs),
-    Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, distance=False),
-    Entry(DistanceJoint, lambda x: DistanceJoints(x.node, x.row, x.block, x.distance, x.first, x.ties),
-          distance=True),
+    Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
+    Entry(DistanceJoint, _distances, law=Distance()),
 )
 
 
@@ -105,11 +115,6 @@ class Links:
         Its loops are ball joints that multipliers hold.
     hinges : int [*, 2]
         Ball joints of nets.
-
-    Raises
-    ------
-    SceneError
-        A distance joint between points at the same place.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
@@ -124,13 +129,6 @@ class Links:
                 parts, node = [balls[j] for j in joints.loops], pairs[joints.loops]
             if parts:
                 self.groups.append((entry, parts, node))
-        for entry, parts, node in self.groups:
-            if entry.noun is DistanceJoint:
-                reach = 1e-12 * float(np.max(np.abs(nodes.phi)))
-                for part, (a, b) in zip(parts, node):
-                    if not np.linalg.norm(nodes.phi[b] - nodes.phi[a]) > reach:
-                        raise SceneError(f"distance joint {part.name!r}: {part.a} and {part.b} lie at the same place; use "
-                                         "BallJoint, or move one of them")
 
     @property
     def touched(self) -> Array:
@@ -154,17 +152,24 @@ class Links:
         nodes = self._nodes
         out = []
         for entry, parts, node in self.groups:
-            if entry.distance is not None:
-                out += [KeptLink(_label(part, nodes, a, b), (a, b), entry.distance) for part, (a, b) in zip(parts, node.tolist())]
+            if entry.law is not None:
+                out += [KeptLink(_label(part) if part else _label_of(nodes, a, b), (a, b), entry.law)
+                        for part, (a, b) in zip(parts, node.tolist())]
         return out
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any) -> tuple[Any, ...]:
-        """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
+        """The tables of all kinds of links that the scene has; sliders: constraints before theirs.
+
+        Raises
+        ------
+        SceneError
+            A link that makes no sense where its ends are, as a distance joint between points at the same place.
+        """
         out, first = [], sliders
         for entry, parts, node in self.groups:
             ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties)
             out.append(entry.table(ends))
-            first += len(parts) if entry.distance is not None else 0
+            first += len(parts) if entry.law is not None else 0
         return tuple(out)
 
 
@@ -173,8 +178,11 @@ def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
     return np.array([(nodes.number(x.a), nodes.number(x.b)) for x in links], np.int64).reshape(-1, 2)
 
 
-def _label(part: Any, nodes: NodeList, a: int, b: int) -> str:
-    """A joint for messages; automatic names already say the kind, joints of nets have none."""
-    if part is None:
-        return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"
+def _label_of(nodes: NodeList, a: int, b: int) -> str:
+    """A joint of a net for messages, which has no name."""
+    return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"
+
+
+def _label(part: Any) -> str:
+    """A link for messages; automatic names already say the kind."""
     return part.name if part.name.startswith(f"{part.kind} of ") else f"{part.kind} {part.name!r}"

@@ -135,6 +135,6 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
         for i in range(3):
             matrix[3 * k + i, 12 * number + i] = -shape[0]
             matrix[3 * k + i, 12 * point + i] = 1.0
-    bent = [link.bend(*(y[link.node[1]] - y[link.node[0]] for y in (x, v))) for link in model.kept]
+    bent = [link.law.bend(*(y[link.node[1]] - y[link.node[0]] for y in (x, v))) for link in model.kept]
     every = sparse.vstack((matrix.tocsr(), gap_matrix(model.kept, x)), format="csr")
     return every, tangents, np.concatenate((convective.reshape(-1), *bent))

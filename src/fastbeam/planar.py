@@ -160,7 +160,7 @@ def _plane_of(model: Model) -> Plane:
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
-    vectors = model.n_sliders + sum(not link.distance for link in model.kept)
+    vectors = model.n_sliders + sum(link.law.is_vector for link in model.kept)
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors)
     _check_state(model.q0, model.v0, plane, model.length)
     _refuse((model.numbers.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,

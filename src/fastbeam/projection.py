@@ -71,7 +71,7 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
             add([(k, 1, eye)], np.zeros(3))
     for link in kept:
         a, b = link.node
-        lead = link.lead(nodes.phi[b] - nodes.phi[a])
+        lead = link.law.lead(nodes.phi[b] - nodes.phi[a])
         add([(b, 0, lead), (a, 0, -lead)], np.zeros(len(lead)))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         tangent = slopes @ nodes.phi[number]

@@ -162,7 +162,7 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
     for link in model.kept:
         a, b = link.node
         r, moving = q[b, 0] - q[a, 0], v[b, 0] - v[a, 0]
-        gap, rate = link.gap(r, _at_start(model, link)), link.lead(r) @ moving
+        gap, rate = link.law.gap(r, _at_start(model, link)), link.law.lead(r) @ moving
         out.append(Misfit(f"{link.name}: its points lie", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
         out.append(Misfit(f"{link.name}: the velocity of its points is", float(np.linalg.norm(rate)), "m/s",
                           UNTRUE * speed + noise, np.inf))
@@ -270,7 +270,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
                 out[2 * k + j, 12 * nodes + c] = -values * axis[c]
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
     x = q[:, 0]
-    own = [link.gap(x[link.node[1]] - x[link.node[0]], _at_start(model, link)) for link in model.kept]
+    own = [link.law.gap(x[link.node[1]] - x[link.node[0]], _at_start(model, link)) for link in model.kept]
     return sparse.vstack((out.tocsr(), gap_matrix(model.kept, x)), format="csr"), np.concatenate((gaps, *own))
 
 

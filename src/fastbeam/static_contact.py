@@ -119,11 +119,11 @@ class StaticContacts:
         for link, part in zip(kept, self._parts(force)):
             a, b = link.node
             r = x[b] - x[a]
-            gap = link.gap(r, at_start[b] - at_start[a])
-            axes = np.eye(1) if link.distance else np.eye(3) if self.axes is None else self.axes[:2]
+            gap = link.law.gap(r, at_start[b] - at_start[a])
+            axes = np.eye(1) if not link.law.is_vector else np.eye(3) if self.axes is None else self.axes[:2]
             gaps.append(axes @ gap)
             within.append(axes)
-            second = link.curvature(r, part)
+            second = link.law.curvature(r, part)
             for i in (a, b):
                 for j in (a, b):
                     bent[12 * i:12 * i + 3, 12 * j:12 * j + 3] += (-1.0 if i == j else 1.0) * second
@@ -139,7 +139,7 @@ class StaticContacts:
         for link in self.model.kept:
             m = link.forces(3 if self.axes is None else 2)
             part = force[at:at + m]
-            out.append(part if link.distance or self.axes is None else part @ self.axes[:2])
+            out.append(part if self.axes is None or not link.law.is_vector else part @ self.axes[:2])
             at += m
         return out
 
@@ -153,7 +153,7 @@ class StaticContacts:
         x = q.reshape(-1, 4, 3)[:, 0]
         for link, part in zip(self.model.kept, self._parts(force[own:])):
             a, b = link.node
-            push = link.lead(x[b] - x[a]).T @ part
+            push = link.law.lead(x[b] - x[a]).T @ part
             of_node[b] += push
             of_node[a] -= push
         if flat:
