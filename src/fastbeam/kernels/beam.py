@@ -32,14 +32,15 @@ from .algebra import pzerom as vzerom
 from .inner import eliminate_group
 from .kinds import (Space, add_lanes, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_lanes,
                     zero_moment)
-from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, PAIR_SUMS, POINT_MATRIX, POINT_NODE,
-                     POINT_NODES, POINTS, POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SPARE, STEP,
-                     STRAINS, layout)
+from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINT_MATRIX, POINT_NODE,
+                     POINT_NODES, POINTS, POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2,
+                     SHEAR_3, SPARE, STEP, STRAINS, layout)
 from .motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, gather_line, gather_spin_rates, needs_line,
                       pair_rate)
 from . import gather  # noqa: F401  of all motions
 from .rows import scatter_rows
-from .strain_sets import add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness, sum_pair
+from .strain_sets import (add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness, prepare_points,
+                          sum_pair)
 from .strains import interpolate, mean_strains, stresses, unused_strains
 from .terms import Equilibrium
 
@@ -71,7 +72,7 @@ def add_no_inertia(method, constants, scratch, at, size):
 
 
 @add_inertia.register(object)
-@kernel
+@written_in
 def add_inertia_forces(method, constants, scratch, at, size):
     """u = 2/h^2 (q_n+1 - q_n - h v_n); of the directors the last have inertia."""
     d = 8 * dim(size)
@@ -126,7 +127,7 @@ def rate_apart(method, rate):
     return 0.0
 
 
-@kernel
+@written_in
 def project_node(scratch, at, a, size):
     """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid, with what
     the tangent adds to the forces f."""
@@ -156,7 +157,7 @@ def evaluate_point(size, method, strains, constants, reference, g, scratch, at, 
 
 
 @evaluate_point.register(Space)
-@kernel
+@written_in
 def evaluate_point_in_space(size, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
     po = at.points + at.point_room * g
@@ -187,9 +188,9 @@ def rotation_position(constants, scratch, at, a, b, ko):
     for g in range(at.nq):
         pb = vld(constants, at.point + at.point_size * g + 8 + 24 * b, 0)
         k += pb * vldm(scratch, at.points + at.point_room * g + POINT_NODES + POINT_NODE * a + ROTATION_POSITION, 8)
-    sums = at.pairs + PAIR_SUMS * (at.nn * a + b)
+    sums = at.pairs + at.pair_size * (at.nn * a + b)
     qa = at.node * a
-    u = vld(scratch, sums, 0) * vld3(scratch, qa + 48, 8) + vld(scratch, sums + 8, 0) * vld3(scratch, qa + 72, 8)
+    u = vld(scratch, sums + SHEAR_2, 0) * vld3(scratch, qa + 48, 8) + vld(scratch, sums + SHEAR_3, 0) * vld3(scratch, qa + 72, 8)
     vst_matrix(scratch, ko + 144, 48, 8, add_skew(k, 0.5 * u))
 
 
@@ -200,9 +201,9 @@ def position_rotation(constants, scratch, at, a, b, ko):
     for g in range(at.nq):
         pa = vld(constants, at.point + at.point_size * g + 8 + 24 * a, 0)
         k += pa * vldm(scratch, at.points + at.point_room * g + POINT_NODES + POINT_NODE * b + POSITION_ROTATION, 8)
-    sums = at.pairs + PAIR_SUMS * (at.nn * b + a)
+    sums = at.pairs + at.pair_size * (at.nn * b + a)
     qb = at.node * b + 96
-    v = vld(scratch, sums, 0) * vld3(scratch, qb + 48, 8) + vld(scratch, sums + 8, 0) * vld3(scratch, qb + 72, 8)
+    v = vld(scratch, sums + SHEAR_2, 0) * vld3(scratch, qb + 48, 8) + vld(scratch, sums + SHEAR_3, 0) * vld3(scratch, qb + 72, 8)
     vst_matrix(scratch, ko + 24, 48, 8, add_skew(k, -0.5 * v))
 
 
@@ -219,7 +220,7 @@ def rotation_rotation(strains, constants, scratch, at, a, b, rate, ko):
     md = rate * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
     m2 = md * vld(constants, at.inertia + 8, 0)
     m3 = md * vld(constants, at.inertia + 16, 0)
-    k = add_geometric.call(strains, k, scratch, at.node * a, at.node * b + 96, at.pairs + PAIR_SUMS * (at.nn * a + b), m2, m3)
+    k = add_geometric.call(strains, k, scratch, at.node * a, at.node * b + 96, at.pairs + at.pair_size * (at.nn * a + b), m2, m3)
     vst_matrix(scratch, ko + 168, 48, 8, k)
 
 
@@ -242,18 +243,21 @@ def put_pairs(size, strains, constants, scratch, at, rate):
 
 
 @put_pairs.register(Space)
-@kernel
+@written_in
 def pair_stiffness(size, strains, constants, scratch, at, rate):
     for a in range(at.nn):
         for b in range(a, at.nn):
-            sum_pair.call(strains, constants, scratch, at, a, b, at.pairs)
+            sum_pair.call(strains, constants, scratch, at, a, b)
     for a in range(at.nn):
         for b in range(at.nn):
             ko = at.blocks + 288 * (at.nn * a + b)
             rotation_position(constants, scratch, at, a, b, ko)
             rotation_rotation(strains, constants, scratch, at, a, b, rate, ko)
             position_rotation(constants, scratch, at, a, b, ko)
-            position_position(constants, scratch, at, a, b, rate, ko)
+    # where the sums stood
+    for a in range(at.nn):
+        for b in range(at.nn):
+            position_position(constants, scratch, at, a, b, rate, at.blocks + 288 * (at.nn * a + b))
 
 
 # --- groups of elements -------------------------------------------------------------------------------------------------
@@ -263,9 +267,10 @@ def evaluate(method, strains, constants, reference, scratch, at, case, rate, siz
     half."""
     for i in range(at.forces, at.rows, 8):
         vst(scratch, i, 0, 0.0)
-    for i in range(at.tangent_forces, at.pairs, 8):
-        vst(scratch, i, 0, 0.0)
     add_inertia.call(method, constants, scratch, at, size)
+    for i in range(at.rates, at.forces, 8):
+        vst(scratch, at.tangent_forces - at.rates + i, 0, 0.0)
+    prepare_points.call(size, strains, scratch, at)
     for g in range(at.nq):
         evaluate_point.call(size, method, strains, constants, reference, g, scratch, at, case)
     put_pairs.call(size, strains, constants, scratch, at, pair_rate.call(method, rate))
@@ -274,7 +279,7 @@ def evaluate(method, strains, constants, reference, scratch, at, case, rate, siz
         project_node(scratch, at, a, size)
 
 
-@kernel
+@written_in
 def evaluate_group(tables, k, at, strains, motion, scratch, size):
     """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
     no = tables.meta[k, LIST]
@@ -291,7 +296,7 @@ def evaluate_group(tables, k, at, strains, motion, scratch, size):
                  address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.rate, size)
 
 
-@kernel
+@written_in
 def scatter_group(tables, k, at, every, scratch, r_out, blocks_out, size):
     """Add rows and blocks of the nodes of group k, or of the first and last of them where `every` is nn - 1."""
     n = 8 * len(size)

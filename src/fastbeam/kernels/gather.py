@@ -52,7 +52,7 @@ def put_steps(motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Space, OverStep)
-@kernel
+@written_in
 def gather_over_step(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     gather_lanes(motion.v, tables.nodes, no, 12, scratch, uo, TWELVE)
@@ -60,7 +60,7 @@ def gather_over_step(size, motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Space, ToEnd)
-@kernel
+@written_in
 def gather_end(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     gather_lanes(motion.u, tables.nodes, no, 12, scratch, uo, TWELVE)
@@ -68,14 +68,14 @@ def gather_end(size, motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Space, Still)
-@kernel
+@written_in
 def gather_shape(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     copy_lanes(scratch, qo, 96, scratch, qo + 96)
 
 
 @gather_ends.register(Space, Resting)
-@kernel
+@written_in
 def gather_resting(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.u, tables.nodes, no, 12, scratch, uo, TWELVE)
     gather_shape(size, motion, tables, no, scratch, qo, uo)
@@ -91,7 +91,7 @@ def put_planar_step(scratch, qo, uo, move, h):
 
 
 @gather_ends.register(Plane, OverStep)
-@kernel
+@written_in
 def gather_planar_step(size, motion, tables, no, scratch, qo, uo):
     e = qo + 32
     gather_lanes(motion.q, tables.nodes, no, 4, scratch, qo, FOUR)
@@ -106,7 +106,7 @@ def gather_planar_step(size, motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Plane, Still)
-@kernel
+@written_in
 def gather_planar_shape(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 4, scratch, qo, FOUR)
     copy_lanes(scratch, qo, 32, scratch, qo + 32)
@@ -114,7 +114,7 @@ def gather_planar_shape(size, motion, tables, no, scratch, qo, uo):
 
 # --- the last increment -------------------------------------------------------------------------------------------------
 @needs_line.register(object)
-@kernel
+@written_in
 def needs_line_after_start(motion):
     return motion.line.use[0] != FROM_START
 
@@ -144,7 +144,7 @@ def put_beside_step(off, scratch, tables, no, lo, position, step):
 
 
 @gather_line.register(Space)
-@kernel
+@written_in
 def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
     line = motion.line
     s = lo + 96
@@ -162,7 +162,7 @@ def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
 
 
 @gather_line.register(Space, ToEnd)
-@kernel
+@written_in
 def gather_line_to_end(size, motion, tables, no, scratch, end, lo):
     """Before the first increment the start of the step and nothing."""
     if motion.line.use[0] == FROM_START:
@@ -191,7 +191,7 @@ def put_planar_beside_step(off, scratch, tables, no, lo, position, step):
 
 
 @gather_line.register(Plane)
-@kernel
+@written_in
 def gather_planar_line(size, motion, tables, no, scratch, end, lo):
     line = motion.line
     s = lo + 32
@@ -208,7 +208,7 @@ def gather_planar_line(size, motion, tables, no, scratch, end, lo):
 
 # --- spins of generalised alpha -----------------------------------------------------------------------------------------
 @gather_spin_rates.register(object)
-@kernel
+@written_in
 def gather_no_spin_rates(motion, tables, no, nn, scratch, at):
     pass
 

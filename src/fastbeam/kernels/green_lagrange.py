@@ -15,8 +15,8 @@ from .algebra import pstm as vstm
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
-from .layout import (MIDDLE, NODE_TABLE, PAIR_SUMS, POINT_MATRIX, POINT_NODE, POINT_NODES, POSITION_ROTATION, PRODUCTS, ROOM,
-                     ROTATION_POSITION)
+from .layout import (MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES, POSITION_ROTATION, PRODUCTS, ROOM,
+                     ROTATION_POSITION, SHEAR_2, SHEAR_3, TWIST)
 from .strain_sets import (GreenLagrange, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
                           form_stresses, mean_of_forms, point_stiffness, present_strains, quadratic_forms, strains_of_state,
                           sum_pair)
@@ -214,14 +214,14 @@ def sum_one(constants, scratch, at, a, b, o):
         g2 += pn * vld(scratch, so + 8, 0) - pd * vld(scratch, so + 40, 0)
         g3 += pn * vld(scratch, so + 16, 0) + pd * vld(scratch, so + 32, 0)
         e4 += vld(scratch, so + 24, 0) * (da * nb - na * db)
-    vst(scratch, o, 0, g2); vst(scratch, o + 8, 0, g3); vst(scratch, o + 16, 0, e4)
+    vst(scratch, o + SHEAR_2, 0, g2); vst(scratch, o + SHEAR_3, 0, g3); vst(scratch, o + TWIST, 0, e4)
 
 
 @sum_pair.register(GreenLagrange)
 @kernel
-def sums_of_pair(strains, constants, scratch, at, a, b, sums):
-    sum_one(constants, scratch, at, a, b, sums + PAIR_SUMS * (at.nn * a + b))
-    sum_one(constants, scratch, at, b, a, sums + PAIR_SUMS * (at.nn * b + a))
+def sums_of_pair(strains, constants, scratch, at, a, b):
+    sum_one(constants, scratch, at, a, b, at.pairs + at.pair_size * (at.nn * a + b))
+    sum_one(constants, scratch, at, b, a, at.pairs + at.pair_size * (at.nn * b + a))
 
 
 @add_geometric.register(GreenLagrange)
@@ -230,7 +230,7 @@ def geometric(strains, krr, scratch, qa, qb, sums, m2, m3):
     """sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal."""
     a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
     b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
-    q4 = 0.25 * vld(scratch, sums + 16, 0)
+    q4 = 0.25 * vld(scratch, sums + TWIST, 0)
     w2 = q4 * a3 - m2 * a2
     w3 = vzero3() - q4 * a2 - m3 * a3
     krr += outer(b2, w2)

@@ -119,13 +119,13 @@ def halve_columns(rhs):
 
 
 @kept.register(NoColumns)
-@kernel
+@written_in
 def keep_short(rhs, r):
     return Short(r)
 
 
 @kept.register(object)
-@kernel
+@written_in
 def keep_columns(rhs, r):
     return WithColumns(r, rhs)
 
@@ -262,13 +262,13 @@ def eliminate_group(inner, tables, k, at, scratch, r_out, size):
 
 
 @eliminate_group.register(NoInner)
-@kernel
+@written_in
 def eliminate_nothing(inner, tables, k, at, scratch, r_out, size):
     return 1
 
 
 @eliminate_group.register(Inner)
-@kernel
+@written_in
 def eliminate_inside(inner, tables, k, at, scratch, r_out, size):
     if tables.meta[k, FACTORS] < 0:
         return 1

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .._jit import kernel
+from .._jit import written_in
 
 # columns of `ElementTables.meta`
 NODES, POINTS, CONSTANTS, LIST, BLOCKS, COUPLED, FACTORS, REFERENCE = range(8)
@@ -37,6 +37,9 @@ PLANAR_ROWS, PLANAR_PRODUCTS, PLANAR_ROTATION_POSITION, PLANAR_POSITION_ROTATION
 Z = 21 * 8
 MIDDLE, END, STRAINS, BEFORE, STEP, SPARE = 0, Z, 2 * Z, 2 * Z + 56, 3 * Z + 56, 4 * Z + 56
 ROOM = 2 * Z
+ROOM_END = ROOM + (49 + 9 + 18 + 18) * 8
+# behind that room, of every pair of nodes vectors of the middle, then of the end: three for twist and curvatures, one for lengths
+TWISTS = 12 * 8
 
 
 class Layout(NamedTuple):
@@ -62,15 +65,18 @@ class Layout(NamedTuple):
     point_room: int          # distance of points there
     spin_rates: int          # derivatives of second rates by spins, in space
     line: int                # coordinates before the last increment, and that increment
-    tangent_forces: int      # what the tangent adds to the forces
-    pairs: int               # sums of stresses for pairs of nodes
+    tangent_forces: int      # what the tangent adds to the forces, in the room of the second rates, which inertia is done with
+    twists: int              # vectors of pairs of nodes
+    pairs: int               # sums of stresses for pairs of nodes; in space in their blocks, where positions against positions
+    pair_size: int           # stand later; distance of pairs
     size: int
 
 
-PAIR_SUMS = 6 * 8
+# sums of a pair in space: two of shears, three of twist and curvatures, one of lengths; in a plane shear, curvature, lengths
+SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 64
 
 
-@kernel
+@written_in
 def layout(size, nn, nq):
     """The layout for nodes of this kind."""
     n = len(size)
@@ -85,15 +91,19 @@ def layout(size, nn, nq):
     forces = rates + node * nn
     rows = forces + node * nn
     blocks = rows + 8 * n * nn
+    twists = blocks + ROOM_END
     points = blocks + 8 * n * n * nn * nn
+    if n == 6:
+        points = max(points, twists + TWISTS * nn * (nn - 1))
     point_room = POINT_NODES + POINT_NODE * nn if n == 6 else PLANAR_NODES + PLANAR_NODE * nn
     spin_rates = points + nq * point_room
     line = spin_rates + (144 * nn if n == 6 else 0)
-    tangent_forces = line + 2 * node * nn
-    pairs = tangent_forces + node * nn
+    end = line + 2 * node * nn
+    pairs = blocks if n == 6 else end
+    pair_size = 288 if n == 6 else 24
+    size = end if n == 6 else end + pair_size * nn * nn
     return Layout(nn, nq, point, point_size, inertia, masses, masses + 8 * nn * nn, masses + 16 * nn * nn, 2 * node, rates,
-                  forces, rows, blocks, points, point_room, spin_rates, line, tangent_forces, pairs,
-                  pairs + PAIR_SUMS * nn * nn)
+                  forces, rows, blocks, points, point_room, spin_rates, line, rates, twists, pairs, pair_size, size)
 
 
 def layout_of(size: tuple[int, ...], nn: int, nq: int) -> Layout:

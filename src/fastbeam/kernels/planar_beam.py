@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._jit import kernel
+from .._jit import kernel, written_in
 from .algebra import component0, component1, component2, cross2, dot, perp, square_root, triple
 from .algebra import padd2 as vadd2
 from .algebra import pld as vld
@@ -26,7 +26,7 @@ from .algebra import pzero as vzero
 from .algebra import pzero2 as vzero2
 from .beam import evaluate_point, put_pairs
 from .kinds import Plane
-from .layout import (NODE_TABLE, PAIR_SUMS, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION, PLANAR_PRODUCTS,
+from .layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION, PLANAR_PRODUCTS,
                      PLANAR_ROTATION_POSITION, PLANAR_ROWS)
 from .motions import share_of_end
 from .strain_sets import (GreenLagrange, SimoReissner, planar_director_forces, planar_extrapolated, planar_form_stresses,
@@ -73,7 +73,7 @@ class Law(NamedTuple):
     c22: Any
 
 
-@kernel
+@written_in
 def planar_shape(constants, to, nn, scratch, qo):
     """Of the nodes from qo on, 64 doubles apart."""
     f = vzero2(); u = vzero2(); k = vzero2()
@@ -86,14 +86,14 @@ def planar_shape(constants, to, nn, scratch, qo):
     return Shape(f, u, k)
 
 
-@kernel
+@written_in
 def law_of_point(constants, to):
     w = vld(constants, to, 0)
     return Law(w * vld(constants, 0, 0), w * vld(constants, 8, 0), w * vld(constants, 16, 0), w * vld(constants, 32, 0),
                w * vld(constants, 40, 0), w * vld(constants, 64, 0))
 
 
-@kernel
+@written_in
 def apply_law(law, e):
     """Stresses of three strains."""
     x = component0(e); y = component1(e); z = component2(e)
@@ -101,7 +101,7 @@ def apply_law(law, e):
                   law.c02 * x + law.c12 * y + law.c22 * z)
 
 
-@kernel
+@written_in
 def add_director_forces(constants, to, nn, scratch, fo, x, y):
     """dir x + dir_s y on the directors of all nodes."""
     for a in range(nn):
@@ -110,7 +110,7 @@ def add_director_forces(constants, to, nn, scratch, fo, x, y):
 
 
 @evaluate_point.register(Plane)
-@kernel
+@written_in
 def evaluate_point_in_plane(size, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
     middle = planar_shape(constants, to, at.nn, scratch, 0)
@@ -142,7 +142,7 @@ def evaluate_point_in_plane(size, method, strains, constants, reference, g, scra
                                 at.points + at.point_room * g)
 
 
-@kernel
+@written_in
 def put_planar_node(scratch, b, rows, products, rotation_position, position_rotation):
     """What a node of a point leaves."""
     vst(scratch, b + PLANAR_ROWS, 0, component0(rows)); vst(scratch, b + PLANAR_ROWS + 8, 0, component1(rows))
@@ -155,7 +155,7 @@ def put_planar_node(scratch, b, rows, products, rotation_position, position_rota
 
 # --- strain set (2.2) ---------------------------------------------------------------------------------------------------
 @planar_strains.register(SimoReissner)
-@kernel
+@written_in
 def simo_strains(strains, shape):
     g = cross2(shape.u, shape.f)
     return triple(square_root(dot(shape.f, shape.f) - g * g), g, (1.5 - 0.5 * dot(shape.u, shape.u)) * cross2(shape.u, shape.k))
@@ -173,7 +173,7 @@ def simo_extrapolated(strains, shape, step):
 
 
 @planar_point_data.register(SimoReissner)
-@kernel
+@written_in
 def simo_data(strains, middle, start, end):
     g0 = cross2(start.u, start.f); ge = cross2(end.u, end.f)
     r0 = square_root(dot(start.f, start.f) - g0 * g0); r_end = square_root(dot(end.f, end.f) - ge * ge)
@@ -185,7 +185,7 @@ def simo_data(strains, middle, start, end):
 
 
 @planar_form_stresses.register(SimoReissner)
-@kernel
+@written_in
 def simo_form_stresses(strains, data, s):
     """Of the curvature it stays the moment."""
     n = data.over * component0(s)
@@ -193,13 +193,13 @@ def simo_form_stresses(strains, data, s):
 
 
 @planar_position_force.register(SimoReissner)
-@kernel
+@written_in
 def simo_position_force(strains, data, middle, s):
     return component0(s) * middle.f + component1(s) * perp(middle.u)
 
 
 @planar_director_forces.register(SimoReissner)
-@kernel
+@written_in
 def simo_director_forces(strains, data, middle, s):
     m = component2(s)
     x = vzero2() - component1(s) * perp(middle.f) - data.a * (m * perp(middle.k)) - (m * data.c) * middle.u
@@ -207,7 +207,7 @@ def simo_director_forces(strains, data, middle, s):
 
 
 @planar_point_stiffness.register(SimoReissner)
-@kernel
+@written_in
 def simo_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
     """Rows are derivatives of the quadratic forms of shear, curvature and its factor, theory.md (4.8)."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
@@ -247,9 +247,9 @@ def simo_stiffness(strains, data, middle, end, law, t, constants, to, scratch, a
 
 
 @planar_sum_pair.register(SimoReissner)
-@kernel
-def simo_sums(strains, constants, scratch, at, a, b, sums):
-    """Shear, curvature and its factor; the shear of the pair b, a at `sums` of that pair."""
+@written_in
+def simo_sums(strains, constants, scratch, at, a, b):
+    """Shear, curvature and its factor."""
     h = vzero(); g = vzero(); e3 = vzero(); e4 = vzero()
     for p in range(at.nq):
         t = at.point + at.point_size * p + 8
@@ -261,21 +261,21 @@ def simo_sums(strains, constants, scratch, at, a, b, sums):
         g += (na * pb) * s2
         e3 += (na * db - da * nb) * vld(scratch, po + 16, 0)
         e4 += (na * nb) * vld(scratch, po + 24, 0)
-    o = sums + PAIR_SUMS * (at.nn * a + b)
+    o = at.pairs + at.pair_size * (at.nn * a + b)
     vst(scratch, o, 0, g); vst(scratch, o + 8, 0, e3); vst(scratch, o + 16, 0, e4)
-    o = sums + PAIR_SUMS * (at.nn * b + a)
+    o = at.pairs + at.pair_size * (at.nn * b + a)
     vst(scratch, o, 0, h); vst(scratch, o + 8, 0, vzero() - e3); vst(scratch, o + 16, 0, e4)
 
 
 @planar_geometric.register(SimoReissner)
-@kernel
+@written_in
 def simo_geometric(strains, scratch, sums, ua, ub):
     return (0.5 * vld(scratch, sums + 8, 0)) * cross2(ua, ub) + (0.5 * vld(scratch, sums + 16, 0)) * dot(ua, ub)
 
 
 # --- strain set (2.1) ---------------------------------------------------------------------------------------------------
 @planar_strains.register(GreenLagrange)
-@kernel
+@written_in
 def green_strains(strains, shape):
     return triple(0.5 * dot(shape.f, shape.f), cross2(shape.u, shape.f), cross2(shape.f, shape.k))
 
@@ -289,25 +289,25 @@ def green_extrapolated(strains, shape, step):
 
 
 @planar_point_data.register(GreenLagrange)
-@kernel
+@written_in
 def green_data(strains, middle, start, end):
     return GREEN_DATA
 
 
 @planar_form_stresses.register(GreenLagrange)
-@kernel
+@written_in
 def green_form_stresses(strains, data, s):
     return s
 
 
 @planar_position_force.register(GreenLagrange)
-@kernel
+@written_in
 def green_position_force(strains, data, middle, s):
     return component0(s) * middle.f + component1(s) * perp(middle.u) - component2(s) * perp(middle.k)
 
 
 @planar_director_forces.register(GreenLagrange)
-@kernel
+@written_in
 def green_director_forces(strains, data, middle, s):
     x = perp(middle.f)
     return vzero2() - component1(s) * x, component2(s) * x
@@ -353,30 +353,30 @@ def green_sum(constants, scratch, at, a, b):
 
 @planar_sum_pair.register(GreenLagrange)
 @kernel
-def green_sums(strains, constants, scratch, at, a, b, sums):
-    vst(scratch, sums + PAIR_SUMS * (at.nn * a + b), 0, green_sum(constants, scratch, at, a, b))
-    vst(scratch, sums + PAIR_SUMS * (at.nn * b + a), 0, green_sum(constants, scratch, at, b, a))
+def green_sums(strains, constants, scratch, at, a, b):
+    vst(scratch, at.pairs + at.pair_size * (at.nn * a + b), 0, green_sum(constants, scratch, at, a, b))
+    vst(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0, green_sum(constants, scratch, at, b, a))
 
 
 @planar_geometric.register(GreenLagrange)
-@kernel
+@written_in
 def green_geometric(strains, scratch, sums, ua, ub):
     return vzero()
 
 
 # --- pairs of nodes -----------------------------------------------------------------------------------------------------
 @put_pairs.register(Plane)
-@kernel
+@written_in
 def put_planar_pairs(size, strains, constants, scratch, at, rate):
     for a in range(at.nn):
         for b in range(a, at.nn):
-            planar_sum_pair.call(strains, constants, scratch, at, a, b, at.pairs)
+            planar_sum_pair.call(strains, constants, scratch, at, a, b)
     for a in range(at.nn):
         for b in range(at.nn):
             planar_pair(strains, constants, scratch, at, a, b, rate)
 
 
-@kernel
+@written_in
 def planar_pair(strains, constants, scratch, at, a, b, rate):
     """The 3 x 3 block of nodes a, b."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
@@ -398,9 +398,9 @@ def planar_pair(strains, constants, scratch, at, a, b, rate):
             rr += vld(scratch, ba + PLANAR_ROWS + i, 0) * vld(scratch, bb + PLANAR_PRODUCTS + i, 0)
     ua = vld2(scratch, 64 * a + 16, 8)
     ub = vld2(scratch, 64 * b + 48, 8)
-    sums = at.pairs + PAIR_SUMS * (at.nn * a + b)
+    sums = at.pairs + at.pair_size * (at.nn * a + b)
     rt -= (0.5 * vld(scratch, sums, 0)) * ua
-    tr -= (0.5 * vld(scratch, at.pairs + PAIR_SUMS * (at.nn * b + a), 0)) * ub
+    tr -= (0.5 * vld(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0)) * ub
     m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia, 0)
     md = rate * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia + 8, 0)
     rr += planar_geometric.call(strains, scratch, sums, ua, ub) + md * dot(ua, ub)

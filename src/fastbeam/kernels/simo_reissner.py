@@ -5,7 +5,7 @@ that of the directors' lengths. Loads, stores and zeros are those of `algebra.WI
 """
 from __future__ import annotations
 
-from .._jit import kernel
+from .._jit import kernel, written_in
 from .algebra import add_iso, cross, dot, outer, square_root
 from .algebra import padd3 as vadd3
 from .algebra import pld as vld
@@ -16,11 +16,13 @@ from .algebra import pstm as vstm
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
-from .layout import (MIDDLE, NODE_TABLE, PAIR_SUMS, POINT_MATRIX, POINT_NODE, POINT_NODES, POSITION_ROTATION, PRODUCTS, ROOM,
-                     ROTATION_POSITION, SHAPE, SHAPES_AT, STRESSES)
+from .kinds import Space
+from .layout import (CURVATURE_2, CURVATURE_3, END, LENGTHS, MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES,
+                     POSITION_ROTATION, PRODUCTS, ROOM, ROTATION_POSITION, SHAPE, SHAPES_AT, SHEAR_2, SHEAR_3, STRESSES,
+                     TWIST, TWISTS)
 from .strain_sets import (SimoReissner, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
-                          form_stresses, mean_of_forms, point_stiffness, present_strains, quadratic_forms, strains_of_state,
-                          sum_pair)
+                          form_stresses, mean_of_forms, point_stiffness, prepare_points, present_strains, quadratic_forms,
+                          strains_of_state, sum_pair)
 
 
 # --- strains ------------------------------------------------------------------------------------------------------------
@@ -193,6 +195,56 @@ def director_forces(strains, constants, to, nn, scratch, z, so, fo):
 
 
 # --- stiffness of a point -----------------------------------------------------------------------------------------------
+@prepare_points.register(Space, SimoReissner)
+@kernel
+def put_twists(size, strains, scratch, at):
+    """Of every pair of nodes a < b, y their directors: y_2a x y_3b - y_3a x y_2b and the same of 3, 1 and 1, 2; sum y_ia x y_ib;
+    of the middle, then of the end."""
+    for b in range(1, at.nn):
+        for a in range(b):
+            for end in range(0, 2 * TWISTS, TWISTS):
+                p = at.node * a + end
+                q = at.node * b + end
+                o = at.twists + TWISTS * (b * (b - 1) + 2 * a) + end
+                x1 = vld3(scratch, p + 24, 8); x2 = vld3(scratch, p + 48, 8); x3 = vld3(scratch, p + 72, 8)
+                y1 = vld3(scratch, q + 24, 8); y2 = vld3(scratch, q + 48, 8); y3 = vld3(scratch, q + 72, 8)
+                vst3(scratch, o, 8, cross(x2, y3) - cross(x3, y2))
+                vst3(scratch, o + 24, 8, cross(x3, y1) - cross(x1, y3))
+                vst3(scratch, o + 48, 8, cross(x1, y2) - cross(x2, y1))
+                vst3(scratch, o + 72, 8, cross(x1, y1) + cross(x2, y2) + cross(x3, y3))
+
+
+@kernel
+def rows_of_pairs(constants, to, nn, a, scratch, z, q, twists, out):
+    """What `form_rows` gives for node a where z and the directors at q belong to one shape: twist and curvatures of interpolated
+    directors are sums over the other nodes."""
+    t = to + 8 + NODE_TABLE * a
+    n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
+    nf = n * vld3(scratch, z, 8)
+    vst3(scratch, out, 8, cross(vld3(scratch, q + 48, 8), nf))
+    vst3(scratch, out + 24, 8, cross(vld3(scratch, q + 72, 8), nf))
+    half_n = 0.5 * n; half_dn = 0.5 * dn
+    r4 = vzero3(); r5 = vzero3(); r6 = vzero3(); r7 = vzero3()
+    for b in range(nn):
+        if b != a:
+            t = to + 8 + NODE_TABLE * b
+            m = vld(constants, t + 8, 0)
+            w = half_dn * m - half_n * vld(constants, t + 16, 0)
+            o = twists + TWISTS * (b * (b - 1) + 2 * a)
+            c = half_n * m
+            if b < a:
+                o = twists + TWISTS * (a * (a - 1) + 2 * b)
+                c = -1.0 * c
+            r4 += w * vld3(scratch, o, 8)
+            r5 += w * vld3(scratch, o + 24, 8)
+            r6 += w * vld3(scratch, o + 48, 8)
+            r7 -= c * vld3(scratch, o + 72, 8)
+    vst3(scratch, out + 48, 8, r4)
+    vst3(scratch, out + 72, 8, r5)
+    vst3(scratch, out + 96, 8, r6)
+    vst3(scratch, out + 120, 8, r7)
+
+
 @kernel
 def form_rows(scratch, z, q, n, dn, out):
     """Derivatives by the spin of one node of what strain set (2.2) is made of (2.4): shears, twist and curvatures, the factor c.
@@ -345,8 +397,11 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
         t = to + 8 + NODE_TABLE * a
         n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
         b = po + POINT_NODES + POINT_NODE * a
-        form_rows(scratch, z_mid, at.node * a, n, dn, b)
-        form_rows(scratch, z_end, at.node * a + 96, n, dn, re)
+        rows_of_pairs(constants, to, at.nn, a, scratch, z_mid, at.node * a, at.twists, b)
+        if columns == END:
+            rows_of_pairs(constants, to, at.nn, a, scratch, z_end, at.node * a + 96, at.twists + TWISTS, re)
+        else:
+            form_rows(scratch, z_end, at.node * a + 96, n, dn, re)
         x1 = node_products(scratch, coupled, do, re - 24, b + PRODUCTS)
         tr = outer(f, x1) + outer(d2, vld3(scratch, b + PRODUCTS, 8)) + outer(d3, vld3(scratch, b + PRODUCTS + 24, 8))
         vstm(scratch, b + POSITION_ROTATION, 8, tr)
@@ -358,10 +413,8 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
 
 # --- pairs of nodes -----------------------------------------------------------------------------------------------------
 @sum_pair.register(SimoReissner)
-@kernel
-def sums_of_pair(strains, constants, scratch, at, a, b, sums):
-    """Two sums for the forces between positions and directors, three for twist and curvatures, one for the factor c; those of the
-    pair b, a at `sums` of that pair."""
+@written_in
+def sums_of_pair(strains, constants, scratch, at, a, b):
     g2 = vzero(); g3 = vzero(); h2 = vzero(); h3 = vzero(); e4 = vzero(); e5 = vzero(); e6 = vzero(); e7 = vzero()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
@@ -376,15 +429,15 @@ def sums_of_pair(strains, constants, scratch, at, a, b, sums):
         twist = da * nb - na * db
         e4 += vld(scratch, so + 24, 0) * twist; e5 += vld(scratch, so + 32, 0) * twist; e6 += vld(scratch, so + 40, 0) * twist
         e7 += (na * nb) * vld(scratch, so + 48, 0)
-    put_sums(scratch, sums + PAIR_SUMS * (at.nn * a + b), g2, g3, e4, e5, e6, e7)
+    put_sums(scratch, at.pairs + at.pair_size * (at.nn * a + b), g2, g3, e4, e5, e6, e7)
     zero = vzero()
-    put_sums(scratch, sums + PAIR_SUMS * (at.nn * b + a), h2, h3, zero - e4, zero - e5, zero - e6, e7)
+    put_sums(scratch, at.pairs + at.pair_size * (at.nn * b + a), h2, h3, zero - e4, zero - e5, zero - e6, e7)
 
 
-@kernel
+@written_in
 def put_sums(scratch, o, g2, g3, e4, e5, e6, e7):
-    vst(scratch, o, 0, g2); vst(scratch, o + 8, 0, g3); vst(scratch, o + 16, 0, e4); vst(scratch, o + 24, 0, e5)
-    vst(scratch, o + 32, 0, e6); vst(scratch, o + 40, 0, e7)
+    vst(scratch, o + SHEAR_2, 0, g2); vst(scratch, o + SHEAR_3, 0, g3); vst(scratch, o + TWIST, 0, e4)
+    vst(scratch, o + CURVATURE_2, 0, e5); vst(scratch, o + CURVATURE_3, 0, e6); vst(scratch, o + LENGTHS, 0, e7)
 
 
 @add_geometric.register(SimoReissner)
@@ -393,8 +446,8 @@ def geometric(strains, krr, scratch, qa, qb, sums, m2, m3):
     """sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, inertia and lengths diagonal."""
     a1 = vld3(scratch, qa + 24, 8); a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
     b1 = vld3(scratch, qb + 24, 8); b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
-    q4 = 0.25 * vld(scratch, sums + 16, 0); q5 = 0.25 * vld(scratch, sums + 24, 0); q6 = 0.25 * vld(scratch, sums + 32, 0)
-    q7 = 0.5 * vld(scratch, sums + 40, 0)
+    q4 = 0.25 * vld(scratch, sums + TWIST, 0); q5 = 0.25 * vld(scratch, sums + CURVATURE_2, 0)
+    q6 = 0.25 * vld(scratch, sums + CURVATURE_3, 0); q7 = 0.5 * vld(scratch, sums + LENGTHS, 0)
     w1 = q6 * a2 - q5 * a3 - q7 * a1
     w2 = q4 * a3 - (q7 + m2) * a2 - q6 * a1
     w3 = vzero3() - q4 * a2 - (q7 + m3) * a3 + q5 * a1

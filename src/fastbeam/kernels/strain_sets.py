@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .._generic import generic
+from .._jit import kernel
 
 
 class SimoReissner(NamedTuple):
@@ -63,14 +64,25 @@ def add_director_forces(strains, constants, to, nn, scratch, z, so, fo):
 
 
 @generic
+def prepare_points(size, strains, scratch, at):
+    """What points have in common."""
+
+
+@prepare_points.register(object)
+@kernel
+def prepare_nothing(size, strains, scratch, at):
+    pass
+
+
+@generic
 def point_stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     """What pairs of nodes share of the stiffness of a point, at po; columns: z of the shape to which those of the tangent belong,
     MIDDLE or END."""
 
 
 @generic
-def sum_pair(strains, constants, scratch, at, a, b, sums):
-    """Sums of stresses times basis products over the points, for nodes a and b."""
+def sum_pair(strains, constants, scratch, at, a, b):
+    """Sums of stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
 
 
 @generic
@@ -122,8 +134,8 @@ def planar_point_stiffness(strains, data, middle, end, law, t, constants, to, sc
 
 
 @generic
-def planar_sum_pair(strains, constants, scratch, at, a, b, sums):
-    """Sums of stresses times basis products over the points, for nodes a and b."""
+def planar_sum_pair(strains, constants, scratch, at, a, b):
+    """Sums of stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
 
 
 @generic
