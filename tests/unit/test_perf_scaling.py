@@ -75,7 +75,11 @@ def test_operations_of_short_kernels_are_those_counted_by_hand() -> None:
     # (2.1): two weighted differences of vectors, four cross products with what goes around them
     assert counting.count(green_lagrange.strain_rows, x, 0, 0, 0.5, 0.5, 0) == 2 * 9 + (2 * 9 + 3) + 2 * 9 + 3 * 3 + 2 * 3
     # (2.2): three weighted differences, a factor and two cross products, three differences of two, a sum of three
-    # (2.2): three weighted differences, a factor, two cross products, three differences of two, a sum of three with a factor
+    rows = 3 * 9 + 3 + 2 * 9 + 3 * (2 * 9 + 3) + 3 * 9 + 2 * 3 + 3
+    assert counting.count(simo_reissner.form_rows, x, 0, 0, 0.5, 0.5, 0) == rows
+    # the same from cross products of pairs: a factor and two cross products; of another node a factor of two products and a
+    # difference, one of a product, four vectors times these and their sums
+    assert counting.count(simo_reissner.rows_of_pairs, x, 0, 2, 0, x, 0, 0, 0, 0) == 2 + 3 + 2 * 9 + (3 + 1) + 4 * 6
     # of three directors: moment, a sum of forces, a dyad; then the trace, less it, a half, and the sum
     assert counting.count(beam.project_node, x, at, 0, SPACE) == 3 * ((9 + 3) + 3 + (9 + 9)) + (2 + 3 + 9 + 9)
 
