@@ -18,7 +18,10 @@ from numba.core.extending import _Intrinsic
 
 from fastbeam._generic import GenericFunction
 from fastbeam.kernels import beam, blocks, nodes, substructures
-from fastbeam.kernels.inner import eliminate_inner
+from fastbeam.kernels.inner import NoInner, Short, eliminate_inner
+from fastbeam.kernels.layout import layout_of
+from fastbeam.kernels.motions import OverStep
+from fastbeam.kernels.strain_sets import SIMO_REISSNER
 from fastbeam.kernels.terms import Conserving
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
@@ -144,7 +147,12 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
 
     return {
         "vld": value(1), "vld2": value(2), "vld3": value(3), "vldm": value(9), "ld2": value(2), "ld3": value(3),
-        "vzero": value(1), "vzero2": value(2), "vzero3": value(3), "vzerom": value(9), "zero2": value(2), "zero3": value(3),
+        "address": lambda array, offset: array, "triple": value(3), "dim": lambda size: len(size) // 2,
+        "coordinates": lambda size: 12 if len(size) == 6 else 4, "vector_lanes": value(3), "zero_lanes": value(3),
+        "zero_moment": value(3), "zero_dyad": value(9), "put_lanes": nothing, "add_lanes": adds(3), "moment": value(3, 9),
+        "dyad": value(9, 9), "add_turned": adds(2 + 3 + 9 + 9),
+        "vzero": value(1), "vzero2": value(2), "vzero3": value(3), "vzerom": value(9),
+        "zero2": value(2), "zero3": value(3),
         "zerom": value(9), "vst": nothing, "vst2": nothing, "vst3": nothing, "vstm": nothing, "vst_matrix": nothing,
         "st2": nothing, "st3": nothing, "vadd3": adds(3), "vadd_matrix": adds(9), "add3": adds(3), "add_matrix": adds(9),
         "dot": dot, "root": value(1, 1), "square_root": value(1, 1), "cross": value(3, 9), "outer": value(9, 9),
@@ -210,9 +218,12 @@ def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     """Of an element of the first group of a model in space, with its inner nodes where they are eliminated and `assembled`."""
     work, tables = model.work(), model.simo
     line = work.line._replace(use=np.array([float(mixed), 0.0, 0.0]))
-    end = work.r, work.blocks
-    return count(beam.element_groups, tables, 0, 1, model.inner_work() if assembled else None, model.q0, work.dphi, model.v0,
-                 None, line, 1.0, 1.0, None, None, None, *(end if assembled else (None, None)), work.scratch, model.size)
+    motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, line, 1.0, 1.0)
+    if not assembled:
+        at = layout_of(model.size, *tables.meta[0, :2])
+        return count(beam.evaluate_group, tables, 0, at, SIMO_REISSNER, motion, work.scratch, model.size)
+    inner = NoInner() if model.inner is None else model.inner_work()
+    return count(beam.element_groups, tables, 0, 1, inner, SIMO_REISSNER, motion, work.r, work.blocks, work.scratch, model.size)
 
 
 def element_kernel(model: Model, mixed: float) -> float:
@@ -235,8 +246,7 @@ def inner_elimination(model: Model) -> int:
         return 0
     inner = model.inner_work()
     assert inner is not None
-    return count(eliminate_inner, inner.store, 0, nn, tables, 0, work.scratch, 384 * nn, 432 * nn, work.r, None, inner.rhs, None,
-                 0, model.size)
+    return count(eliminate_inner, Short(work.r), inner.store, 0, tables, 0, nn, work.scratch, 0, 0, 0, model.size)
 
 
 def inner_elimination_formula(nn: int, n: int = 6) -> int:
@@ -283,7 +293,7 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, None, g, g + 1, model.size, Conserving(),
+        plain, more = (count(substructures.condense, subs, model.simo, SIMO_REISSNER, g, g + 1, model.size, Conserving(),
                              stepper.core_state, work._replace(line=work.line._replace(use=np.array([use, 0.0, 0.0]))), 1.0,
                              work.scratch)
                        for use in (0.0, 1.0))

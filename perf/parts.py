@@ -11,9 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.kernels.beam import element_groups
-from fastbeam.kernels.chain import back_substitute, factor
+from fastbeam.kernels.beam import element_groups, evaluate_groups
+from fastbeam.kernels.chain import OneSide, back_substitute, factor
+from fastbeam.kernels.inner import NoInner
+from fastbeam.kernels.motions import OverStep
 from fastbeam.kernels.nodes import apply_held
+from fastbeam.kernels.strain_sets import SIMO_REISSNER
+from fastbeam.kernels.terms import Conserving
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
 
@@ -95,10 +99,13 @@ class ChainParts:
     def evaluate(self, groups: int | None = None, assembled: bool = True) -> None:
         """Residual and tangent of so many groups of elements (default: all), added up or left in scratch."""
         w, m = self.work, self.model
-        end = (w.r, w.blocks) if assembled else (None, None)
-        state = self.stepper.core_state
-        element_groups(m.simo, 0, self.groups if groups is None else groups, self.stepper.inner if assembled else None, state.q,
-                       w.dphi, state.v, None, w.line, self.step, self.rate, None, None, None, *end, w.scratch, m.size)
+        state, groups = self.stepper.core_state, self.groups if groups is None else groups
+        motion = OverStep(Conserving(), state.q, w.dphi, state.v, w.line, self.step, self.rate)
+        if assembled:
+            inner = NoInner() if self.stepper.inner is None else self.stepper.inner
+            element_groups(m.simo, 0, groups, inner, SIMO_REISSNER, motion, w.r, w.blocks, w.scratch, m.size)
+        else:
+            evaluate_groups(m.simo, 0, groups, SIMO_REISSNER, motion, w.scratch, m.size)
 
     def fill(self) -> None:
         """Blocks and right-hand sides of the iteration."""
@@ -128,12 +135,12 @@ class ChainParts:
     def factor(self, plan: Any = None) -> None:
         """Factors, and the elimination of the right-hand side."""
         w, m = self.work, self.model
-        if not factor(plan or m.pattern.plan, w.blocks, w.pivots, w.panel, None, m.size) > 0.0:
+        if not factor(plan or m.pattern.plan, w.blocks, w.pivots, OneSide(w.panel), m.size) > 0.0:
             raise SystemExit("the matrix is singular: nothing was measured")
 
     def back(self, plan: Any = None) -> None:
         """Back substitution."""
-        back_substitute(plan or self.model.pattern.plan, self.work.blocks, self.work.panel, None, self.model.size)
+        back_substitute(plan or self.model.pattern.plan, self.work.blocks, OneSide(self.work.panel), self.model.size)
 
     def solution(self) -> Array:
         """Solution of the matrix for `right`."""

@@ -80,7 +80,7 @@ def solved(kind: str, solver: str, n: int = 6, seed: int = 0) -> tuple[Array | N
     flat, values = panel.reshape(-1), blocks.reshape(-1).copy()
     if solver == "chain":
         pivots = np.zeros(6 * n, np.int64)
-        good = chain.factor(pattern.plan, values, pivots, None, 0, SIX) > 1e-14
+        good = chain.factor(pattern.plan, values, pivots, chain.NoSide(), SIX) > 1e-14
         if good:
             chain.solve(pattern.plan, values, pivots, flat, 8, SIX)
         x = panel[:, 0] if good else None

@@ -36,7 +36,7 @@ class GenericFunction:
     """
 
     def __init__(self, stub: Callable[..., Any]) -> None:
-        self.name = stub.__name__
+        self.name, self.module = stub.__name__, stub.__module__
         self.__doc__ = stub.__doc__
         self.implementations: dict[tuple[Any, ...], Any] = {}
         names = list(inspect.signature(stub).parameters)
@@ -247,7 +247,7 @@ class _FunctionType(types.Dummy):  # type: ignore[misc]
 
     def __init__(self, function: GenericFunction) -> None:
         self.function = function
-        super().__init__(f"generic({function.name})")
+        super().__init__(f"generic({function.module}.{function.name})")
 
 
 register_model(_FunctionType)(models.OpaqueModel)

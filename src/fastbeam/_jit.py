@@ -271,9 +271,9 @@ def kernel(function: F) -> F:
 
 
 def written_in(function: F) -> F:
-    """Compile like `kernel`, written into every kernel that calls it: such calls pass all arrays of all tables, seven words
-    each."""
-    return _compiled(function, inline="always")
+    """Compile like `kernel`, written into every kernel that calls it, whatever its size: for short steps of loops, which pass
+    arrays, seven words each."""
+    return _compiled(function, forceinline=True)
 
 
 def one_variant(function: F) -> F:

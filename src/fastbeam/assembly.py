@@ -3,9 +3,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .kernels.beams import GreenLagrange, SimoReissner
-from .kernels.inner import Inner
+from .kernels.beams import Beams
+from .kernels.inner import Inner, NoInner
 from .kernels.slider import Contact, Sliding
+from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.work import State, Work
 from .model import Model
@@ -27,10 +28,9 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False) -> tuple[A
         terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_lengths))
     if inner is not None:
         terms.append(inner)
-    if model.simo is not None:
-        terms.append(SimoReissner(model.simo, inner))
-    if model.green is not None:
-        terms.append(GreenLagrange(model.green, inner))
+    for strains, tables in ((SIMO_REISSNER, model.simo), (GREEN_LAGRANGE, model.green)):
+        if tables is not None:
+            terms.append(Beams(strains, tables, NoInner() if inner is None else inner))
     held = model.static_held if static else model.held
     bodies = None if static else model.bodies
     return (*terms, *(x for x in (bodies, *model.links, model.ties, held) if x is not None))

@@ -18,11 +18,12 @@ from .iteration import Iteration, Owner
 from .kernels import nodes, step
 from .kernels import substructures as beams
 from .kernels.beam import ElementTables
-from .kernels.beams import GreenLagrange, SimoReissner
-from .kernels.inner import Inner
+from .kernels.beams import Beams
+from .kernels.inner import Inner, NoInner
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
 from .kernels.slider import Sliding
+from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
 from .kernels.work import follow_line, start_line
 
@@ -107,14 +108,14 @@ class CondensedIteration(Iteration):
         self._scratch = [model.scratch() for _ in range(threads)]
         parts = model.groups_of_beams()
         rest: list[Any] = []
-        self._groups: list[tuple[ElementTables, int | None, Chunk]] = []
+        self._groups: list[tuple[ElementTables, Any, Chunk]] = []
         done = 0
-        for tables, groups, green in ((model.simo, parts[0], None), (model.green, parts[1], 1)):
+        for tables, groups, strains in ((model.simo, parts[0], SIMO_REISSNER), (model.green, parts[1], GREEN_LAGRANGE)):
             n = 0 if tables is None else len(tables.meta) - int(groups[:, 1].sum())
             if tables is not None and n:
-                kind = SimoReissner if green is None else GreenLagrange
-                rest.append(kind(tables._replace(meta=tables.meta[:n]), owner.inner))
-            self._groups += [(tables, green, chunk) for chunk in chunks(len(groups), 2, done, MOST_CHUNKS)]
+                inner = NoInner() if owner.inner is None else owner.inner
+                rest.append(Beams(strains, tables._replace(meta=tables.meta[:n]), inner))
+            self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), 2, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
         self._held = tuple(x for x in owner.terms if isinstance(x, Held))
@@ -201,13 +202,13 @@ class CondensedIteration(Iteration):
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
-        def condense(thread: int, x: tuple[ElementTables, int | None, Chunk] | None) -> None:
+        def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | None) -> None:
             if x is None:
                 # what acts on inner nodes stands in the residual before they are eliminated
                 step.assemble_some(self._rest, system, h)
                 return
-            tables, green, some = x
-            beams.condense(self.subs, tables, green, *some, m.size, system.method, state, work, h, self._scratch[thread])
+            tables, strains, some = x
+            beams.condense(self.subs, tables, strains, *some, m.size, system.method, state, work, h, self._scratch[thread])
 
         self.team.each(condense, [None, *self._groups])
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
@@ -244,7 +245,7 @@ class CondensedIteration(Iteration):
         # interior of the beams, and the increments of all nodes
         factor = -0.5 if self._at_rest else -1.0
 
-        def recover(thread: int, x: tuple[ElementTables, int | None, Chunk]) -> tuple[float, float]:
+        def recover(thread: int, x: tuple[ElementTables, Any, Chunk]) -> tuple[float, float]:
             return beams.recover(self.subs, x[0], *x[2], factor, row_of, work, self._scratch[thread], m.size)
 
         found = self.team.each(recover, self._groups)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from .kernels import curves as kernels
-from .kernels.beam import point_table_size
 from .kept import gap_matrix
+from .kernels.kinds import SPACE
+from .kernels.layout import layout_of
 from .kernels.work import State
 from .model import Model
 
@@ -92,9 +93,9 @@ def mass_map(model: Model) -> Any:
         for nn, nq, co, no, *_ in () if tables is None else tables.meta:
             at = tables.nodes[no:no + 8 * nn].reshape(nn, 8)
             live = tables.rows[no:no + 8] != n
-            mo = co + 288 + nq * point_table_size(nn)
-            rho, j2, j3 = tables.tab[mo:mo + 24].reshape(3, 8)
-            m = tables.tab[mo + 24:mo + 24 + 16 * nn * nn].reshape(2, nn, nn, 8)
+            place = layout_of(SPACE, int(nn), int(nq))
+            rho, j2, j3 = tables.tab[co + place.inertia:co + place.masses].reshape(3, 8)
+            m = tables.tab[co + place.masses:co + place.table_size].reshape(2, nn, nn, 8)
             a, b = np.broadcast_arrays(at[:, None, live], at[None, :, live])
             for k, x in ((0, rho * m[0]), (2, j2 * m[1]), (3, j3 * m[1])):
                 put(4 * a + k, 4 * b + k, x[:, :, live])

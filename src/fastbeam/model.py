@@ -11,15 +11,16 @@ import numpy as np
 
 from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
-from .kernels.beam import ElementTables, scratch_size
+from .kernels.beam import ElementTables
 from .kernels.curves import Curves
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
+from .kernels.layout import layout_of
 from .kernels.nodes import NODES_SCRATCH, Bodies, Held
-from .kernels.planar_beam import planar_scratch_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.slider import Contact, ContactInRows, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
+from .kernels.terms import NoTies
 from .kernels.ties import Ties
 from .kernels.work import Line, State, Work
 from .kept import KeptLink
@@ -264,8 +265,8 @@ class Model:
     def _scratch(self) -> int:
         """Doubles that the largest group of elements needs, or eight nodes."""
         metas = [t.meta for t in (self.simo, self.green) if t is not None]
-        room = scratch_size if self.dim == 3 else planar_scratch_size
-        most = max([room(int(nn), int(nq)) for m in metas for nn, nq in np.unique(m[:, :2], axis=0)] + [NODES_SCRATCH])
+        sizes = [layout_of(self.size, int(nn), int(nq)).size for m in metas for nn, nq in np.unique(m[:, :2], axis=0)]
+        most = max([*sizes, NODES_SCRATCH])
         return most if self.substructures is None else most + front_size(len(self.size))
 
     @property
@@ -321,7 +322,7 @@ class Model:
                     past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),
                     line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
-                              None if self.ties is None else _padded(self.dim * n)))
+                              NoTies() if self.ties is None else _padded(self.dim * n)))
 
     @property
     def by_rows(self) -> bool:
@@ -365,7 +366,8 @@ class Model:
         if self.inner is None:
             return None
         inner = self.inner
-        return inner._replace(store=_aligned(inner.store.size), rhs=None if inner.rhs is None else np.zeros_like(inner.rhs),
+        rhs = np.zeros_like(inner.rhs) if isinstance(inner.rhs, np.ndarray) else inner.rhs
+        return inner._replace(store=_aligned(inner.store.size), rhs=rhs,
                               mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
 
     def load_factors(self, times: Array, steps: Array) -> Array:

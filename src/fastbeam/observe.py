@@ -11,6 +11,7 @@ from .errors import SceneError
 from .kernels import observe as kernels
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
+from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .model import Model, factor_at
 from .result import ResultHeader
@@ -160,9 +161,9 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
     work = np.zeros(6) if work is None else work
     total = 0.0
     if model.simo is not None:
-        total += kernels.strain_energy(model.simo, model.n_nodes, q, None, work, np.zeros(0))
+        total += kernels.strain_energy(model.simo, model.n_nodes, q, SIMO_REISSNER, work, np.zeros(0))
     if model.green is not None:
-        total += kernels.strain_energy(model.green, model.n_nodes, q, 1, work, np.zeros(0))
+        total += kernels.strain_energy(model.green, model.n_nodes, q, GREEN_LAGRANGE, work, np.zeros(0))
     if model.links:
         work[0] = 0.0
         energy_of(model.links, q, SPACE, work)

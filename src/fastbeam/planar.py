@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .kernels.beam import ElementTables, group_table_size
-from .kernels.inner import Inner, store_size
-from .kernels.kinds import PLANE
+from .kernels.beam import ElementTables
+from .kernels.inner import Inner, NoColumns, store_size
+from .kernels.kinds import PLANE, SPACE
+from .kernels.layout import layout_of
 from .kernels.nodes import Held
-from .kernels.planar_beam import planar_group_size
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
@@ -276,7 +276,8 @@ def _group_tables(model: Model, tables: ElementTables, plane: Plane, nn: int, nq
                   tab: TablePool) -> tuple[Array, Array]:
     """Put the tables of some groups of equal size, int [S], into the pool; where they and their reference strains begin."""
     meta = tables.meta
-    lanes = tables.tab[meta[some, 2, None] + np.arange(group_table_size(nn, nq))].reshape(len(some), -1, 8)
+    at = layout_of(SPACE, nn, nq)
+    lanes = tables.tab[meta[some, 2, None] + np.arange(at.table_size)].reshape(len(some), -1, 8)
     nodes = tables.nodes[meta[some, 3, None] + np.arange(8 * nn)].reshape(-1, nn, 8)
     # [group, node, lane]: d2 = cos J u + sin n
     cos, sin = plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
@@ -303,13 +304,13 @@ def _group_tables(model: Model, tables: ElementTables, plane: Plane, nn: int, nq
     off = np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
     refuse(np.any(off, axis=(1, 3)), "{} is curved or twisted out of the plane")
     strains = np.einsum("glia,gpli->gpal", within, e0)
-    points = lanes[:, 36:36 + nq * (1 + 3 * nn)]
-    rho, i2, i3 = (lanes[:, 36 + points.shape[1] + k] for k in range(3))
+    points = lanes[:, at.point // 8:at.inertia // 8]
+    rho, i2, i3 = (lanes[:, at.inertia // 8 + k] for k in range(3))
     refuse(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3), "the section inertia of {} is oblique to the plane")
     inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
-    masses = lanes[:, 39 + points.shape[1]:]
+    masses = lanes[:, at.masses // 8:]
     flat = np.concatenate((inner.reshape(-1, 8, 9).transpose(0, 2, 1), points, inertia, masses), axis=1).reshape(len(some), -1)
-    assert flat.shape[1] == planar_group_size(nn, nq)
+    assert flat.shape[1] == layout_of(PLANE, nn, nq).table_size
     return tab.share(flat), tab.append(strains.reshape(len(some), -1))
 
 
@@ -317,7 +318,7 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
     """Factors take a quarter of the room; where right-hand sides stand among them their places in the new tables change."""
     if inner is None:
         return None
-    if inner.rhs is None:
+    if isinstance(inner.rhs, NoColumns):
         size = 0
         for meta in (t.meta for t in tables if t is not None):
             room = np.zeros(len(meta), np.int64)

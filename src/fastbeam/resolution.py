@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from .kernels.observe import strain_energy
+from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .model import Model
 
 Array = np.ndarray
@@ -49,26 +50,26 @@ class Resolution:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self._sets: list[tuple[Any, int | None, Array, list[_Elements]]] = []
+        self._sets: list[tuple[Any, Any, Array, list[_Elements]]] = []
         self._work = np.zeros(6)
         self._worst: dict[tuple[str, str], tuple[float, float, str]] = {}
         count = 0
-        for tables, green in ((model.simo, None), (model.green, 1)):
+        for tables, strains in ((model.simo, SIMO_REISSNER), (model.green, GREEN_LAGRANGE)):
             if tables is not None:
                 of_elements = np.zeros(24 * len(tables.meta))
-                strain_energy(tables, model.n_nodes, model.q0, green, self._work, of_elements)
+                strain_energy(tables, model.n_nodes, model.q0, strains, self._work, of_elements)
                 sets = list(_elements(model, tables))
                 for e in sets:
                     e.turn = _turn(model.q0, e.nodes)
                     e.square = of_elements.reshape(-1, 3)[e.at, 1].copy()
                     count += len(e.at)
-                self._sets.append((tables, green, of_elements, sets))
+                self._sets.append((tables, strains, of_elements, sets))
         self.looks = max(1, min(MOST_LOOKS, MOST_ELEMENTS // max(count, 1)))
 
     def look(self, t: float, q: Array) -> None:
         """At the shape q [12 N] at time t."""
-        for tables, green, of_elements, sets in self._sets:
-            strain_energy(tables, self.model.n_nodes, q, green, self._work, of_elements)
+        for tables, strains, of_elements, sets in self._sets:
+            strain_energy(tables, self.model.n_nodes, q, strains, self._work, of_elements)
             found = of_elements.reshape(-1, 3)
             for e in sets:
                 self._reversed_axis(t, e, found[e.at, 2])

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from .basis import CurveBasis, build_basis
-from .kernels.beam import ElementTables, group_table_size
-from .kernels.inner import Inner, store_size
+from .kernels.beam import ElementTables
+from .kernels.inner import Inner, NoColumns, store_size
 from .kernels.curves import Curves
+from .kernels.kinds import SPACE
+from .kernels.layout import layout_of
 from .kernels.substructures import Substructures, place_stores
 from .scene import Beam, Net
 
@@ -91,7 +93,7 @@ def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> 
 
 
 def _group_tables(elements: Elements, lane: Array) -> Array:
-    """Constants of groups of 8 elements but their reference strains, as kernels/beam.py has them: [groups, doubles]; lane: int
+    """Constants of groups of 8 elements but their reference strains, as kernels/layout.py has them: [groups, doubles]; lane: int
     [8 groups]."""
     nq, nn = elements.phi_s.shape[1:]
     groups = lane.size // 8
@@ -99,18 +101,17 @@ def _group_tables(elements: Elements, lane: Array) -> Array:
     def lanes(x: Array) -> Array:
         return x[lane].reshape(groups, 8, *x.shape[1:])
 
-    tab = np.empty((groups, group_table_size(nn, nq) // 8, 8))
+    at = layout_of(SPACE, nn, nq)
+    tab = np.empty((groups, at.table_size // 8, 8))
     section = elements.section[lane].reshape(groups, 8)
-    tab[:, :36] = elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1)
-    behind = 36 + nq * (1 + 3 * nn)
-    points = tab[:, 36:behind].reshape(groups, nq, 1 + 3 * nn, 8)
+    tab[:, :at.point // 8] = elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1)
+    points = tab[:, at.point // 8:at.inertia // 8].reshape(groups, nq, at.point_size // 8, 8)
     points[:, :, 0] = lanes(elements.weight).transpose(0, 2, 1)
     for k, shape in enumerate((elements.phi_s, elements.dir, elements.dir_s)):
         points[:, :, 1 + k::3] = lanes(shape).transpose(0, 2, 3, 1)
-    tab[:, behind:behind + 3] = elements.inertia[section].transpose(0, 2, 1)
-    for k, mass in enumerate((elements.mass_phi, elements.mass_dir)):
-        at = behind + 3 + k * nn * nn
-        tab[:, at:at + nn * nn] = lanes(mass.reshape(len(mass), -1)).transpose(0, 2, 1)
+    tab[:, at.inertia // 8:at.masses // 8] = elements.inertia[section].transpose(0, 2, 1)
+    for mass, first in ((elements.mass_phi, at.masses // 8), (elements.mass_dir, at.director_masses // 8)):
+        tab[:, first:first + nn * nn] = lanes(mass.reshape(len(mass), -1)).transpose(0, 2, 1)
     return tab.reshape(groups, -1)
 
 
@@ -258,7 +259,7 @@ def pack_inner(packers: list[ElementPacker], row_of: Array, n_end: int, n_rows: 
             rows.append(listed.reshape(-1))
             n_places += group.size
             n_listed += nn * group.size
-    rhs = np.zeros(8 * (row_of.size + 1)) if columns else None
+    rhs = np.zeros(8 * (row_of.size + 1)) if columns else NoColumns()
     return Inner(np.zeros(size), rhs, np.concatenate(where).astype(np.int64),
                  np.concatenate(rows).astype(np.int64), element, np.zeros(n_places, np.int64), np.zeros(n_places, np.int64),
                  np.array([n_end]), np.ones(1))

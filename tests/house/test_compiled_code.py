@@ -81,11 +81,11 @@ from fastbeam import _jit
 print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS
                          if every or kernel.signatures or kernel.part.signatures) for every in (False, True)]))
 """
-BEAM_KERNELS = {"element_groups", "pair_stiffness", "add_forces", "interpolate"}
+BEAM_KERNELS = {"pair_stiffness", "evaluate_point_in_space", "interpolate"}
 SLIDER_KERNELS = {"add_sliders", "predict_sliders", "solve_border", "put_position", "step_basis"}
 TIE_KERNELS = {"assemble_ties", "apply_ties_in_space", "tie_coordinates", "tie_arm"}
 SPATIAL_KERNELS = {"assemble_bodies", "add_bodies", "predict", "update_nodes"}
-PLANAR_KERNELS = {"planar_groups", "add_planar_bodies", "planar_predict", "planar_update"}
+PLANAR_KERNELS = {"planar_pair", "add_planar_bodies", "planar_predict", "planar_update"}
 CONDENSED_KERNELS = {"condense", "recover", "add_end_blocks"}
 OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
@@ -113,7 +113,7 @@ def test_scene_in_a_plane_compiles_no_kernels_of_space(tmp_path: Path) -> None:
     compiled = compiled_kernels("flat body", tmp_path)
     assert {"run", "add_planar_bodies", "planar_predict", "planar_update"} <= compiled
     assert not compiled & (BEAM_KERNELS | SLIDER_KERNELS | TIE_KERNELS | OTHER_KERNELS | SPATIAL_KERNELS)
-    assert not compiled & {"planar_groups"}
+    assert not compiled & {"planar_pair"}
 
 
 @pytest.mark.slow  # compiles the beam kernels once more
@@ -137,7 +137,7 @@ system = dict(zip(types[1].fields, types[1]))
 print(json.dumps([[term.instance_class.__name__ for term in types[0]],
                   [system[name].instance_class.__name__ for name in ("size", "method", "contact", "solver")]]))
 """
-    assert python(code) == [["Inner", "SimoReissner"], ["Space", "Conserving", "NoContact", "Elimination"]]
+    assert python(code) == [["Inner", "Beams"], ["Space", "Conserving", "NoContact", "Elimination"]]
 
 
 PARTS = SCENE + """
@@ -178,10 +178,10 @@ def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
     def called(*names: str) -> list[list[Any]]:
         return [[name, True] for name in names]
 
-    assert python(PARTS) == {"beam": called("assemble_simo_reissner", "eliminate_residual", "close_residual"),
-                             "slider": called("assemble_sliding", "assemble_simo_reissner", "eliminate_bordered",
+    assert python(PARTS) == {"beam": called("assemble_beams", "eliminate_residual", "close_residual"),
+                             "slider": called("assemble_sliding", "assemble_beams", "eliminate_bordered",
                                               "close_bordered"),
-                             "flat slider": called("assemble_sliding", "assemble_simo_reissner", "eliminate_bordered",
+                             "flat slider": called("assemble_sliding", "assemble_beams", "eliminate_bordered",
                                                    "close_bordered")}
 
 

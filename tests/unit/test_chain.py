@@ -8,7 +8,7 @@ import pytest
 from fastbeam.kernels.blocks import SIX, THREE, lu_rows, lu_two
 from fastbeam.kernels.border import fill_panel, solve_border, solve_dense
 from fastbeam.kernels.kinds import SPACE
-from fastbeam.kernels.chain import HIGH, LOW, back_substitute, factor, multiply, solve
+from fastbeam.kernels.chain import HIGH, LOW, NoSide, OneSide, RightSides, back_substitute, factor, multiply, solve
 from fastbeam.kernels.nodes import Held, clear_held
 from fastbeam.kernels.slider import Contact
 from fastbeam.pattern import Pattern, build_pattern
@@ -92,8 +92,9 @@ def test_elimination_solves_the_system(name: str, pivoting: bool, width: int | N
     panel = right.reshape(-1).copy()
     blocks = blocks.reshape(-1)
     pivots = np.zeros(k * pattern.n, np.int64)
-    worst = factor(pattern.plan, blocks, pivots, panel, width, size)
-    back_substitute(pattern.plan, blocks, panel, width, size)
+    sides = OneSide(panel) if width is None else RightSides(panel, width)
+    worst = factor(pattern.plan, blocks, pivots, sides, size)
+    back_substitute(pattern.plan, blocks, sides, size)
     assert 1e-4 < worst <= 1.0
     assert np.max(np.abs(panel.reshape(-1, width or 1) - expected)) < ACCURATE * np.max(np.abs(expected))
     # rows change their places where they have to, and only there
@@ -138,7 +139,7 @@ def test_factors_serve_several_right_hand_sides(size: tuple[int, ...], pivoting:
     blocks = random_blocks(pattern, "tree", rng, pivoting, k)
     a = dense(pattern, blocks)
     blocks, pivots = blocks.reshape(-1), np.zeros(k * pattern.n, np.int64)
-    factor(pattern.plan, blocks, pivots, None, 0, size)
+    factor(pattern.plan, blocks, pivots, NoSide(), size)
     factors = blocks.copy()
     for _ in range(2):
         x = rng.standard_normal((k * pattern.n, 8))
@@ -174,7 +175,7 @@ def test_a_singular_block_is_reported(pairs: list[tuple[int, int]], node: int, d
         # nothing from the neighbours may repair the block
         near = (pattern.rows == pattern.row_of[node]) ^ (pattern.columns == pattern.row_of[node])
         blocks[near] = 0.0
-    worst = factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64), None, 0, SIX)
+    worst = factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64), NoSide(), SIX)
     # what the Newton loop tests
     assert not worst > 1e-14
 
@@ -189,8 +190,8 @@ def test_a_matrix_that_is_singular_as_a_whole_is_reported() -> None:
             blocks[pattern.block(i, j), :, :6] += sign * spring
     held = blocks.copy()
     held[pattern.block(0, 0), :, :6] += spring
-    assert not factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64), None, 0, SIX) > 1e-14
-    assert factor(pattern.plan, held.reshape(-1), np.zeros(54, np.int64), None, 0, SIX) > 0.01
+    assert not factor(pattern.plan, blocks.reshape(-1), np.zeros(54, np.int64), NoSide(), SIX) > 1e-14
+    assert factor(pattern.plan, held.reshape(-1), np.zeros(54, np.int64), NoSide(), SIX) > 0.01
 
 
 @pytest.mark.parametrize("name", ["chain", "ladder"])
@@ -284,7 +285,7 @@ def test_borders_are_solved_with_the_chain(sliders: int) -> None:
     blocks, panel = blocks.reshape(-1), np.full(6 * n * width, np.nan)
     y = np.zeros(BORDER * sliders)
     pivots = np.zeros(6 * n, np.int64)
-    factor(pattern.plan, blocks, pivots, None, 0, SIX)
+    factor(pattern.plan, blocks, pivots, NoSide(), SIX)
     fill_panel(contact, r.reshape(-1), width, panel, SPACE)
     clear_held(held, width, panel, SIX)
     solve(pattern.plan, blocks, pivots, panel, width, SIX)
@@ -305,7 +306,7 @@ def test_a_singular_border_is_reported() -> None:
     contact.line[0].reshape(-1, 8)[:, 3] = 0.0
     panel = np.zeros(54 * 8)
     pivots = np.zeros(54, np.int64)
-    factor(pattern.plan, blocks, pivots, None, 0, SIX)
+    factor(pattern.plan, blocks, pivots, NoSide(), SIX)
     fill_panel(contact, np.ones(9 * 8), 8, panel, SPACE)
     solve(pattern.plan, blocks, pivots, panel, 8, SIX)
     assert solve_border(contact, np.zeros(3), panel, 8, np.zeros(64), np.zeros((7, 7)), np.zeros(7), np.zeros(72), SPACE) == 0

@@ -12,13 +12,17 @@ from numpy.polynomial import legendre as np_legendre
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import algebra as al
 from fastbeam.kernels import rows
-from fastbeam.kernels.beam import ElementTables, element_groups, group_table_size, scratch_size
+from fastbeam.kernels.beam import ElementTables, element_groups
+from fastbeam.kernels.inner import NoInner
+from fastbeam.kernels.layout import layout_of
+from fastbeam.kernels.motions import OverStep, Still
 from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.nodes import NODES_SCRATCH, add_bodies, advance, predict, spread, update_nodes
+from fastbeam.kernels.nodes import NO_RATES, NODES_SCRATCH, add_bodies, advance, predict, spread, update_nodes
 from fastbeam.kernels.curves import Curves, find_element, legendre, point_on_curve, step_basis
 from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import Contact
-from fastbeam.kernels.terms import tie_increments
+from fastbeam.kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
+from fastbeam.kernels.terms import Conserving, Equilibrium, NoTies, tie_increments
 from fastbeam.kernels.ties import tie_arm, tie_coordinates
 from fastbeam.kernels.work import Line
 from fastbeam.model import Model
@@ -229,7 +233,7 @@ def test_spread_and_advance_are_the_midpoint_relations(first: int, last: int) ->
     np.testing.assert_allclose((q1 - q)[some], 0.5 * h * (v + v1)[some], rtol=0, atol=5e-15)
     np.testing.assert_allclose(u[some], ((v1 - v) / h)[some], rtol=0, atol=1e-12)
     # in statics there are no velocities
-    advance(still.reshape(-1), None, dphi.reshape(-1), theta.reshape(-1), None, first, last, np.zeros(NODES_SCRATCH))
+    advance(still.reshape(-1), NO_RATES, dphi.reshape(-1), theta.reshape(-1), 0.0, first, last, np.zeros(NODES_SCRATCH))
     np.testing.assert_allclose(still, q1, rtol=0, atol=1e-15)
     for x, y in ((q1, q), (v1, v)):
         assert np.array_equal(x[:first], y[:first]) and np.array_equal(x[last:], y[last:])
@@ -389,8 +393,10 @@ class Elements:
 
     def __init__(self, model: Model) -> None:
         t = model.simo if model.simo is not None else model.green
-        self.model, self.tables, self.green = model, t, None if model.green is None else 1
+        self.model, self.tables = model, t
+        self.strains = SIMO_REISSNER if model.green is None else GREEN_LAGRANGE
         self.nn, self.nq, self.coupled = int(t.meta[0, 0]), int(t.meta[0, 1]), int(t.meta[0, 5])
+        self.layout = layout_of(SPACE, self.nn, self.nq)
         assert len(np.unique(t.meta[:, [0, 1, 5]], axis=0)) == 1
         groups = len(t.meta)
 
@@ -398,7 +404,7 @@ class Elements:
             return x.reshape(groups, -1, 8).transpose(0, 2, 1).reshape(8 * groups, -1)
 
         # constants, reference strains, nodes, rows, blocks
-        own = [t.tab[t.meta[:, k, None] + np.arange(n)] for k, n in ((2, group_table_size(self.nn, self.nq)), (7, 48 * self.nq))]
+        own = [t.tab[t.meta[:, k, None] + np.arange(n)] for k, n in ((2, self.layout.table_size), (7, 48 * self.nq))]
         self.parts = [per_lane(x) for x in (*own, *t[2:])]
         self.count = int(np.sum(self.parts[3][:, 0] < model.n_nodes))
 
@@ -422,19 +428,20 @@ class Elements:
                 arrays[to[k]].append(full.T.reshape(-1))
         return ElementTables(np.array(meta, np.int64), *(np.ascontiguousarray(np.concatenate(x)) for x in arrays))
 
-    def assemble(self, tables: ElementTables, inertia: bool = True) -> tuple[Array, Array]:
+    def assemble(self, tables: ElementTables, velocities: bool = True) -> tuple[Array, Array]:
         """Residual rows and blocks at a fixed random state near the reference, without what idle lanes write to."""
-        q, moves, u = np.random.default_rng(10).standard_normal((3, 12 * self.model.n_nodes))
+        q, moves, v = np.random.default_rng(10).standard_normal((3, 12 * self.model.n_nodes))
         q = self.model.q0 + 0.02 * q
         dphi, theta = np.split(0.02 * moves, 4)[:2]
-        return self.at(q, dphi, u if inertia else None, Line(np.zeros(3), theta, u, None), 800.0, tables)
+        line = Line(np.zeros(3), theta, v, NoTies())
+        # rates (dq - 2 v)/2
+        return self.at(OverStep(Conserving(), q, dphi, v if velocities else np.zeros_like(v), line, 2.0, 800.0), tables)
 
-    def at(self, q: Array, dphi: Array | None, u: Array | None, line: Line, rate: float,
-           tables: ElementTables) -> tuple[Array, Array]:
+    def at(self, motion: OverStep | Still, tables: ElementTables) -> tuple[Array, Array]:
         """Residual rows and blocks."""
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
-        element_groups(tables, 0, len(tables.meta), None, q, dphi, None, u, line, None, rate, None, self.green, None,
-                       r.reshape(-1), blocks.reshape(-1), np.full(scratch_size(self.nn, self.nq), np.nan), SIX)
+        element_groups(tables, 0, len(tables.meta), NoInner(), self.strains, motion, r.reshape(-1), blocks.reshape(-1),
+                       np.full(self.layout.size, np.nan), SPACE)
         return r[:-1], blocks[:-1]
 
 
@@ -470,20 +477,20 @@ def test_idle_lanes_add_nothing(elements: int) -> None:
         assert np.max(np.abs(x - y)) < 1e-13 * np.max(np.abs(y))
 
 
-def test_statics_is_dynamics_without_inertia() -> None:
+def test_forces_of_inertia_are_the_mass_times_second_rates() -> None:
     elements = bar(3, degree=3)
     tables = elements.tables
     rng = np.random.default_rng(10)
-    _, _, u = rng.standard_normal((3, 12 * elements.model.n_nodes))
-    static, moving = elements.assemble(tables, inertia=False), elements.assemble(tables)
-    # rigid translation of u: the position rows differ by the mass times u
+    _, _, v = rng.standard_normal((3, 12 * elements.model.n_nodes))
+    resting, moving = elements.assemble(tables, velocities=False), elements.assemble(tables)
+    # second rates differ by -v, the position rows by the mass times that
     shift = np.zeros((elements.model.n_nodes, 3))
     basis = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.6, section=SECTION, elements=3, degree=3).basis
     for e, nodes in enumerate(basis.element_nodes):
-        shift[nodes] += SECTION.rhoA * basis.mass_phi[e] @ u.reshape(-1, 12)[nodes, :3]
+        shift[nodes] -= SECTION.rhoA * basis.mass_phi[e] @ v.reshape(-1, 12)[nodes, :3]
     row_of = elements.model.pattern.row_of
-    np.testing.assert_allclose((moving[0] - static[0])[row_of, :3], shift, rtol=0, atol=1e-11)
-    assert not np.any(static[0][:, 6:])
+    np.testing.assert_allclose((moving[0] - resting[0])[row_of, :3], shift, rtol=0, atol=1e-11)
+    assert not np.any(resting[0][:, 6:])
 
 
 @pytest.mark.parametrize("moving", [True, False])
@@ -536,14 +543,17 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
         expected[:, k] = (rows(x.reshape(n, 6)) - rows(-x.reshape(n, 6))).reshape(-1) / 2e-5
     row_of, pattern = elements.model.pattern.row_of, elements.model.pattern
     # rows of three are read as rows of four
-    dphi = np.append(shift + move, 0.0)[:-1] if moving else None
+    dphi = np.append(shift + move, 0.0)[:-1]
     x = np.zeros((n + 1, 8))
     x[row_of, :3], x[row_of, 3:6] = move, spin
-    line = Line(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1), None)
+    line = Line(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1), NoTies())
 
     def dense(line: Line) -> Array:
-        u = np.zeros(12 * n) if moving else None
-        r, blocks = elements.at((start if moving else end).reshape(-1), dphi, u, line, 0.0, elements.tables)
+        motion: OverStep | Still = Still(Equilibrium(), end.reshape(-1), line, 0.0)
+        if moving:
+            # with the rates of the increment there are no second rates
+            motion = OverStep(Conserving(), start.reshape(-1), dphi, (end - start).reshape(-1), line, 1.0, 0.0)
+        r, blocks = elements.at(motion, elements.tables)
         out = np.zeros((n, 6, n, 6))
         for block, i, j in zip(blocks.reshape(-1, 6, 8), pattern.rows, pattern.columns):
             out[i, :, j] = block[:, :6]

@@ -13,7 +13,11 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels import beam, chain, planar_beam, point, strains
+from fastbeam.kernels import beam, chain, green_lagrange, simo_reissner, strain_sets, strains
+from fastbeam.kernels.kinds import PLANE, SPACE
+from fastbeam.kernels.layout import layout_of
+from fastbeam.kernels.motions import OverStep
+from fastbeam.kernels.terms import Conserving
 from fastbeam.newton import Stepper
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,31 +59,38 @@ def test_operations_of_blocks_are_those_of_the_textbook(n: int) -> None:
 def test_operations_of_short_kernels_are_those_counted_by_hand() -> None:
     x = np.zeros(1000)
     # weight (C e) for six strains: a product, a sum to zero, the weight; coupled six products and sums
-    assert counting.count(strains.stresses, x, 0, 0, False, x, 0, 0, 1, 0) == 6 * 3
-    assert counting.count(strains.stresses, x, 0, 0, True, x, 0, 0, 1, 0) == 6 * (6 * 2 + 1)
+    simo, green = strain_sets.SIMO_REISSNER, strain_sets.GREEN_LAGRANGE
+    assert counting.count(strains.stresses, green, x, 0, False, x, 0, 0, 0) == 6 * 3
+    assert counting.count(strains.stresses, green, x, 0, True, x, 0, 0, 0) == 6 * (6 * 2 + 1)
     # (4.7): a product; two products and differences; three sums of products and products, a factor
-    assert counting.count(strains.stresses, x, 0, 0, False, x, 0, 0, None, 0) == 6 * 3 + 1 + 2 * 2 + 3 * 3 + 1
+    assert counting.count(strains.stresses, simo, x, 0, False, x, 0, 0, 0) == 6 * 3 + 1 + 2 * 2 + 3 * 3 + 1
     # position: factor and sum of a vector; three directors and their derivatives
-    assert counting.count(strains.interpolate, x, 0, 2, x, 0, 0) == 2 * (6 + 3 * 12)
+    assert counting.count(strains.interpolate, x, 0, 2, 192, x, 0, 0) == 2 * (6 + 3 * 12)
     # (2.2): twelve products of vectors, a half, three differences and halves, two sums and a factor; (2.1): seven, a half, one
     # difference and half, a sign
-    assert counting.count(strains.quadratic_forms, x, 0, None, 0) == 12 * 5 + 1 + 3 * 2 + 3
-    assert counting.count(strains.quadratic_forms, x, 0, 1, 0) == 7 * 5 + 1 + 2 + 1
-    assert counting.count(beam.add_inertia_forces, x, 0, 2, x, 0, 0) == 2 * (2 * 3 * 6 + 3 * (3 + 3))
+    assert counting.count(simo_reissner.forms, simo, x, 0, 0) == 12 * 5 + 1 + 3 * 2 + 3
+    assert counting.count(green_lagrange.forms, green, x, 0, 0) == 7 * 5 + 1 + 2 + 1
+    at = layout_of(SPACE, 2, 1)
+    assert counting.count(beam.add_inertia_forces, Conserving(), x, x, at, SPACE) == 2 * (2 * 3 * 6 + 3 * (3 + 3))
     # (2.1): two weighted differences of vectors, four cross products with what goes around them
-    assert counting.count(point.green_rows, x, 0, 0, 0.5, 0.5, 0) == 2 * 9 + (2 * 9 + 3) + 2 * 9 + 3 * 3 + 2 * 3
-    # (2.2): three weighted differences, a factor and two cross products, three differences of two, the sum of three with a factor
-    assert counting.count(point.form_rows, x, 0, 0, 0.5, 0.5, 0) == 3 * 9 + 3 + 2 * 9 + 3 * (2 * 9 + 3) + 3 * 9 + 2 * 3 + 3
-    # of three directors: moment, a sum of forces, a dyad, a product; then the trace, a half, and the sum
-    assert counting.count(beam.project_node, x, 0, 0, 0, 0, 0) == 3 * ((9 + 3) + 3 + (9 + 9) + (5 + 1)) + (3 + 9 + 9)
+    assert counting.count(green_lagrange.strain_rows, x, 0, 0, 0.5, 0.5, 0) == 2 * 9 + (2 * 9 + 3) + 2 * 9 + 3 * 3 + 2 * 3
+    # (2.2): three weighted differences, a factor and two cross products, three differences of two, a sum of three
+    rows = 3 * 9 + 3 + 2 * 9 + 3 * (2 * 9 + 3) + 3 * 9 + 2 * 3 + 3
+    assert counting.count(simo_reissner.form_rows, x, 0, 0, 0.5, 0.5, 0) == rows
+    # the same from cross products of pairs: a factor and two cross products; of another node a factor of two products and a
+    # difference, one of a product, four vectors times these and their sums
+    assert counting.count(simo_reissner.rows_of_pairs, x, 0, 2, 0, x, 0, 0, 0, 0) == 2 + 3 + 2 * 9 + (3 + 1) + 4 * 6
+    # of three directors: moment, a sum of forces, a dyad; then the trace, less it, a half, and the sum
+    assert counting.count(beam.project_node, x, at, 0, SPACE) == 3 * ((9 + 3) + 3 + (9 + 9)) + (2 + 3 + 9 + 9)
 
 
 def test_an_operation_without_a_counter_is_named() -> None:
     model = compiled(8, 1)
     work = model.work()
     with pytest.raises(LookupError, match="'perp' has no counter"):
-        counting.count(planar_beam.planar_groups, model.simo, 0, 1, None, model.q0, work.dphi, model.v0, work.line, 1.0, 1.0,
-                       None, work.r, work.blocks, work.scratch, (0, 0, 0))
+        motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, work.line, 1.0, 1.0)
+        counting.count(beam.evaluate_group, model.simo, 0, layout_of(PLANE, 2, 1), strain_sets.SIMO_REISSNER, motion,
+                       work.scratch, PLANE)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 5])
@@ -89,8 +100,8 @@ def test_formulas_of_the_elimination_agree_with_its_source(degree: int) -> None:
     for options in ({}, {"eliminate_inner": False}):
         model = compiled(9, degree, **options)
         work, plan = model.work(), model.pattern.plan
-        found = counting.count(chain.factor, plan, work.blocks, work.pivots, work.panel, None, model.size)
-        found += counting.count(chain.back_substitute, plan, work.blocks, work.panel, None, model.size)
+        found = counting.count(chain.factor, plan, work.blocks, work.pivots, chain.OneSide(work.panel), model.size)
+        found += counting.count(chain.back_substitute, plan, work.blocks, chain.OneSide(work.panel), model.size)
         # the right-hand side goes along in the columns that pad a block, but for sums with what is known of it, the rows that
         # have no other block, and what reaches blocks behind the first
         others = np.diff(plan.start)

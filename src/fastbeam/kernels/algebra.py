@@ -124,11 +124,22 @@ def _int(ctx, b, x, ty):
 def _data(ctx, b, array_type, array):
     """Address of an array's numbers, taken out of the value: ctx.make_array would write the array to memory first, which is half
     of the code of a load."""
+    if isinstance(array_type, types.CPointer):
+        return array
     return b.extract_value(array, ctx.data_model_manager[array_type].get_field_position("data"))
 
 
 def _pointer(ctx, b, array_type, array, offset, lane):
     return b.bitcast(b.gep(_data(ctx, b, array_type, array), [offset]), _lane_ir(lane).as_pointer())
+
+
+@intrinsic
+def address(tc, array, offset):
+    """The numbers of an array from an offset on, for loads and stores of this file: one word in place of the seven of an array,
+    which every call that is not inlined passes."""
+    def codegen(ctx, b, sig, args):
+        return b.gep(_data(ctx, b, sig.args[0], args[0]), [_int(ctx, b, args[1], sig.args[1])])
+    return types.CPointer(f8)(array, offset), codegen
 
 
 # ---------------------------------------------------------------------------------------------------- operators
@@ -271,6 +282,12 @@ def add_skew(tc, m, z):
             x[i] = f(b, x[i], z[c])
         return _pack(b, sig.return_type.lane, x)
     return m(m, z), codegen
+
+
+@intrinsic
+def triple(tc, x, y, z):
+    """Three lanes as a vector."""
+    return V3[x](x, y, z), lambda ctx, b, sig, args: _pack(b, x, args)
 
 
 # ---------------------------------------------------------------------------------------------------- memory

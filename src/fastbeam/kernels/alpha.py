@@ -209,6 +209,6 @@ def half_of_inner(alpha):
 @kernel
 def assemble_bodies_alpha(bodies, alpha, system, h):
     work = system.work
-    add_bodies(bodies, work.q_mid, work.q_end, work.u, None, work.r, work.blocks)
+    add_bodies(bodies, work.q_mid, work.q_end, work.u, 0.0, work.r, work.blocks)
     for k in range(bodies.node.shape[0]):
         add_body_rates(alpha, bodies, k, work.q_end, work.theta, work.blocks)

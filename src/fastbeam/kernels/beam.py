@@ -7,9 +7,9 @@ Unknowns per node are the position increment and the spin increment at the end o
 by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, theory.md (4.2).
 With both ends equal the same kernel is statics; its tangent is then half the static one.
 
-Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 36; per point: weight, (phi_s, dir, dir_s) of every node;
-rhoA, rhoI2, rhoI3; position masses nn*nn; director masses nn*nn. Groups that are equal share it. Reference strains, 6 per point,
-stand apart.
+The loop over groups, inertia and projection are those of nodes in space and in a plane; points and pairs of nodes in a plane are
+in planar_beam.py. layout.py says where the tables of a group and its scratch have what. Groups that are equal share their tables;
+reference strains, 6 or 3 per point, stand apart.
 """
 from __future__ import annotations
 
@@ -17,323 +17,317 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import kernel, one_variant, written_in
-from .algebra import WIDTH, add_iso, add_skew, cross, dot, outer
+from . import green_lagrange, simo_reissner  # noqa: F401  the strain sets
+from .algebra import WIDTH, add_iso, add_skew, address, cross, outer
 from .algebra import padd3 as vadd3
 from .algebra import padd_matrix as vadd_matrix
 from .algebra import pld as vld
 from .algebra import pld3 as vld3
 from .algebra import pldm as vldm
 from .algebra import pst as vst
-from .algebra import pst3 as vst3
 from .algebra import pst_matrix as vst_matrix
-from .algebra import pzero as vzero
-from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
-from .inner import eliminate_inner
-from .point import add_forces, green_point_stiffness, point_stiffness
-from .rows import gather_lanes, scatter_rows
-from .gather import gather_ends, gather_line
-from .strains import Q_LANES, SHAPES, STRESSES, interpolate, mean_strains, stresses, unused_strains
-from .work import FROM_START
-
-EIGHTEEN = (0,) * 18   # three columns for each of two directors, as `blocks.SIX`
+from .inner import eliminate_group
+from .kinds import (Space, add_lanes, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_lanes,
+                    zero_moment)
+from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINT_MATRIX, POINT_NODE,
+                     POINT_NODES, POINTS, POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2,
+                     SHEAR_3, SPARE, STEP, STRAINS, layout)
+from .motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, gather_line, gather_spin_rates, needs_line,
+                      pair_rate)
+from . import gather  # noqa: F401  of all motions
+from .rows import scatter_rows
+from .strain_sets import (add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness, prepare_points,
+                          sum_pair)
+from .strains import interpolate, mean_strains, stresses, unused_strains
+from .terms import Equilibrium
 
 
 class ElementTables(NamedTuple):
     """Constant tables of all elements with one strain set; G groups of 8 lanes."""
 
     meta: np.ndarray     # int64 [G, 8]: nodes nn, points nq, offset in tab, in nodes, in blocks, 1 where C is coupled, offset of
-    #                      the factors of inner nodes or -1, of the reference strains in tab
-    tab: np.ndarray      # float64 [*], see the module docstring
+    #                      the factors of inner nodes or -1, of the reference strains in tab: columns NODES to REFERENCE
+    tab: np.ndarray      # float64 [*], see layout.py
     nodes: np.ndarray    # int64 [*]: per group nn x 8 node numbers; idle lanes repeat the last element
     rows: np.ndarray     # int64 [*]: per group nn x 8 rows of the residual; idle lanes point to the row behind the last
     blocks: np.ndarray   # int64 [*]: per group nn x nn x 8 blocks of the tangent; idle lanes to the block behind the last
 
 
-def point_table_size(nn: int) -> int:
-    """Doubles per quadrature point in `tab`."""
-    return 8 * (1 + 3 * nn)
+class Case(NamedTuple):
+    """What is known of a group of elements when it is evaluated."""
+
+    coupled: bool     # C couples strains
+    mixed: bool       # the tangent takes other stresses than the present ones, theory.md (4.6)
+    gathered: bool    # the last increment is in scratch
 
 
-def group_table_size(nn: int, nq: int) -> int:
-    """Doubles per group in `tab`."""
-    return 8 * (36 + 3 + 2 * nn * nn) + nq * point_table_size(nn)
-
-
-def scratch_size(nn: int, nq: int) -> int:
-    """Doubles of scratch that a group needs."""
-    return 8 * (nn * (24 + 12 + 12 + 6) + nn * nn * 36 + nn * (18 + 24 + 12)) + nq * point_scratch_size(nn)
-
-
-@one_variant
-def point_scratch_size(nn):
-    """Doubles of scratch of a point: stresses, matrix of the positions, rows and matrices of every node, what derivatives of the
-    strains need."""
-    return STRESSES + 8 * (9 + 54 * nn) + SHAPES
-
-
+# --- inertia and projection ---------------------------------------------------------------------------------------------
+@add_inertia.register(Equilibrium)
 @kernel
-def pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, po0, mo, rate, scratch, qa, qb, green, ko):
-    """The 6 x 6 block of nodes a, b: material part from the shared matrices, geometric part from the stresses, `rate` (2/h^2 or
-    None) times the projected mass, theory.md (4.1), (4.2); qa, qb: mid coordinates of a and end coordinates of b."""
-    # a pass over the points for each quarter: more than 12 accumulators of 8 lanes and their factors do not stay in registers
-    a2 = vld3(scratch, qa + 48, 8); a3 = vld3(scratch, qa + 72, 8)
-    b2 = vld3(scratch, qb + 48, 8); b3 = vld3(scratch, qb + 72, 8)
-    # rotation against position
-    krt = vzerom()
-    g2 = vzero(); g3 = vzero(); e7 = vzero()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        so = so0 + ps * g
-        na = vld(tab, t + 24 * a + 8, 0); pb = vld(tab, t + 24 * b, 0)
-        krt += pb * vldm(scratch, po0 + ps * g + 360 + 432 * a, 8)
-        pn = na * pb
-        g2 += pn * vld(scratch, so + 8, 0); g3 += pn * vld(scratch, so + 16, 0)
-        if green is None:
-            e7 += (na * vld(tab, t + 24 * b + 8, 0)) * vld(scratch, so + 48, 0)
-        else:
-            dp = vld(tab, t + 24 * a + 16, 0) * pb
-            g2 -= dp * vld(scratch, so + 40, 0); g3 += dp * vld(scratch, so + 32, 0)
-    u = g2 * a2 + g3 * a3
-    vst_matrix(scratch, ko + 144, 48, 8, add_skew(krt, 0.5 * u))
-    krr = vzerom()
-    e4 = vzero(); e5 = vzero(); e6 = vzero()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        so = so0 + ps * g
-        ba = po0 + ps * g + 72 + 432 * a
-        bb = po0 + ps * g + 216 + 432 * b
-        for i in range(6):
-            krr += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 24 * i, 8))
-        twist = vld(tab, t + 24 * a + 16, 0) * vld(tab, t + 24 * b + 8, 0)
-        twist -= vld(tab, t + 24 * a + 8, 0) * vld(tab, t + 24 * b + 16, 0)
-        e4 += vld(scratch, so + 24, 0) * twist
-        if green is None:
-            e5 += vld(scratch, so + 32, 0) * twist
-            e6 += vld(scratch, so + 40, 0) * twist
-    # directors against directors: sum b_i w_i^T - (sum b_i . w_i) I, the stresses skew, the inertia diagonal
-    q4 = 0.25 * e4
-    q2 = 0.5 * e7; q3 = q2
-    if rate is not None:
-        md = rate * vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
-        q2 += md * vld(tab, mo + 8, 0)
-        q3 += md * vld(tab, mo + 16, 0)
-    w2 = q4 * a3 - q2 * a2
-    w3 = vzero3() - q4 * a2 - q3 * a3
-    iso = vzero()
-    if green is None:
-        a1 = vld3(scratch, qa + 24, 8); b1 = vld3(scratch, qb + 24, 8)
-        q5 = 0.25 * e5; q6 = 0.25 * e6
-        w1 = q6 * a2 - q5 * a3 - (0.5 * e7) * a1
-        w2 -= q6 * a1
-        w3 += q5 * a1
-        krr += outer(b1, w1)
-        iso = dot(b1, w1)
-    krr += outer(b2, w2)
-    krr += outer(b3, w3)
-    iso += dot(b2, w2) + dot(b3, w3)
-    vst_matrix(scratch, ko + 168, 48, 8, add_iso(krr, -1.0 * iso))
-    # position against rotation, with the sums of stress times basis products
-    ktr = vzerom()
-    h2 = vzero(); h3 = vzero()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        so = so0 + ps * g
-        pa = vld(tab, t + 24 * a, 0); nb = vld(tab, t + 24 * b + 8, 0)
-        ktr += pa * vldm(scratch, po0 + ps * g + 432 + 432 * b, 8)
-        pn = pa * nb
-        h2 += pn * vld(scratch, so + 8, 0); h3 += pn * vld(scratch, so + 16, 0)
-        if green is not None:
-            pd = pa * vld(tab, t + 24 * b + 16, 0)
-            h2 -= pd * vld(scratch, so + 40, 0); h3 += pd * vld(scratch, so + 32, 0)
-    v = h2 * b2 + h3 * b3
-    vst_matrix(scratch, ko + 24, 48, 8, add_skew(ktr, -0.5 * v))
-    # position against position
-    ktt = vzerom()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        ktt += (vld(tab, t + 24 * a, 0) * vld(tab, t + 24 * b, 0)) * vldm(scratch, po0 + ps * g, 8)
-    if rate is not None:
-        ktt = add_iso(ktt, rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0) * vld(tab, mo, 0))
-    vst_matrix(scratch, ko, 48, 8, ktt)
+def add_no_inertia(method, constants, scratch, at, size):
+    pass
 
 
+@add_inertia.register(object)
+@written_in
+def add_inertia_forces(method, constants, scratch, at, size):
+    """u = 2/h^2 (q_n+1 - q_n - h v_n); of the directors the last have inertia."""
+    d = 8 * dim(size)
+    node = 8 * coordinates(size)
+    first = node - (at.masses - at.inertia) // 8 * d
+    for a in range(at.nn):
+        m0 = at.masses + 8 * at.nn * a
+        for i in range(at.inertia, at.masses, 8):
+            o = first + (i - at.inertia) // 8 * d
+            if i == at.inertia:
+                o = 0
+            p = zero_lanes(size)
+            for b in range(at.nn):
+                p += vld(constants, m0 + 8 * b, 0) * vector_lanes(scratch, at.rates + node * b + o, size)
+            add_lanes(scratch, at.forces + node * a + o, vld(constants, i, 0) * p)
+            m0 = at.director_masses + 8 * at.nn * a
+
+
+@add_spin_rates.register(object)
 @kernel
-def add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, qa, rb, ko):
-    """The same for generalised alpha: `rate` on the positions, on the directors the derivatives of d'' by the spin of b, six
-    vectors from rb on (theory.md 7)."""
-    m = rate * vld(tab, mo + 24 + 8 * (nn * a + b), 0)
-    md = vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
-    j2 = md * vld(tab, mo + 8, 0); j3 = md * vld(tab, mo + 16, 0)
-    vadd_matrix(scratch, ko, 48, 8, add_iso(vzerom(), m * vld(tab, mo, 0)))
-    a2 = j2 * vld3(scratch, qa + 48, 8); a3 = j3 * vld3(scratch, qa + 72, 8)
-    for c in range(3):
-        vadd3(scratch, ko + 168 + 8 * c, 48,
-              cross(a2, vld3(scratch, rb + 24 * c, 8)) + cross(a3, vld3(scratch, rb + 72 + 24 * c, 8)))
+def add_no_spin_rates(method, constants, scratch, at, rate):
+    pass
 
 
+@add_spin_rates.register(AtEnd)
 @kernel
-def add_inertia_forces(tab, mo, nn, scratch, uo, fo):
-    """M u on the 12 coordinates of every node; u = 2/h^2 (q_n+1 - q_n - h v_n)."""
-    rho = vld(tab, mo, 0); j2 = vld(tab, mo + 8, 0); j3 = vld(tab, mo + 16, 0)
-    for a in range(nn):
-        p = vzero3(); d2 = vzero3(); d3 = vzero3()
-        for b in range(nn):
-            m = vld(tab, mo + 24 + 8 * (nn * a + b), 0)
-            md = vld(tab, mo + 24 + 8 * (nn * nn + nn * a + b), 0)
-            u = uo + 96 * b
-            p += m * vld3(scratch, u, 8)
-            d2 += md * vld3(scratch, u + 48, 8)
-            d3 += md * vld3(scratch, u + 72, 8)
-        o = fo + 96 * a
-        vadd3(scratch, o, 8, rho * p)
-        vadd3(scratch, o + 48, 8, j2 * d2)
-        vadd3(scratch, o + 72, 8, j3 * d3)
+def add_rates_of_spins(method, constants, scratch, at, rate):
+    """`rate` on the positions, on the directors the derivatives of d'' by the spins, six vectors a node (theory.md 7)."""
+    for a in range(at.nn):
+        for b in range(at.nn):
+            ko = at.blocks + 288 * (at.nn * a + b)
+            rb = at.spin_rates + 144 * b
+            m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0)
+            md = vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
+            j2 = md * vld(constants, at.inertia + 8, 0); j3 = md * vld(constants, at.inertia + 16, 0)
+            vadd_matrix(scratch, ko, 48, 8, add_iso(vzerom(), m * vld(constants, at.inertia, 0)))
+            a2 = j2 * vld3(scratch, at.node * a + 48, 8); a3 = j3 * vld3(scratch, at.node * a + 72, 8)
+            for c in range(3):
+                vadd3(scratch, ko + 168 + 8 * c, 48,
+                      cross(a2, vld3(scratch, rb + 24 * c, 8)) + cross(a3, vld3(scratch, rb + 72 + 24 * c, 8)))
 
 
+@pair_rate.register(object)
 @kernel
-def project_node(scratch, q, fo, go, ro, ko):
-    """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid; go: what
-    the tangent adds to the forces f."""
-    vst3(scratch, ro, 8, vld3(scratch, fo, 8))
-    moment = vzero3()
-    k = vzerom()
-    iso = vzero()
-    for i in range(1, 4):
-        f = vld3(scratch, fo + 24 * i, 8)
-        moment += cross(vld3(scratch, q + 24 * i, 8), f)
-        d = vld3(scratch, q + 96 + 24 * i, 8)
-        f += vld3(scratch, go + 24 * i, 8)
-        k += outer(d, f)
-        iso -= dot(d, f)
-    vst3(scratch, ro + 24, 8, moment)
-    half = 0.5 * add_iso(k, iso)
-    vadd_matrix(scratch, ko + 168, 48, 8, half)
+def rate_of_mass(method, rate):
+    return rate
+
+
+@pair_rate.register(AtEnd)
+@kernel
+def rate_apart(method, rate):
+    return 0.0
 
 
 @written_in
-def evaluate(tab, co, to0, mo, eo0, nn, nq, coupled, mixed, gathered, dphi, v, u, rate, spin_rate, green, middle, scratch, qo, uo,
-             fo, ro, ko, so0, vo, lo, go):
-    """Residual and tangent of a part of a group, whose coordinates stand in scratch. Offsets of its first lane: in tab C, points,
-    inertia, reference strains; in scratch coordinates, second rates, forces, residual, tangent, points, spin rates, the last
-    increment, forces of the tangent."""
-    pt = 8 * (1 + 3 * nn)
-    ps = point_scratch_size(nn)
-    for i in range(fo, fo + 96 * nn, 8):
+def project_node(scratch, at, a, size):
+    """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid, with what
+    the tangent adds to the forces f."""
+    d = 8 * dim(size)
+    node = 8 * coordinates(size)
+    n = 8 * len(size)
+    q = at.node * a
+    fo = at.forces + node * a
+    go = at.tangent_forces + node * a
+    put_lanes(scratch, at.rows + n * a, vector_lanes(scratch, fo, size))
+    m = zero_moment(size)
+    k = zero_dyad(size)
+    for i in range(d, node, d):
+        f = vector_lanes(scratch, fo + i, size)
+        m += moment(vector_lanes(scratch, q + i, size), f)
+        f += vector_lanes(scratch, go + i, size)
+        k += dyad(vector_lanes(scratch, q + node + i, size), f)
+    put_lanes(scratch, at.rows + n * a + d, m)
+    add_turned(scratch, at.blocks + n * len(size) * (at.nn * a + a), k, size)
+
+
+# --- points in space ----------------------------------------------------------------------------------------------------
+@generic
+def evaluate_point(size, method, strains, constants, reference, g, scratch, at, case):
+    """Forces of quadrature point g on the coordinates, those that the tangent adds on the directors, and what pairs of nodes
+    share of its stiffness."""
+
+
+@evaluate_point.register(Space)
+@written_in
+def evaluate_point_in_space(size, method, strains, constants, reference, g, scratch, at, case):
+    to = at.point + at.point_size * g
+    po = at.points + at.point_room * g
+    ao = po + SHAPES_AT
+    zo = at.blocks     # free until the pairs of nodes
+    interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
+    interpolate(constants, to, at.nn, at.node, scratch, 96, zo + END)
+    mean_strains(method, strains, reference, 48 * g, scratch, zo, ao)
+    stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, po, ao)
+    add_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, po, at.forces)
+    if case.mixed:
+        if case.gathered:
+            interpolate(constants, to, at.nn, at.node, scratch, at.line, zo + BEFORE)
+            interpolate(constants, to, at.nn, at.node, scratch, at.line + 96, zo + STEP)
+        unused_strains(method, strains, reference, 48 * g, scratch, zo, case.gathered, ao)
+        stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + SPARE, ao)
+        add_director_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, zo + SPARE, at.tangent_forces)
+        add_stresses.call(strains, scratch, zo + SPARE, po)
+    point_stiffness.call(strains, constants, to, case.coupled, scratch, at, columns.call(method), po)
+
+
+# --- pairs of nodes in space: a pass over the points for each quarter of a block; more than 12 accumulators of 8 lanes and their
+# factors do not stay in registers
+@written_in
+def rotation_position(constants, scratch, at, a, b, ko):
+    """Rotation of a against position of b, with the sums of stress times basis products."""
+    k = vzerom()
+    for g in range(at.nq):
+        pb = vld(constants, at.point + at.point_size * g + 8 + 24 * b, 0)
+        k += pb * vldm(scratch, at.points + at.point_room * g + POINT_NODES + POINT_NODE * a + ROTATION_POSITION, 8)
+    sums = at.pairs + at.pair_size * (at.nn * a + b)
+    qa = at.node * a
+    u = vld(scratch, sums + SHEAR_2, 0) * vld3(scratch, qa + 48, 8) + vld(scratch, sums + SHEAR_3, 0) * vld3(scratch, qa + 72, 8)
+    vst_matrix(scratch, ko + 144, 48, 8, add_skew(k, 0.5 * u))
+
+
+@written_in
+def position_rotation(constants, scratch, at, a, b, ko):
+    """Position of a against rotation of b."""
+    k = vzerom()
+    for g in range(at.nq):
+        pa = vld(constants, at.point + at.point_size * g + 8 + 24 * a, 0)
+        k += pa * vldm(scratch, at.points + at.point_room * g + POINT_NODES + POINT_NODE * b + POSITION_ROTATION, 8)
+    sums = at.pairs + at.pair_size * (at.nn * b + a)
+    qb = at.node * b + 96
+    v = vld(scratch, sums + SHEAR_2, 0) * vld3(scratch, qb + 48, 8) + vld(scratch, sums + SHEAR_3, 0) * vld3(scratch, qb + 72, 8)
+    vst_matrix(scratch, ko + 24, 48, 8, add_skew(k, -0.5 * v))
+
+
+@written_in
+def rotation_rotation(strains, constants, scratch, at, a, b, rate, ko):
+    """Rotation of a against rotation of b."""
+    k = vzerom()
+    for g in range(at.nq):
+        po = at.points + at.point_room * g + POINT_NODES
+        ba = po + POINT_NODE * a
+        bb = po + POINT_NODE * b + PRODUCTS
+        for i in range(6):
+            k += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 24 * i, 8))
+    md = rate * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
+    m2 = md * vld(constants, at.inertia + 8, 0)
+    m3 = md * vld(constants, at.inertia + 16, 0)
+    k = add_geometric.call(strains, k, scratch, at.node * a, at.node * b + 96, at.pairs + at.pair_size * (at.nn * a + b), m2, m3)
+    vst_matrix(scratch, ko + 168, 48, 8, k)
+
+
+@written_in
+def position_position(constants, scratch, at, a, b, rate, ko):
+    """Position of a against position of b."""
+    k = vzerom()
+    for g in range(at.nq):
+        t = at.point + at.point_size * g + 8
+        k += (vld(constants, t + 24 * a, 0) * vld(constants, t + 24 * b, 0)) * vldm(
+            scratch, at.points + at.point_room * g + POINT_MATRIX, 8)
+    m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0)
+    vst_matrix(scratch, ko, 48, 8, add_iso(k, m * vld(constants, at.inertia, 0)))
+
+
+@generic
+def put_pairs(size, strains, constants, scratch, at, rate):
+    """The blocks of all pairs of nodes: material part from what they share, geometric part from the stresses, `rate` times the
+    projected mass, theory.md (4.1), (4.2)."""
+
+
+@put_pairs.register(Space)
+@written_in
+def pair_stiffness(size, strains, constants, scratch, at, rate):
+    for a in range(at.nn):
+        for b in range(a, at.nn):
+            sum_pair.call(strains, constants, scratch, at, a, b)
+    for a in range(at.nn):
+        for b in range(at.nn):
+            ko = at.blocks + 288 * (at.nn * a + b)
+            rotation_position(constants, scratch, at, a, b, ko)
+            rotation_rotation(strains, constants, scratch, at, a, b, rate, ko)
+            position_rotation(constants, scratch, at, a, b, ko)
+    # where the sums stood
+    for a in range(at.nn):
+        for b in range(at.nn):
+            position_position(constants, scratch, at, a, b, rate, at.blocks + 288 * (at.nn * a + b))
+
+
+# --- groups of elements -------------------------------------------------------------------------------------------------
+@kernel
+def evaluate(method, strains, constants, reference, scratch, at, case, rate, size):
+    """Residual and tangent of a part of a group, whose coordinates stand in scratch; rate: d(second rates)/d(increments), times a
+    half."""
+    for i in range(at.forces, at.rows, 8):
         vst(scratch, i, 0, 0.0)
-    if v is not None or u is not None:
-        add_inertia_forces(tab, mo, nn, scratch, uo, fo)
-    for i in range(go, go + 96 * nn, 8):
-        vst(scratch, i, 0, 0.0)
-    for g in range(nq):
-        to = to0 + pt * g
-        so = so0 + ps * g
-        po = so + STRESSES
-        ao = so + ps - SHAPES
-        zm = ko            # the tangent room is free until the pair loop
-        ze = zm + 168
-        eo = zm + 336
-        interpolate(tab, to, nn, scratch, qo, zm)
-        interpolate(tab, to, nn, scratch, qo + 96, ze)
-        room = zm + 728
-        mean_strains(tab, eo0 + 48 * g, scratch, zm, ze, green, middle, eo, room, ao)
-        stresses(tab, co, to, coupled, scratch, eo, so, green, ao)
-        add_forces(tab, to, nn, scratch, zm, so, green, 1, fo)
-        if mixed:
-            zb = zm + 392
-            zx = zm + 560
-            if gathered:
-                interpolate(tab, to, nn, scratch, lo, zb)
-                interpolate(tab, to, nn, scratch, lo + 96, zx)
-            unused_strains(tab, eo0 + 48 * g, scratch, zm, ze, gathered, zb, zx, dphi, spin_rate, green, middle, eo, room, ao)
-            stresses(tab, co, to, coupled, scratch, eo, room, green, ao)
-            add_forces(tab, to, nn, scratch, zm, room, green, None, go)
-            for i in range(0, STRESSES if green is None else 48, 8):
-                vst(scratch, so + i, 0, vld(scratch, so + i, 0) + vld(scratch, room + i, 0))
-        if green is None:
-            point_stiffness(tab, co, to, nn, coupled, scratch, zm, ze if middle is None else zm, qo, so, po, ao)
-        else:
-            green_point_stiffness(tab, co, to, nn, coupled, scratch, zm, ze if middle is None else zm, qo, so, po)
-    for a in range(nn):
-        for b in range(nn):
-            kab = ko + 288 * (nn * a + b)
-            if spin_rate is not None:
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + STRESSES, mo, None, scratch, qo + Q_LANES * a,
-                               qo + Q_LANES * b + 96, green, kab)
-                add_pair_spin_rates(tab, mo, nn, a, b, rate, scratch, qo + Q_LANES * a, vo + 144 * b, kab)
-            else:
-                pair_stiffness(tab, pt, ps, nn, nq, a, b, to0, so0, so0 + STRESSES, mo, rate, scratch, qo + Q_LANES * a,
-                               qo + Q_LANES * b + 96, green, kab)
-        project_node(scratch, qo + Q_LANES * a, fo + 96 * a, go + 96 * a, ro + 48 * a, ko + 288 * (nn * a + a))
+    add_inertia.call(method, constants, scratch, at, size)
+    for i in range(at.rates, at.forces, 8):
+        vst(scratch, at.tangent_forces - at.rates + i, 0, 0.0)
+    prepare_points.call(size, strains, scratch, at)
+    for g in range(at.nq):
+        evaluate_point.call(size, method, strains, constants, reference, g, scratch, at, case)
+    put_pairs.call(size, strains, constants, scratch, at, pair_rate.call(method, rate))
+    add_spin_rates.call(method, constants, scratch, at, rate)
+    for a in range(at.nn):
+        project_node(scratch, at, a, size)
+
+
+@written_in
+def evaluate_group(tables, k, at, strains, motion, scratch, size):
+    """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
+    no = tables.meta[k, LIST]
+    node = 8 * coordinates(size)
+    for a in range(at.nn):
+        gather_ends.call(size, motion, tables, no + 8 * a, scratch, at.node * a, at.rates + node * a)
+    case = Case(tables.meta[k, COUPLED] != 0, motion.line.use[0] != 0.0, needs_line.call(motion))
+    if case.mixed and case.gathered:
+        for a in range(at.nn):
+            gather_line.call(size, motion, tables, no + 8 * a, scratch, at.node * a + node, at.line + at.node * a)
+    gather_spin_rates.call(motion, tables, no, at.nn, scratch, at.spin_rates)
+    for lane in range(0, 8, WIDTH):
+        evaluate(motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
+                 address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.rate, size)
+
+
+@written_in
+def scatter_group(tables, k, at, every, scratch, r_out, blocks_out, size):
+    """Add rows and blocks of the nodes of group k, or of the first and last of them where `every` is nn - 1."""
+    n = 8 * len(size)
+    no = tables.meta[k, LIST]
+    bo = tables.meta[k, BLOCKS]
+    for a in range(0, at.nn, every):
+        scatter_rows(scratch, at.rows + n * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
+        for b in range(0, at.nn, every):
+            pair = at.nn * a + b
+            for i in range(len(size)):
+                scatter_rows(scratch, at.blocks + n * (len(size) * pair + i), tables.blocks, bo + 8 * pair, n, 8 * i, blocks_out,
+                             size)
+
+
+@kernel
+def evaluate_groups(tables, first, last, strains, motion, scratch, size):
+    """Residual and tangent of the groups from `first` to before `last`, one after the other in scratch."""
+    for k in range(first, last):
+        evaluate_group(tables, k, layout(size, tables.meta[k, NODES], tables.meta[k, POINTS]), strains, motion, scratch, size)
 
 
 @one_variant
-def element_groups(tables, first, last, inner, q, dphi, v, u, line, h, rate, spin_rate, green, middle, r_out, blocks_out, scratch,
-                   size):
-    """Add residual rows and tangent blocks of the groups from `first` to before `last`; without r_out and blocks_out (None) they
-    stay in `scratch`: rows from 384 nn on, blocks from 432 nn on.
+def element_groups(tables, first, last, inner, strains, motion, r_out, blocks_out, scratch, size):
+    """Add residual rows and tangent blocks of the groups from `first` to before `last`.
 
-    q, dphi, v: [12 N], [3 N], [12 N], coordinates at the start of the step of size h, increments of positions, and velocities;
-    statics has only q.
-    u: None, else second rates of the coordinates instead of those of the conserving step. line: the last increment (work.Line);
+    inner: inner.Inner or NoInner; strains: a strain set; motion: of motions.py. motion.line: the last increment (work.Line);
     where it says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6), else the present ones.
-    rate: 2/h^2, None in statics. spin_rate: None or [18 N], derivatives of the second rates of d2, d3 by the spins (generalised
-    alpha). green: None for strain set (2.2), else (2.1); branches on what is
-    None are pruned, so the default set compiles less. middle: None, else stresses come from the strains of q_mid (implicit
-    midpoint). inner: None, else inner nodes are eliminated where the tables say so.
-    r_out [8 rows], blocks_out [48 blocks]: rows padded to 8 doubles.
+    r_out [8 rows], blocks_out [8 n blocks]: rows padded to 8 doubles.
     """
-    meta = tables.meta
-    tab = tables.tab
-    mixed = line.use[0] != 0.0
-    # before the first increment of a step the line is at its start, which the middle and the end tell
-    gathered = line.use[0] != FROM_START
-    if spin_rate is not None:
-        gathered = True
     for k in range(first, last):
-        nn = meta[k, 0]
-        nq = meta[k, 1]
-        co = meta[k, 2]
-        no = meta[k, 3]
-        bo = meta[k, 4]
-        coupled = meta[k, 5] != 0
-        eo0 = meta[k, 7]
-        to0 = co + 288
-        mo = to0 + nq * 8 * (1 + 3 * nn)
-        # scratch: coordinates, inertia, forces, residual, tangent, then the points
-        uo = Q_LANES * nn
-        fo = uo + 96 * nn
-        ro = fo + 96 * nn
-        ko = ro + 48 * nn
-        so0 = ko + 288 * nn * nn
-        ps = point_scratch_size(nn)
-        for a in range(nn):
-            gather_ends(tables, no + 8 * a, q, dphi, line, v, u, spin_rate, h, scratch, Q_LANES * a, uo + 96 * a)
-        vo = so0 + nq * ps
-        lo = vo + 144 * nn
-        go = lo + Q_LANES * nn
-        if mixed and gathered:
-            for a in range(nn):
-                gather_line(tables, no + 8 * a, q, spin_rate, line, line.off, scratch, Q_LANES * a + 96, lo + Q_LANES * a)
-        if spin_rate is not None:
-            for a in range(nn):
-                gather_lanes(spin_rate, tables.nodes, no + 8 * a, 18, scratch, vo + 144 * a, EIGHTEEN)
-        for lane in range(0, 8, WIDTH):
-            evaluate(tab, co + lane, to0 + lane, mo + lane, eo0 + lane, nn, nq, coupled, mixed, gathered, dphi, v, u, rate,
-                     spin_rate, green, middle, scratch, lane, uo + lane, fo + lane, ro + lane, ko + lane, so0 + lane, vo + lane,
-                     lo + lane, go + lane)
-        if blocks_out is not None:
-            every = 1
-            if inner is not None:
-                if meta[k, 6] >= 0:
-                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None,
-                                           0, size):
-                        inner.state[0] = 0.0
-                    every = nn - 1
-            for a in range(0, nn, every):
-                scatter_rows(scratch, ro + 48 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
-                for b in range(0, nn, every):
-                    for i in range(6):
-                        scatter_rows(scratch, ko + 288 * (nn * a + b) + 48 * i, tables.blocks, bo + 8 * (nn * a + b), 48, 8 * i,
-                                     blocks_out, size)
+        at = layout(size, tables.meta[k, NODES], tables.meta[k, POINTS])
+        evaluate_group(tables, k, at, strains, motion, scratch, size)
+        every = eliminate_group.call(inner, tables, k, at, scratch, r_out, size)
+        scatter_group(tables, k, at, every, scratch, r_out, blocks_out, size)

@@ -19,6 +19,7 @@ TWO = (0, 0)
 ONE = (0,)
 # numbers of coordinates of a node in space and in a plane
 TWELVE, FOUR = (0,) * 12, (0,) * 4
+EIGHTEEN = (0,) * 18   # three columns for each of two directors
 _TRUE = ir.IntType(1)(1)
 # 8 lanes are worked on in parts of as many as a register holds; columns of a product at a time, so that they stay in registers
 _PART = ir.VectorType(_DOUBLE, WIDTH)

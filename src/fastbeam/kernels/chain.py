@@ -3,8 +3,8 @@
 Blocks are stored as n rows of 8 doubles, so that a row is one register; block k starts at 8 n k. n = 6 in space, 3 in a plane:
 the length of the tuple `size`. The order and the fill come from the compiler of the scene: for chains and trees of beams there
 is no fill beyond the elements.
-Right-hand sides stand side by side in a panel of `width` doubles a row (a multiple of 8), n rows a node; where `width` is None
-there is one.
+Right-hand sides are one of three types: `RightSides`, side by side in a panel; `OneSide`, which goes along in the columns that
+pad the blocks; `NoSide`.
 """
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel, one_variant
+from .._generic import generic
+from .._jit import kernel, one_variant, written_in
 from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
 from .rows import flush_column, flush_rows
@@ -121,15 +122,149 @@ def take_beside(blocks, d, panel, o, pivots, p, size):
             panel[o + m] = t
 
 
-@kernel
-def factor(plan, blocks, pivots, panel, width, size):
-    """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A; and eliminate the right-hand sides of `panel` on the way
-    (None: there are none). pivots [n rows]: the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio
-    of the blocks with exchanges, at most 1; stops at a singular block, which returns 0.
+# --- right-hand sides ---------------------------------------------------------------------------------------------------
+class NoSide(NamedTuple):
+    """None: only factors are wanted."""
 
-    A single right-hand side (width None) goes along in the first column behind the n of the first upper block of every row and of
-    the diagonal blocks, where it costs nothing; `panel` has it where a row has no upper block.
-    """
+
+class OneSide(NamedTuple):
+    """A single one. It goes along in the first column behind the n of the first upper block of every row and of the diagonal
+    blocks, where it costs nothing; `panel` has it where a row has no upper block."""
+
+    panel: np.ndarray    # float64 [n rows]
+
+
+class RightSides(NamedTuple):
+    """Several, `width` doubles a row, a multiple of 8."""
+
+    panel: np.ndarray    # float64 [rows, n, width] flat
+    width: int
+
+
+@generic
+def take_row(sides, blocks, d, r, pivots, size):
+    """Before and after the diagonal block of row r is factored with row exchanges."""
+
+
+@generic
+def solve_upper(sides, blocks, d, u, r, is_first, size):
+    """Upper block at u of row r <- D^-1 of it."""
+
+
+@generic
+def solve_row(sides, blocks, d, r, has_upper, pivots, size):
+    """Right-hand sides of row r <- D^-1 of them."""
+
+
+@generic
+def subtract_row(sides, plan, blocks, j, r, size):
+    """Right-hand sides of the row of lower block j -= that block times those of row r."""
+
+
+@generic
+def substitute_row(sides, plan, blocks, i, size):
+    """Right-hand sides of row i, which has upper blocks, from those behind it."""
+
+
+@take_row.register(object)
+@written_in
+def take_nothing(sides, blocks, d, r, pivots, size):
+    pass
+
+
+@take_row.register(OneSide)
+@written_in
+def take_one(sides, blocks, d, r, pivots, size):
+    take_beside(blocks, d, sides.panel, len(size) * r, pivots, len(size) * r, size)
+
+
+@solve_upper.register(object)
+@written_in
+def solve_block(sides, blocks, d, u, r, is_first, size):
+    solve_rows(blocks, d, 8, 1, blocks, u, 8, size)
+
+
+@solve_upper.register(OneSide)
+@written_in
+def solve_block_and_one(sides, blocks, d, u, r, is_first, size):
+    if is_first:
+        solve_rows_beside(blocks, d, blocks, u, sides.panel, len(size) * r, size)
+    else:
+        solve_rows(blocks, d, 8, 1, blocks, u, 8, size)
+
+
+@solve_row.register(NoSide)
+@written_in
+def solve_nothing(sides, blocks, d, r, has_upper, pivots, size):
+    pass
+
+
+@solve_row.register(OneSide)
+@written_in
+def solve_one(sides, blocks, d, r, has_upper, pivots, size):
+    if not has_upper:
+        take_beside(blocks, d, sides.panel, len(size) * r, NONE, 0, size)
+        solve_column(blocks, d, 8, 1, sides.panel, len(size) * r, 1, size)
+        flush_column(sides.panel, len(size) * r, 1, size)
+
+
+@solve_row.register(RightSides)
+@written_in
+def solve_several(sides, blocks, d, r, has_upper, pivots, size):
+    exchange_and_solve(blocks, d, pivots, len(size) * r, sides.panel, r, sides.width, size)
+
+
+@subtract_row.register(NoSide)
+@written_in
+def subtract_nothing(sides, plan, blocks, j, r, size):
+    pass
+
+
+@subtract_row.register(OneSide)
+@written_in
+def subtract_one(sides, plan, blocks, j, r, size):
+    """That of the first upper block came with its product."""
+    n = len(size)
+    first = plan.start[r]
+    if j > first:
+        subtract_column(blocks, 8 * n * plan.lower[j], 8, 1, blocks, 8 * n * plan.upper[first] + n, 8, blocks,
+                        8 * n * plan.diagonal[plan.column[j]] + n, 8, size)
+
+
+@subtract_row.register(RightSides)
+@written_in
+def subtract_several(sides, plan, blocks, j, r, size):
+    subtract_product(blocks, plan.lower[j], sides.panel, r, plan.column[j], sides.width, size)
+
+
+@substitute_row.register(OneSide)
+@written_in
+def substitute_one(sides, plan, blocks, i, size):
+    n = len(size)
+    panel = sides.panel
+    for c in range(n):
+        panel[n * i + c] = blocks[8 * (n * plan.upper[plan.start[i]] + c) + n]
+    for k in range(plan.start[i], plan.start[i + 1]):
+        subtract_column(blocks, 8 * n * plan.upper[k], 8, 1, panel, n * plan.column[k], 1, panel, n * i, 1, size)
+    flush_column(panel, n * i, 1, size)
+
+
+@substitute_row.register(RightSides)
+@written_in
+def substitute_several(sides, plan, blocks, i, size):
+    panel, width = sides.panel, sides.width
+    for k in range(plan.start[i], plan.start[i + 1]):
+        subtract_product(blocks, plan.upper[k], panel, plan.column[k], i, width, size)
+    for o in range(len(size) * width * i, len(size) * width * i + width, 8):
+        flush_rows(panel, o, width, size)
+
+
+# --- factors and solution -----------------------------------------------------------------------------------------------
+@kernel
+def factor(plan, blocks, pivots, sides, size):
+    """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A; and eliminate right-hand sides on the way. pivots [n rows]:
+    the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio of the blocks with exchanges, at most 1;
+    stops at a singular block, which returns 0."""
     n = len(size)
     block = 8 * n
     worst = 1.0
@@ -147,36 +282,20 @@ def factor(plan, blocks, pivots, panel, width, size):
             d = block * plan.diagonal[r]
             pivots[n * r] = -1
             if not factored and not lu_rows(blocks, d, LOW, HIGH, size):
-                if width is None:
-                    if panel is not None:
-                        take_beside(blocks, d, panel, n * r, pivots, n * r, size)
+                take_row.call(sides, blocks, d, r, pivots, size)
                 ratio = exchange_and_factor(blocks, d, pivots, n * r, size)
                 if not ratio > 0.0:
                     return 0.0
                 worst = min(worst, ratio)
-                if width is None:
-                    if panel is not None:
-                        take_beside(blocks, d, panel, n * r, pivots, n * r, size)
+                take_row.call(sides, blocks, d, r, pivots, size)
         for r in range(i, end):
             d = block * plan.diagonal[r]
             first = plan.start[r]
             for k in range(first, plan.start[r + 1]):
                 if pivots[n * r] >= 0:
                     exchange_rows(pivots, n * r, blocks, block * plan.upper[k], 8, size)
-                if width is None:
-                    if panel is not None:
-                        if k == first:
-                            solve_rows_beside(blocks, d, blocks, block * plan.upper[k], panel, n * r, size)
-                            continue
-                solve_rows(blocks, d, 8, 1, blocks, block * plan.upper[k], 8, size)
-            if panel is not None:
-                if width is None:
-                    if first == plan.start[r + 1]:
-                        take_beside(blocks, d, panel, n * r, NONE, 0, size)
-                        solve_column(blocks, d, 8, 1, panel, n * r, 1, size)
-                        flush_column(panel, n * r, 1, size)
-                else:
-                    exchange_and_solve(blocks, d, pivots, n * r, panel, r, width, size)
+                solve_upper.call(sides, blocks, d, block * plan.upper[k], r, k == first, size)
+            solve_row.call(sides, blocks, d, r, first < plan.start[r + 1], pivots, size)
         for r in range(i, end):
             t = plan.target_start[r]
             first = plan.start[r]
@@ -185,38 +304,17 @@ def factor(plan, blocks, pivots, panel, width, size):
                 for k in range(first, plan.start[r + 1]):
                     subtract_rows(blocks, low, 8, 1, blocks, block * plan.upper[k], 8, blocks, block * plan.target[t], 8, size)
                     t += 1
-                if panel is not None:
-                    if width is None:
-                        if j > first:
-                            subtract_column(blocks, low, 8, 1, blocks, block * plan.upper[first] + n, 8, blocks,
-                                            block * plan.diagonal[plan.column[j]] + n, 8, size)
-                    else:
-                        subtract_product(blocks, plan.lower[j], panel, r, plan.column[j], width, size)
+                subtract_row.call(sides, plan, blocks, j, r, size)
         i = end
     return worst
 
 
 @kernel
-def back_substitute(plan, blocks, panel, width, size):
-    """Solve for all right-hand sides of the panel [rows, n, width] that were eliminated."""
-    n = len(size)
+def back_substitute(plan, blocks, sides, size):
+    """Solve for all right-hand sides that were eliminated."""
     for i in range(plan.diagonal.shape[0] - 1, -1, -1):
-        first = plan.start[i]
-        if first == plan.start[i + 1]:
-            continue
-        if width is None:
-            for c in range(n):
-                panel[n * i + c] = blocks[8 * (n * plan.upper[first] + c) + n]
-        for k in range(first, plan.start[i + 1]):
-            if width is None:
-                subtract_column(blocks, 8 * n * plan.upper[k], 8, 1, panel, n * plan.column[k], 1, panel, n * i, 1, size)
-            else:
-                subtract_product(blocks, plan.upper[k], panel, plan.column[k], i, width, size)
-        if width is None:
-            flush_column(panel, n * i, 1, size)
-        else:
-            for o in range(n * width * i, n * width * i + width, 8):
-                flush_rows(panel, o, width, size)
+        if plan.start[i] < plan.start[i + 1]:
+            substitute_row.call(sides, plan, blocks, i, size)
 
 
 @kernel
@@ -227,7 +325,7 @@ def solve(plan, blocks, pivots, panel, width, size):
         exchange_and_solve(blocks, 8 * n * plan.diagonal[i], pivots, n * i, panel, i, width, size)
         for k in range(plan.start[i], plan.start[i + 1]):
             subtract_product(blocks, plan.lower[k], panel, i, plan.column[k], width, size)
-    back_substitute(plan, blocks, panel, width, size)
+    back_substitute(plan, blocks, RightSides(panel, width), size)
 
 
 @kernel

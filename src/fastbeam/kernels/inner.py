@@ -14,20 +14,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._generic import generic
+from .._jit import kernel, written_in
 from .algebra import vld, vst
 from .blocks import ONE, lu_lanes, solve_lanes, solve_rows, subtract_lanes, subtract_rows
+from .layout import FACTORS, LIST, NODES
 from .rows import copy_lanes, gather_lanes, put_rows, scatter_rows
+from .work import halve
 
 PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
 
 
+class NoInner(NamedTuple):
+    """Elements whose inner nodes are not eliminated."""
+
+
+class NoColumns(NamedTuple):
+    """In place of `Inner.rhs` in a scene without sliders, where no columns follow."""
+
+
 class Inner(NamedTuple):
-    """Factors and index lists of the eliminated nodes; None in a model without any."""
+    """Factors and index lists of the eliminated nodes."""
 
     store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of
     #                       every other, then y_i
-    rhs: np.ndarray | None  # float64 [8 (N + 1)]: y_i by rows; None in a scene without sliders, where no columns follow
+    rhs: np.ndarray | NoColumns  # float64 [8 (N + 1)]: y_i by rows
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
     rows: np.ndarray      # int64: rows of the nodes of every element, first to last
     element: np.ndarray   # int64 [inner nodes]: element of every row from the first inner row on
@@ -51,14 +62,155 @@ def short_store(nn, n, with_y):
     return room
 
 
-@kernel
+# --- what is kept of an elimination -------------------------------------------------------------------------------------
+class Short(NamedTuple):
+    """U_ij of every other node, then y_i."""
+
+    r: np.ndarray      # float64 [8 rows]: residual, with what loads put there
+
+
+class WithColumns(NamedTuple):
+    """Factors, then U_ij, K_ji of every other node; y_i by rows."""
+
+    r: np.ndarray
+    rhs: np.ndarray
+
+
+class Condensed(NamedTuple):
+    """U_ij of every other node; y_i by rows. Nothing but loads acts on the nodes."""
+
+    loads: np.ndarray
+    x: np.ndarray      # float64 [8 rows]: takes y_i
+
+
+@generic
 def clear_rhs(rhs):
     """Zero, where there is any."""
-    if rhs is not None:
-        for i in range(rhs.shape[0]):
-            rhs[i] = 0.0
 
 
+@generic
+def halve_rhs(rhs):
+    """Half of everything, where there is any."""
+
+
+@generic
+def kept(rhs, r):
+    """What `eliminate_inner` keeps of nodes whose residual stands in r."""
+
+
+@clear_rhs.register(NoColumns)
+@halve_rhs.register(NoColumns)
+@kernel
+def leave_no_columns(rhs):
+    pass
+
+
+@clear_rhs.register(object)
+@kernel
+def clear_columns(rhs):
+    for i in range(rhs.shape[0]):
+        rhs[i] = 0.0
+
+
+@halve_rhs.register(object)
+@kernel
+def halve_columns(rhs):
+    halve(rhs)
+
+
+@kept.register(NoColumns)
+@written_in
+def keep_short(rhs, r):
+    return Short(r)
+
+
+@kept.register(object)
+@written_in
+def keep_columns(rhs, r):
+    return WithColumns(r, rhs)
+
+
+@generic
+def take_loads(keep, tables, at, scratch, ro, spare, size):
+    """What else acts on 8 nodes, into their rows at ro."""
+
+
+@generic
+def place(keep, store, d, scratch, spare, block):
+    """Where the elimination of a node puts what is kept, from d on in `store`: (array and offset of its factors, offset of U_ij
+    of the first other node, distance of the others)."""
+
+
+@generic
+def keep_lower(keep, scratch, low, store, d, block):
+    """Keep a block K_ji."""
+
+
+@generic
+def keep_solution(keep, scratch, y, tables, at, store, d, size):
+    """Keep y_i of 8 nodes. Returns where the next node begins in `store`."""
+
+
+@take_loads.register(object)
+@written_in
+def take_rows(keep, tables, at, scratch, ro, spare, size):
+    """The residual goes to its rows and comes back with what loads and sliders put there."""
+    scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, size)
+    gather_lanes(keep.r, tables.rows, at, 8, scratch, ro, size)
+
+
+@take_loads.register(Condensed)
+@written_in
+def take_loads_alone(keep, tables, at, scratch, ro, spare, size):
+    subtract_loads(keep.loads, tables, at, scratch, ro, spare, size)
+
+
+@place.register(object)
+@written_in
+def place_short(keep, store, d, scratch, spare, block):
+    return scratch, spare, d, block
+
+
+@place.register(WithColumns)
+@written_in
+def place_with_columns(keep, store, d, scratch, spare, block):
+    return store, d, d + block, 2 * block
+
+
+@keep_lower.register(object)
+@written_in
+def keep_no_lower(keep, scratch, low, store, d, block):
+    pass
+
+
+@keep_lower.register(WithColumns)
+@written_in
+def keep_lower_block(keep, scratch, low, store, d, block):
+    copy_lanes(scratch, low, block, store, d + block)
+
+
+@keep_solution.register(Short)
+@written_in
+def keep_in_store(keep, scratch, y, tables, at, store, d, size):
+    copy_lanes(scratch, y, 8 * len(size), store, d)
+    return d + 8 * len(size)
+
+
+@keep_solution.register(WithColumns)
+@written_in
+def keep_by_rows(keep, scratch, y, tables, at, store, d, size):
+    scatter_rows(scratch, y, tables.rows, at, 8, 0, keep.rhs, size)
+    return d
+
+
+@keep_solution.register(Condensed)
+@written_in
+def keep_in_rows(keep, scratch, y, tables, at, store, d, size):
+    put_rows(scratch, y, tables.rows, at, 8, 0, keep.x, size)
+    return d
+
+
+# --- elimination --------------------------------------------------------------------------------------------------------
 @kernel
 def subtract_loads(loads, tables, at, scratch, ro, spare, size):
     """Take the loads of 8 nodes from their rows at ro."""
@@ -68,38 +220,21 @@ def subtract_loads(loads, tables, at, scratch, ro, spare, size):
 
 
 @kernel
-def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, loads, rhs_out, x_out, spare, size):
-    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Their own residual goes to r_out and comes back with
-    what loads and sliders put there; without r_out (None) nothing but `loads` act on them. Returns False, and stops, where a
-    pivot is none.
+def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, spare, size):
+    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Returns False, and stops, where a pivot is none.
 
-    store, from io on: of every node its factors, then U_ij, K_ji of every other; y_i go to rhs_out, by rows. Where rhs_out is
-    None no columns follow: only U_ij and y_i are stored, factors take the room of a block at `spare` in scratch. With x_out y_i
-    go there, by rows, and not to store.
+    store takes what `keep` says, from io on; factors that are not kept take the room of a block at `spare` in scratch.
     LU and triangular solutions: explicit inverses would be faster and are not accurate enough, because on slender beams the soft
     directions of the others' stiffness are small differences.
     """
     n = len(size)
     block = 8 * n * n
     for i in range(1, nn - 1):
-        if r_out is not None:
-            scatter_rows(scratch, ro + 8 * n * i, tables.rows, no + 8 * i, 8, 0, r_out, size)
-            gather_lanes(r_out, tables.rows, no + 8 * i, 8, scratch, ro + 8 * n * i, size)
-        if loads is not None:
-            subtract_loads(loads, tables, no + 8 * i, scratch, ro + 8 * n * i, spare, size)
+        take_loads.call(keep, tables, no + 8 * i, scratch, ro + 8 * n * i, spare, size)
     d = io
     for i in range(1, nn - 1):
         diagonal = ko + block * (nn * i + i)
-        if rhs_out is None:
-            lu = scratch
-            lo = spare
-            u0 = d
-            step = block
-        else:
-            lu = store
-            lo = d
-            u0 = d + block
-            step = 2 * block
+        lu, lo, u0, step = place.call(keep, store, d, scratch, spare, block)
         if not lu_lanes(scratch, diagonal, lu, lo, PIVOT, size):
             return False
         y = diagonal     # the block is done with, its room takes y
@@ -116,17 +251,31 @@ def eliminate_inner(store, io, nn, tables, no, scratch, ro, ko, r_out, loads, rh
                 j = i + 1 + l if l < nn - 1 - i else 0
                 subtract_lanes(scratch, low, store, u0 + step * l, scratch, ko + block * (nn * k + j), size, size)
             subtract_lanes(scratch, low, scratch, y, scratch, ro + 8 * n * k, ONE, size)
-            if rhs_out is not None:
-                copy_lanes(scratch, low, block, store, u0 + step * m + block)
-        d = u0 + step * (nn - i)
-        if x_out is not None:
-            put_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, x_out, size)
-        elif rhs_out is None:
-            copy_lanes(scratch, y, 8 * n, store, d)
-            d += 8 * n
-        else:
-            scatter_rows(scratch, y, tables.rows, no + 8 * i, 8, 0, rhs_out, size)
+            keep_lower.call(keep, scratch, low, store, u0 + step * m, block)
+        d = keep_solution.call(keep, scratch, y, tables, no + 8 * i, store, u0 + step * (nn - i), size)
     return True
+
+
+@generic
+def eliminate_group(inner, tables, k, at, scratch, r_out, size):
+    """Eliminate the inner nodes of group k where its tables say so. Returns the distance of the nodes that are left."""
+
+
+@eliminate_group.register(NoInner)
+@written_in
+def eliminate_nothing(inner, tables, k, at, scratch, r_out, size):
+    return 1
+
+
+@eliminate_group.register(Inner)
+@written_in
+def eliminate_inside(inner, tables, k, at, scratch, r_out, size):
+    if tables.meta[k, FACTORS] < 0:
+        return 1
+    if not eliminate_inner(kept.call(inner.rhs, r_out), inner.store, tables.meta[k, FACTORS], tables, tables.meta[k, LIST], at.nn,
+                           scratch, at.rows, at.blocks, 0, size):
+        inner.state[0] = 0.0
+    return at.nn - 1
 
 
 @kernel
@@ -178,21 +327,47 @@ def take_scaled(source, offset, factor, target, to, n):
         vst(target, to + c, 0, factor * vld(source, offset + c, 0))
 
 
+class InStore(NamedTuple):
+    """y_i stand behind U_ij."""
+
+
+class InRows(NamedTuple):
+    """y_i stand in the rows of increments."""
+
+
+IN_STORE, IN_ROWS = InStore(), InRows()
+
+
+@generic
+def take_solution(where, store, end, tables, at, factor, scratch, xi, x, size):
+    """factor times y_i of 8 nodes into lanes at xi. Returns where U_ij end in `store`."""
+
+
+@take_solution.register(InStore)
+@written_in
+def take_from_store(where, store, end, tables, at, factor, scratch, xi, x, size):
+    take_scaled(store, end - 8 * len(size), factor, scratch, xi, len(size))
+    return end - 8 * len(size)
+
+
+@take_solution.register(InRows)
+@written_in
+def take_from_rows(where, store, end, tables, at, factor, scratch, xi, x, size):
+    gather_lanes(x, tables.rows, at, 8, scratch, xi, size)
+    take_scaled(scratch, xi, factor, scratch, xi, len(size))
+    return end
+
+
 @kernel
-def recover_group(store, end, by_rows, nn, tables, no, factor, scratch, xo, x_out, size):
+def recover_group(where, store, end, nn, tables, no, factor, scratch, xo, x_out, size):
     """Increments of the inner nodes of 8 elements, from those of the end nodes: nn nodes in lanes from xo on. end: where what was
-    stored of them ends; by_rows: None where y_i stand there, else in x_out; factor: increment per solution."""
+    stored of them ends; where: InStore or InRows; factor: increment per solution."""
     n = len(size)
     column = 8 * n
     block = column * n
     for i in range(nn - 2, 0, -1):
         xi = xo + column * i
-        if by_rows is None:
-            end -= column
-            take_scaled(store, end, factor, scratch, xi, n)
-        else:
-            gather_lanes(x_out, tables.rows, no + 8 * i, 8, scratch, xi, size)
-            take_scaled(scratch, xi, factor, scratch, xi, n)
+        end = take_solution.call(where, store, end, tables, no + 8 * i, factor, scratch, xi, x_out, size)
         end -= block * (nn - i)
         for m in range(nn - i):
             a = i + 1 + m if m < nn - 1 - i else 0
@@ -200,20 +375,29 @@ def recover_group(store, end, by_rows, nn, tables, no, factor, scratch, xo, x_ou
         put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, size)
 
 
+@generic
+def recover_rows(inner, tables, factor, x_out, scratch, size):
+    """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders."""
+
+
+@recover_rows.register(NoInner)
 @kernel
-def recover_rows(tables, inner, factor, x_out, scratch, size):
-    """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders; none
-    where inner is None."""
+def recover_nothing(inner, tables, factor, x_out, scratch, size):
+    pass
+
+
+@recover_rows.register(Inner)
+@kernel
+def recover_inner_rows(inner, tables, factor, x_out, scratch, size):
     n = len(size)
-    if inner is not None:
-        for k in range(tables.meta.shape[0]):
-            if tables.meta[k, 6] >= 0:
-                nn = tables.meta[k, 0]
-                no = tables.meta[k, 3]
-                gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
-                gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
-                recover_group(inner.store, tables.meta[k, 6] + short_store(nn, n, 1), None, nn, tables, no, factor, scratch, 0,
-                              x_out, size)
+    for k in range(tables.meta.shape[0]):
+        if tables.meta[k, FACTORS] >= 0:
+            nn = tables.meta[k, NODES]
+            no = tables.meta[k, LIST]
+            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
+            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
+            recover_group(IN_STORE, inner.store, tables.meta[k, FACTORS] + short_store(nn, n, 1), nn, tables, no, factor, scratch,
+                          0, x_out, size)
 
 
 @kernel

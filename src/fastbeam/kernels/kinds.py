@@ -15,7 +15,8 @@ from numba.extending import intrinsic
 
 from .._generic import generic
 from .._jit import kernel
-from .algebra import V2, V3, _DOUBLE, _I64, _add, _int, _mul, _pack, _parts, _pointer, _sub, cross, cross2, dot, f8, perp
+from .algebra import (M3, V2, V3, _DOUBLE, _I64, _add, _int, _lane_ir, _mul, _pack, _parts, _pointer, _sub, cross, cross2, dot,
+                      f8, part, perp)
 
 
 class Space(NamedTuple):
@@ -186,6 +187,108 @@ def add_stiffness(tc, a, offset, factor, x, y):
                 b.store(_add(b, z, f) if i == j else z, p, align=8)
         return ctx.get_dummy_value()
     return types.void(a, offset, factor, x, y), codegen
+
+
+# --- elements in lanes: as many as a register holds, components 8 doubles apart -------------------------------------------
+@intrinsic
+def vector_lanes(tc, array, offset, size):
+    """A vector in lanes from an offset on."""
+    d = _dim(size)
+
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        return _pack(b, part, [b.load(_pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), part), align=8)
+                               for i in range(d)])
+    return {2: V2, 3: V3}[d][part](array, offset, size), codegen
+
+
+def _zero_lanes():
+    return ir.Constant(_lane_ir(part), [0.0] * part.lanes)
+
+
+@intrinsic
+def zero_lanes(tc, size):
+    """The vector 0 in lanes."""
+    d = _dim(size)
+    return {2: V2, 3: V3}[d][part](size), lambda ctx, b, sig, args: _pack(b, part, [_zero_lanes()] * d)
+
+
+@intrinsic
+def zero_moment(tc, size):
+    """The moment 0 in lanes."""
+    return (V3[part] if _dim(size) == 3 else part)(size), lambda ctx, b, sig, args: (
+        _pack(b, part, [_zero_lanes()] * 3) if _dim(size) == 3 else _zero_lanes())
+
+
+@intrinsic
+def zero_dyad(tc, size):
+    """What sums of `dyad` begin with."""
+    return (M3[part] if _dim(size) == 3 else part)(size), lambda ctx, b, sig, args: (
+        _pack(b, part, [_zero_lanes()] * 9) if _dim(size) == 3 else _zero_lanes())
+
+
+def _make_put_lanes(accumulate):
+    def put(tc, array, offset, x):
+        n = getattr(x, "n", 1)
+
+        def codegen(ctx, b, sig, args):
+            o = _int(ctx, b, args[1], sig.args[1])
+            for i, y in enumerate([args[2]] if n == 1 else _parts(b, args[2], n)):
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), part)
+                b.store(_add(b, b.load(p, align=8), y) if accumulate else y, p, align=8)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, x), codegen
+    put.__name__ = "add_lanes" if accumulate else "put_lanes"
+    put.__doc__ = ("Add" if accumulate else "Store") + " a vector or a number in lanes."
+    return intrinsic(put)
+
+
+put_lanes, add_lanes = _make_put_lanes(False), _make_put_lanes(True)
+
+
+@intrinsic
+def moment(tc, x, y):
+    """x cross y in lanes: a vector, in a plane its component along the normal."""
+    def codegen(ctx, b, sig, args):
+        u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
+        z = [_sub(b, _mul(b, u[i], v[j]), _mul(b, u[j], v[i])) for i, j in ([(0, 1)] if x.n == 2 else [(1, 2), (2, 0), (0, 1)])]
+        return z[0] if x.n == 2 else _pack(b, part, z)
+    return (part if x.n == 2 else x)(x, y), codegen
+
+
+@intrinsic
+def dyad(tc, x, y):
+    """x y^T in lanes; in a plane its trace, the only number of it that counts there."""
+    def codegen(ctx, b, sig, args):
+        u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
+        if x.n == 2:
+            return _add(b, _mul(b, u[0], v[0]), _mul(b, u[1], v[1]))
+        return _pack(b, part, [_mul(b, p, q) for p in u for q in v])
+    return (part if x.n == 2 else M3[part])(x, y), codegen
+
+
+@intrinsic
+def add_turned(tc, array, offset, k, size):
+    """Add half a sum k of dyads d f^T less its trace to a block of the tangent: how the moment of forces f on directors d changes
+    with their spin, theory.md (4.2)."""
+    n, d = size.count, _dim(size)
+
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        half = ir.Constant(_lane_ir(part), [0.5] * part.lanes)
+        if d == 2:
+            xs = [_sub(b, _zero_lanes(), _mul(b, half, args[2]))]
+        else:
+            xs = _parts(b, args[2], 9)
+            trace = _add(b, _add(b, xs[0], xs[4]), xs[8])
+            xs = [_mul(b, half, _sub(b, x, trace) if i in (0, 4, 8) else x) for i, x in enumerate(xs)]
+        m = 3 if d == 3 else 1
+        for i, x in enumerate(xs):
+            at = ir.Constant(_I64, 8 * (n * (d + i // m) + d + i % m))
+            p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, at), part)
+            b.store(_add(b, b.load(p, align=8), x), p, align=8)
+        return ctx.get_dummy_value()
+    return types.void(array, offset, k, size), codegen
 
 
 # --- products -----------------------------------------------------------------------------------------------------------

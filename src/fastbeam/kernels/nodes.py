@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._generic import generic
+from .._jit import kernel, written_in
 from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
                       zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
@@ -201,7 +202,7 @@ def larger(x, y):
 @kernel
 def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
     """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node.
-    rate: 2/h^2, or None where the derivative of u is added elsewhere."""
+    rate: 2/h^2, or 0 where the derivative of u is added elsewhere."""
     for k in range(bodies.node.shape[0]):
         q = 12 * bodies.node[k]
         ro = 8 * bodies.row[k]
@@ -220,21 +221,20 @@ def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
                 d = ld3(q_end, q + 3 * a, 1)
                 rr += 0.5 * add_iso(outer(d, f), -dot(d, f))
         add3(r_out, ro + 3, 1, moment)
-        if rate is not None:
-            for a in range(4):
-                x = ld3(q_mid, q + 3 * a, 1)
-                for b in range(4):
-                    m = rate * bodies.inertia[j0 + 4 * a + b]
-                    if m != 0.0:
-                        y = ld3(q_end, q + 3 * b, 1)
-                        if a == 0 and b == 0:
-                            tt = add_iso(tt, m)
-                        elif a == 0:
-                            tr = add_skew(tr, -m * y)
-                        elif b == 0:
-                            rt = add_skew(rt, m * x)
-                        else:
-                            rr += add_iso(zerom() - outer(m * y, x), m * dot(x, y))
+        for a in range(4):
+            x = ld3(q_mid, q + 3 * a, 1)
+            for b in range(4):
+                m = rate * bodies.inertia[j0 + 4 * a + b]
+                if m != 0.0:
+                    y = ld3(q_end, q + 3 * b, 1)
+                    if a == 0 and b == 0:
+                        tt = add_iso(tt, m)
+                    elif a == 0:
+                        tr = add_skew(tr, -m * y)
+                    elif b == 0:
+                        rt = add_skew(rt, m * x)
+                    else:
+                        rr += add_iso(zerom() - outer(m * y, x), m * dot(x, y))
         add_matrix(blocks_out, ko, 8, 1, tt)
         add_matrix(blocks_out, ko + 3, 8, 1, tr)
         add_matrix(blocks_out, ko + 24, 8, 1, rt)
@@ -272,50 +272,104 @@ def clear_held(held, width, panel, size):
                     panel[o + j] = 0.0
 
 
+class NoRates(NamedTuple):
+    """In place of velocities: statics changes only shapes."""
+
+
+NO_RATES = NoRates()
+
+
+@generic
+def load_rates(v, i, scratch):
+    """Rates of the nodes from i on into lanes."""
+
+
+@generic
+def accept(v, scratch, k, move, h):
+    """`advance` for a vector in lanes at k, its rate 96 behind."""
+
+
+@generic
+def store_rates(v, i, scratch):
+    """And back."""
+
+
+@generic
+def accept_one(v, q, k, move, h):
+    """`advance` for one vector of a node."""
+
+
+@load_rates.register(NoRates)
+@store_rates.register(NoRates)
+@kernel
+def pass_no_rates(v, i, scratch):
+    pass
+
+
+@load_rates.register(object)
+@written_in
+def load_rates_of_nodes(v, i, scratch):
+    load_rows(v, 12 * i, 12, scratch, 96, TWELVE)
+
+
+@store_rates.register(object)
+@written_in
+def store_rates_of_nodes(v, i, scratch):
+    store_rows(scratch, 96, v, 12 * i, 12, TWELVE)
+
+
+@accept.register(NoRates)
+@written_in
+def accept_shape(v, scratch, k, move, h):
+    vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
+
+
+@accept.register(object)
+@written_in
+def accept_motion(v, scratch, k, move, h):
+    vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
+    rate = vld3(scratch, k + 96, 8)
+    vst3(scratch, k + 96, 8, rate + (2.0 / h) * (move - h * rate))
+
+
+@accept_one.register(NoRates)
+@written_in
+def accept_one_shape(v, q, k, move, h):
+    st3(q, k, 1, ld3(q, k, 1) + move)
+
+
+@accept_one.register(object)
+@written_in
+def accept_one_motion(v, q, k, move, h):
+    st3(q, k, 1, ld3(q, k, 1) + move)
+    rate = ld3(v, k, 1)
+    st3(v, k, 1, rate + (2.0 / h) * (move - h * rate))
+
+
 @kernel
 def advance(q, v, dphi, theta, h, first, last, scratch):
     """Accept the increments of the nodes from `first` to before `last`: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2); in
-    statics, where v is None, only the first."""
+    statics, where v is NO_RATES, only the first."""
     i = first
     while i + 8 <= last:
         load_rows(q, 12 * i, 12, scratch, 0, TWELVE)
         load_rows(dphi, 3 * i, 3, scratch, 192, THREE)
         load_rows(theta, 3 * i, 3, scratch, 216, THREE)
-        if v is not None:
-            load_rows(v, 12 * i, 12, scratch, 96, TWELVE)
+        load_rates.call(v, i, scratch)
         t = vld3(scratch, 216, 8)
         c = 1.0 / (1.0 + 0.25 * dot(t, t))
-        accept(scratch, 0, v, vld3(scratch, 192, 8), h)
+        accept.call(v, scratch, 0, vld3(scratch, 192, 8), h)
         for k in range(24, 96, 24):
-            accept(scratch, k, v, director_increment(c, t, vld3(scratch, k, 8)), h)
+            accept.call(v, scratch, k, director_increment(c, t, vld3(scratch, k, 8)), h)
         store_rows(scratch, 0, q, 12 * i, 12, TWELVE)
-        if v is not None:
-            store_rows(scratch, 96, v, 12 * i, 12, TWELVE)
+        store_rates.call(v, i, scratch)
         i += 8
     while i < last:
         t, c = turn_of(theta, i)
-        accept_one(q, v, 12 * i, ld3(dphi, 3 * i, 1), h)
+        accept_one.call(v, q, 12 * i, ld3(dphi, 3 * i, 1), h)
         for k in range(12 * i + 3, 12 * i + 12, 3):
-            accept_one(q, v, k, director_increment(c, t, ld3(q, k, 1)), h)
+            accept_one.call(v, q, k, director_increment(c, t, ld3(q, k, 1)), h)
         i += 1
-
-
-@kernel
-def accept(scratch, k, v, move, h):
-    """`advance` for a vector in lanes at k, its rate 96 behind."""
-    vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
-    if v is not None:
-        rate = vld3(scratch, k + 96, 8)
-        vst3(scratch, k + 96, 8, rate + (2.0 / h) * (move - h * rate))
-
-
-@kernel
-def accept_one(q, v, k, move, h):
-    """The same for one vector of a node."""
-    st3(q, k, 1, ld3(q, k, 1) + move)
-    if v is not None:
-        rate = ld3(v, k, 1)
-        st3(v, k, 1, rate + (2.0 / h) * (move - h * rate))
 
 
 # --- as parts of a step -------------------------------------------------------------------------------------------------
@@ -358,7 +412,7 @@ def advance_in_space(size, method, state, work, h, first, last, scratch):
 @advance_nodes.register(Space, Equilibrium)
 @kernel
 def move_at_rest(size, method, state, work, h, first, last, scratch):
-    advance(state.q, None, work.dphi, work.theta, None, first, last, scratch)
+    advance(state.q, NO_RATES, work.dphi, work.theta, 0.0, first, last, scratch)
 
 
 @assemble.register(Bodies, Conserving)

@@ -5,6 +5,8 @@ from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, zero3
 from .curves import find_element, point_on_curve
 from .kinds import SPACE
+from .layout import CONSTANTS, LIST, NODES, NODE_TABLE, POINTS, REFERENCE, layout
+from .strain_sets import strains_of_state
 
 
 @kernel
@@ -13,21 +15,22 @@ def element_momenta(tables, n_rows, v, p_out):
     meta = tables.meta
     tab = tables.tab
     for k in range(meta.shape[0]):
-        nn = meta[k, 0]
-        mo = meta[k, 2] + 288 + meta[k, 1] * 8 * (1 + 3 * nn)
-        no = meta[k, 3]
+        at = layout(SPACE, meta[k, NODES], meta[k, POINTS])
+        no = meta[k, LIST]
         for lane in range(8):
             if tables.rows[no + lane] == n_rows:
                 continue
-            for a in range(nn):
+            o = meta[k, CONSTANTS] + lane
+            rho = tab[o + at.inertia]; j2 = tab[o + at.inertia + 8]; j3 = tab[o + at.inertia + 16]
+            for a in range(at.nn):
                 pa = 12 * tables.nodes[no + 8 * a + lane]
-                for b in range(nn):
+                for b in range(at.nn):
                     vb = 12 * tables.nodes[no + 8 * b + lane]
-                    m = tab[mo + 24 + 8 * (nn * a + b) + lane] * tab[mo + lane]
-                    md = tab[mo + 24 + 8 * (nn * nn + nn * a + b) + lane]
+                    m = tab[o + at.masses + 8 * (at.nn * a + b)] * rho
+                    md = tab[o + at.director_masses + 8 * (at.nn * a + b)]
                     add3(p_out, pa, 1, m * ld3(v, vb, 1))
-                    add3(p_out, pa + 6, 1, (md * tab[mo + 8 + lane]) * ld3(v, vb + 6, 1))
-                    add3(p_out, pa + 9, 1, (md * tab[mo + 16 + lane]) * ld3(v, vb + 9, 1))
+                    add3(p_out, pa + 6, 1, (md * j2) * ld3(v, vb + 6, 1))
+                    add3(p_out, pa + 9, 1, (md * j3) * ld3(v, vb + 9, 1))
 
 
 @kernel
@@ -59,7 +62,39 @@ def motion(q, v, p, out):
 
 
 @kernel
-def strain_energy(tables, n_rows, q, green, work, of_elements):
+def shape_at_point(tables, no, lane, to, nn, q):
+    """phi', the directors and their derivatives at a point of one element."""
+    tab = tables.tab
+    f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
+    for a in range(nn):
+        t = to + 8 + NODE_TABLE * a
+        o = 12 * tables.nodes[no + 8 * a + lane]
+        f += tab[t] * ld3(q, o, 1)
+        x = ld3(q, o + 3, 1); d1 += tab[t + 8] * x; k1 += tab[t + 16] * x
+        x = ld3(q, o + 6, 1); d2 += tab[t + 8] * x; k2 += tab[t + 16] * x
+        x = ld3(q, o + 9, 1); d3 += tab[t + 8] * x; k3 += tab[t + 16] * x
+    return f, (d1, d2, d3), (k1, k2, k3)
+
+
+@kernel
+def energy_at_point(tab, co, e0, e):
+    """(E - E0) C (E - E0) and the axial force for strains e; less E0 they stand there afterwards."""
+    for i in range(6):
+        e[i] -= tab[e0 + 8 * i]
+    energy = 0.0
+    force = 0.0
+    for i in range(6):
+        stress = 0.0
+        for j in range(6):
+            stress += tab[co + 48 * i + 8 * j] * e[j]
+        energy += e[i] * stress
+        if i == 0:
+            force = stress
+    return energy, force
+
+
+@kernel
+def strain_energy(tables, n_rows, q, strains, work, of_elements):
     """1/2 int (E - E0) C (E - E0) ds of all elements; work: 6 numbers. of_elements: empty, or [groups, 8, 3] flat, for the mean
     axial force of every element, the smallest square of the length of its directors, and the smallest phi'.d1; see
     `resolution`."""
@@ -67,8 +102,8 @@ def strain_energy(tables, n_rows, q, green, work, of_elements):
     tab = tables.tab
     total = 0.0
     for k in range(meta.shape[0]):
-        nn = meta[k, 0]
-        no = meta[k, 3]
+        at = layout(SPACE, meta[k, NODES], meta[k, POINTS])
+        no = meta[k, LIST]
         for lane in range(8):
             if tables.rows[no + lane] == n_rows:
                 continue
@@ -76,42 +111,15 @@ def strain_energy(tables, n_rows, q, green, work, of_elements):
             length = 0.0
             shortest = 1.0
             along = 1.0
-            for g in range(meta[k, 1]):
-                to = meta[k, 2] + 288 + 8 * (1 + 3 * nn) * g + lane
-                f = zero3(); d1 = zero3(); d2 = zero3(); d3 = zero3(); k1 = zero3(); k2 = zero3(); k3 = zero3()
-                for a in range(nn):
-                    t = to + 8 + 24 * a
-                    o = 12 * tables.nodes[no + 8 * a + lane]
-                    f += tab[t] * ld3(q, o, 1)
-                    x = ld3(q, o + 3, 1); d1 += tab[t + 8] * x; k1 += tab[t + 16] * x
-                    x = ld3(q, o + 6, 1); d2 += tab[t + 8] * x; k2 += tab[t + 16] * x
-                    x = ld3(q, o + 9, 1); d3 += tab[t + 8] * x; k3 += tab[t + 16] * x
-                work[1] = dot(f, d2)
-                work[2] = dot(f, d3)
-                work[3] = 0.5 * (dot(k2, d3) - dot(k3, d2))
-                squares = dot(d1, d1) + dot(d2, d2) + dot(d3, d3)
-                shortest = min(shortest, 0.5 * (squares - 1.0))
-                along = min(along, dot(f, d1))
-                if green is None:
-                    work[0] = (dot(f, f) - work[1] * work[1] - work[2] * work[2])**0.5
-                    c = 1.75 - 0.25 * squares
-                    work[3] *= c
-                    work[4] = 0.5 * c * (dot(k3, d1) - dot(k1, d3))
-                    work[5] = 0.5 * c * (dot(k1, d2) - dot(k2, d1))
-                else:
-                    work[0] = 0.5 * dot(f, f)
-                    work[4] = dot(f, k3)
-                    work[5] = -dot(f, k2)
-                for i in range(6):
-                    work[i] -= tab[meta[k, 7] + 48 * g + 8 * i + lane]
-                energy = 0.0
-                for i in range(6):
-                    stress = 0.0
-                    for j in range(6):
-                        stress += tab[meta[k, 2] + 48 * i + 8 * j + lane] * work[j]
-                    energy += work[i] * stress
-                    if i == 0:
-                        force += tab[to] * stress
+            co = meta[k, CONSTANTS] + lane
+            for g in range(at.nq):
+                to = co + at.point + at.point_size * g
+                f, d, curvature = shape_at_point(tables, no, lane, to, at.nn, q)
+                shortest = min(shortest, 0.5 * (dot(d[0], d[0]) + dot(d[1], d[1]) + dot(d[2], d[2]) - 1.0))
+                along = min(along, dot(f, d[0]))
+                strains_of_state.call(strains, f, d, curvature, work)
+                energy, axial = energy_at_point(tab, co, meta[k, REFERENCE] + 48 * g + lane, work)
+                force += tab[to] * axial
                 length += tab[to]
                 total += 0.5 * tab[to] * energy
             if of_elements.shape[0] > 0:

@@ -1,4 +1,4 @@
-"""Element loops of beams in a plane: what kernels/beam.py computes, with 3 unknowns a node.
+"""Points and pairs of nodes of beams in a plane: what beam.py and the strain sets compute in space, with 3 unknowns a node.
 
 A node has 4 coordinates: its position x, y in the plane and the director u = d1 in it. The other director of the plane is
 J u, u turned by a right angle, the third is the constant normal. The strains that remain are (theory.md 10)
@@ -7,329 +7,404 @@ J u, u turned by a right angle, the third is the constant normal. The strains th
     (f = phi', x: normal component)
 
 where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
-director, columns with the spin at the end.
-
-Layout of one group of 8 elements in `tab` (each entry 8 lanes): C 9; per point: weight, (phi_s, dir, dir_s) of every node;
-rhoA, rhoI; position masses nn*nn; director masses nn*nn. Reference strains, 3 per point, stand apart, as in kernels/beam.py.
+director, columns with the spin at the end. Values stay in registers, so here shapes and strains are vectors and not offsets;
+loads, stores and zeros are those of `algebra.WIDTH` lanes.
 """
 from __future__ import annotations
 
-from .._jit import kernel, one_variant
-from .algebra import component0, component1, cross2, dot, perp, square_root, vadd2, vld, vld2, vst, vst2, vzero, vzero2
-from .inner import eliminate_inner
-from .rows import scatter_rows
-from .gather import gather_planar_ends, gather_planar_line
-from .work import FROM_START
+from typing import Any, NamedTuple
+
+from .._jit import kernel, written_in
+from .algebra import component0, component1, component2, cross2, dot, perp, square_root, triple
+from .algebra import padd2 as vadd2
+from .algebra import pld as vld
+from .algebra import pld2 as vld2
+from .algebra import pld3 as vld3
+from .algebra import pst as vst
+from .algebra import pst2 as vst2
+from .algebra import pzero as vzero
+from .algebra import pzero2 as vzero2
+from .beam import evaluate_point, put_pairs
+from .kinds import Plane
+from .layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION, PLANAR_PRODUCTS,
+                     PLANAR_ROTATION_POSITION, PLANAR_ROWS)
+from .motions import share_of_end
+from .strain_sets import (GreenLagrange, SimoReissner, planar_director_forces, planar_extrapolated, planar_form_stresses,
+                          planar_geometric, planar_point_data, planar_point_stiffness, planar_position_force, planar_strains,
+                          planar_sum_pair)
 
 
-def planar_point_size(nn: int) -> int:
-    """Doubles per quadrature point in `tab`."""
-    return 8 * (1 + 3 * nn)
+class Shape(NamedTuple):
+    """phi', u, u' at a point."""
+
+    f: Any
+    u: Any
+    k: Any
 
 
-def planar_group_size(nn: int, nq: int) -> int:
-    """Doubles per group in `tab`."""
-    return 8 * (9 + 2 + 2 * nn * nn) + nq * planar_point_size(nn)
+class SimoData(NamedTuple):
+    """What derivatives of the strains (2.2) need: means, and values at the end."""
+
+    over: Any       # 1 / stretch, so that changes of mean strains are those of forms at the end
+    over_end: Any
+    g: Any          # shear
+    g_end: Any
+    a: Any          # factor c
+    a_end: Any
+    c: Any          # u x u'
+    c_end: Any
 
 
-def planar_scratch_size(nn: int, nq: int) -> int:
-    """Doubles of scratch that a group needs."""
-    return 8 * (nn * (8 + 4 + 4 + 3 + 10) + nn * nn * 9 + nq * (8 + 10 * nn))
+class GreenData(NamedTuple):
+    """Strains (2.1) are quadratic forms: nothing."""
+
+
+GREEN_DATA = GreenData()
+
+
+class Law(NamedTuple):
+    """Weight times C at a point."""
+
+    c00: Any
+    c01: Any
+    c02: Any
+    c11: Any
+    c12: Any
+    c22: Any
+
+
+@written_in
+def planar_shape(constants, to, nn, scratch, qo):
+    """Of the nodes from qo on, 64 doubles apart."""
+    f = vzero2(); u = vzero2(); k = vzero2()
+    for a in range(nn):
+        t = to + 8 + NODE_TABLE * a
+        q = qo + 64 * a
+        n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
+        x = vld2(scratch, q + 16, 8)
+        f += vld(constants, t, 0) * vld2(scratch, q, 8); u += n * x; k += dn * x
+    return Shape(f, u, k)
+
+
+@written_in
+def law_of_point(constants, to):
+    w = vld(constants, to, 0)
+    return Law(w * vld(constants, 0, 0), w * vld(constants, 8, 0), w * vld(constants, 16, 0), w * vld(constants, 32, 0),
+               w * vld(constants, 40, 0), w * vld(constants, 64, 0))
+
+
+@written_in
+def apply_law(law, e):
+    """Stresses of three strains."""
+    x = component0(e); y = component1(e); z = component2(e)
+    return triple(law.c00 * x + law.c01 * y + law.c02 * z, law.c01 * x + law.c11 * y + law.c12 * z,
+                  law.c02 * x + law.c12 * y + law.c22 * z)
+
+
+@written_in
+def add_director_forces(constants, to, nn, scratch, fo, x, y):
+    """dir x + dir_s y on the directors of all nodes."""
+    for a in range(nn):
+        t = to + 8 + NODE_TABLE * a
+        vadd2(scratch, fo + 32 * a + 16, 8, vld(constants, t + 8, 0) * x + vld(constants, t + 16, 0) * y)
+
+
+@evaluate_point.register(Plane)
+@written_in
+def evaluate_point_in_plane(size, method, strains, constants, reference, g, scratch, at, case):
+    to = at.point + at.point_size * g
+    middle = planar_shape(constants, to, at.nn, scratch, 0)
+    end = planar_shape(constants, to, at.nn, scratch, 32)
+    start = Shape(2.0 * middle.f - end.f, 2.0 * middle.u - end.u, 2.0 * middle.k - end.k)
+    before = planar_strains.call(strains, start)
+    present = planar_strains.call(strains, end)
+    data = planar_point_data.call(strains, middle, start, end)
+    law = law_of_point(constants, to)
+    e = 0.5 * (before + present) - vld3(reference, 24 * g, 8)
+    s = apply_law(law, e)
+    t = s
+    if case.mixed:
+        # what the mean strains, linear in the last increment, lack to those of the present shape, theory.md (4.6)
+        if case.gathered:
+            line = planar_shape(constants, to, at.nn, scratch, at.line)
+            before = planar_extrapolated.call(strains, line, planar_shape(constants, to, at.nn, scratch, at.line + 32))
+        more = apply_law(law, share_of_end.call(method) * (before - present))
+        t = s + more
+        x, y = planar_director_forces.call(strains, data, middle, planar_form_stresses.call(strains, data, more))
+        add_director_forces(constants, to, at.nn, scratch, at.tangent_forces, x, y)
+    forms = planar_form_stresses.call(strains, data, s)
+    x0 = planar_position_force.call(strains, data, middle, forms)
+    for a in range(at.nn):
+        vadd2(scratch, at.forces + 32 * a, 8, vld(constants, to + 8 + NODE_TABLE * a, 0) * x0)
+    x, y = planar_director_forces.call(strains, data, middle, forms)
+    add_director_forces(constants, to, at.nn, scratch, at.forces, x, y)
+    planar_point_stiffness.call(strains, data, middle, end, law, t, constants, to, scratch, at,
+                                at.points + at.point_room * g)
+
+
+@written_in
+def put_planar_node(scratch, b, rows, products, rotation_position, position_rotation):
+    """What a node of a point leaves."""
+    vst(scratch, b + PLANAR_ROWS, 0, component0(rows)); vst(scratch, b + PLANAR_ROWS + 8, 0, component1(rows))
+    vst(scratch, b + PLANAR_ROWS + 16, 0, component2(rows))
+    vst(scratch, b + PLANAR_PRODUCTS, 0, component0(products)); vst(scratch, b + PLANAR_PRODUCTS + 8, 0, component1(products))
+    vst(scratch, b + PLANAR_PRODUCTS + 16, 0, component2(products))
+    vst2(scratch, b + PLANAR_ROTATION_POSITION, 8, rotation_position)
+    vst2(scratch, b + PLANAR_POSITION_ROTATION, 8, position_rotation)
+
+
+# --- strain set (2.2) ---------------------------------------------------------------------------------------------------
+@planar_strains.register(SimoReissner)
+@written_in
+def simo_strains(strains, shape):
+    g = cross2(shape.u, shape.f)
+    return triple(square_root(dot(shape.f, shape.f) - g * g), g, (1.5 - 0.5 * dot(shape.u, shape.u)) * cross2(shape.u, shape.k))
+
+
+@planar_extrapolated.register(SimoReissner)
+@kernel
+def simo_extrapolated(strains, shape, step):
+    g0 = cross2(shape.u, shape.f)
+    g = g0 + cross2(step.u, shape.f) + cross2(shape.u, step.f)
+    c = cross2(shape.u, shape.k)
+    a = 1.5 - 0.5 * dot(shape.u, shape.u)
+    return triple((dot(shape.f, shape.f + step.f) - g0 * g) / square_root(dot(shape.f, shape.f) - g0 * g0), g,
+                  a * (c + cross2(step.u, shape.k) + cross2(shape.u, step.k)) - dot(shape.u, step.u) * c)
+
+
+@planar_point_data.register(SimoReissner)
+@written_in
+def simo_data(strains, middle, start, end):
+    g0 = cross2(start.u, start.f); ge = cross2(end.u, end.f)
+    r0 = square_root(dot(start.f, start.f) - g0 * g0); r_end = square_root(dot(end.f, end.f) - ge * ge)
+    e = 0.5 * (r0 + r_end)
+    over = 1.0 / (e * r_end)
+    a0 = 1.5 - 0.5 * dot(start.u, start.u); ae = 1.5 - 0.5 * dot(end.u, end.u)
+    c0 = cross2(start.u, start.k); ce = cross2(end.u, end.k)
+    return SimoData(r_end * over, e * over, 0.5 * (g0 + ge), ge, 0.5 * (a0 + ae), ae, 0.5 * (c0 + ce), ce)
+
+
+@planar_form_stresses.register(SimoReissner)
+@written_in
+def simo_form_stresses(strains, data, s):
+    """Of the curvature it stays the moment."""
+    n = data.over * component0(s)
+    return triple(n, component1(s) - data.g * n, component2(s))
+
+
+@planar_position_force.register(SimoReissner)
+@written_in
+def simo_position_force(strains, data, middle, s):
+    return component0(s) * middle.f + component1(s) * perp(middle.u)
+
+
+@planar_director_forces.register(SimoReissner)
+@written_in
+def simo_director_forces(strains, data, middle, s):
+    m = component2(s)
+    x = vzero2() - component1(s) * perp(middle.f) - data.a * (m * perp(middle.k)) - (m * data.c) * middle.u
+    return x, data.a * (m * perp(middle.u))
+
+
+@planar_point_stiffness.register(SimoReissner)
+@written_in
+def simo_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
+    """Rows are derivatives of the quadratic forms of shear, curvature and its factor, theory.md (4.8)."""
+    f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
+    n = data.over * component0(t)
+    m = component2(t)
+    vst(scratch, po, 0, n); vst(scratch, po + 8, 0, component1(t) - data.g * n); vst(scratch, po + 16, 0, data.a * m)
+    vst(scratch, po + 24, 0, vzero() - data.c * m)
+    half_m = 0.5 * m
+    # half the stiffness, less the axial stress over the stretch, (4.8); strains at the end
+    half = Law(0.5 * (law.c00 - n), 0.5 * law.c01, 0.5 * law.c02, 0.5 * (law.c11 - n), 0.5 * law.c12, 0.5 * law.c22)
+    x = data.over_end * (end.f - data.g_end * n2e)
+    v1 = data.over * (half.c00 * x + half.c01 * n2e)
+    v2 = half.c01 * x + half.c11 * n2e - data.g * v1
+    v3 = half.c02 * x + half.c12 * n2e
+    vst2(scratch, po + PLANAR_MATRIX, 8, component0(v1) * f + component0(v2) * n2)
+    vst2(scratch, po + PLANAR_MATRIX + 16, 8, component1(v1) * f + component1(v2) * n2)
+    v4 = data.c * v3
+    v3 = data.a * v3
+    for a in range(at.nn):
+        t_a = to + 8 + NODE_TABLE * a
+        n = vld(constants, t_a + 8, 0); dn = vld(constants, t_a + 16, 0)
+        z = perp(vld2(scratch, 64 * a + 16, 8)); ze = perp(vld2(scratch, 64 * a + 48, 8))
+        r1 = n * cross2(z, f)
+        r2 = n * cross2(z, middle.k) + dn * cross2(middle.u, z)
+        r3 = vzero() - n * dot(middle.u, z)
+        # strains at the end; back to the forms in the middle
+        q2 = n * cross2(ze, end.f)
+        qk = n * cross2(ze, end.k) + dn * cross2(end.u, ze)
+        qa = vzero() - n * dot(end.u, ze)
+        p = apply_law(half, triple(vzero() - (data.over_end * data.g_end) * q2, q2, data.a_end * qk + data.c_end * qa))
+        p0 = data.over * component0(p)
+        p1 = component1(p) - data.g * p0
+        p3 = component2(p)
+        put_planar_node(scratch, po + PLANAR_NODES + PLANAR_NODE * a, triple(r1, r2, r3),
+                        triple(p1, data.a * p3 + half_m * qa, data.c * p3 + half_m * qk), r1 * v2 + r2 * v3 + r3 * v4,
+                        p0 * f + p1 * n2)
+
+
+@planar_sum_pair.register(SimoReissner)
+@written_in
+def simo_sums(strains, constants, scratch, at, a, b):
+    """Shear, curvature and its factor."""
+    h = vzero(); g = vzero(); e3 = vzero(); e4 = vzero()
+    for p in range(at.nq):
+        t = at.point + at.point_size * p + 8
+        po = at.points + at.point_room * p
+        pa = vld(constants, t + 24 * a, 0); na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
+        pb = vld(constants, t + 24 * b, 0); nb = vld(constants, t + 24 * b + 8, 0); db = vld(constants, t + 24 * b + 16, 0)
+        s2 = vld(scratch, po + 8, 0)
+        h += (pa * nb) * s2
+        g += (na * pb) * s2
+        e3 += (na * db - da * nb) * vld(scratch, po + 16, 0)
+        e4 += (na * nb) * vld(scratch, po + 24, 0)
+    o = at.pairs + at.pair_size * (at.nn * a + b)
+    vst(scratch, o, 0, g); vst(scratch, o + 8, 0, e3); vst(scratch, o + 16, 0, e4)
+    o = at.pairs + at.pair_size * (at.nn * b + a)
+    vst(scratch, o, 0, h); vst(scratch, o + 8, 0, vzero() - e3); vst(scratch, o + 16, 0, e4)
+
+
+@planar_geometric.register(SimoReissner)
+@written_in
+def simo_geometric(strains, scratch, sums, ua, ub):
+    return (0.5 * vld(scratch, sums + 8, 0)) * cross2(ua, ub) + (0.5 * vld(scratch, sums + 16, 0)) * dot(ua, ub)
+
+
+# --- strain set (2.1) ---------------------------------------------------------------------------------------------------
+@planar_strains.register(GreenLagrange)
+@written_in
+def green_strains(strains, shape):
+    return triple(0.5 * dot(shape.f, shape.f), cross2(shape.u, shape.f), cross2(shape.f, shape.k))
+
+
+@planar_extrapolated.register(GreenLagrange)
+@kernel
+def green_extrapolated(strains, shape, step):
+    return triple(0.5 * dot(shape.f, shape.f) + dot(shape.f, step.f),
+                  cross2(shape.u, shape.f) + cross2(step.u, shape.f) + cross2(shape.u, step.f),
+                  cross2(shape.f, shape.k) + cross2(step.f, shape.k) + cross2(shape.f, step.k))
+
+
+@planar_point_data.register(GreenLagrange)
+@written_in
+def green_data(strains, middle, start, end):
+    return GREEN_DATA
+
+
+@planar_form_stresses.register(GreenLagrange)
+@written_in
+def green_form_stresses(strains, data, s):
+    return s
+
+
+@planar_position_force.register(GreenLagrange)
+@written_in
+def green_position_force(strains, data, middle, s):
+    return component0(s) * middle.f + component1(s) * perp(middle.u) - component2(s) * perp(middle.k)
+
+
+@planar_director_forces.register(GreenLagrange)
+@written_in
+def green_director_forces(strains, data, middle, s):
+    x = perp(middle.f)
+    return vzero2() - component1(s) * x, component2(s) * x
+
+
+@planar_point_stiffness.register(GreenLagrange)
+@kernel
+def green_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
+    """Rows are derivatives of the strains."""
+    f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
+    n3 = vzero2() - perp(middle.k); n3e = vzero2() - perp(end.k)
+    vst(scratch, po, 0, component0(t)); vst(scratch, po + 8, 0, component1(t)); vst(scratch, po + 16, 0, component2(t))
+    v1 = 0.5 * (law.c00 * end.f + law.c01 * n2e + law.c02 * n3e)
+    v2 = 0.5 * (law.c01 * end.f + law.c11 * n2e + law.c12 * n3e)
+    v3 = 0.5 * (law.c02 * end.f + law.c12 * n2e + law.c22 * n3e)
+    vst2(scratch, po + PLANAR_MATRIX, 8, component0(v1) * f + component0(v2) * n2 + component0(v3) * n3)
+    vst2(scratch, po + PLANAR_MATRIX + 16, 8, component1(v1) * f + component1(v2) * n2 + component1(v3) * n3)
+    for a in range(at.nn):
+        t_a = to + 8 + NODE_TABLE * a
+        n = vld(constants, t_a + 8, 0); dn = vld(constants, t_a + 16, 0)
+        z = perp(vld2(scratch, 64 * a + 16, 8)); ze = perp(vld2(scratch, 64 * a + 48, 8))
+        r1 = n * cross2(z, f)
+        r2 = dn * cross2(f, z)
+        q2 = n * cross2(ze, end.f)
+        q3 = dn * cross2(end.f, ze)
+        p0 = 0.5 * (law.c01 * q2 + law.c02 * q3)
+        p1 = 0.5 * (law.c11 * q2 + law.c12 * q3)
+        p2 = 0.5 * (law.c12 * q2 + law.c22 * q3)
+        put_planar_node(scratch, po + PLANAR_NODES + PLANAR_NODE * a, triple(r1, r2, vzero()), triple(p1, p2, vzero()),
+                        r1 * v2 + r2 * v3, p0 * f + p1 * n2 + p2 * n3)
 
 
 @kernel
-def planar_point(tab, co, to, e0, nn, scratch, fo, lo, mixed, gathered, v, po, green):
-    """One quadrature point: internal forces on the coordinates of every node (fo), those on the directors that the tangent adds
-    (behind line and step of the nodes at lo), and from po on what node pairs share: stresses of the tangent times weight 4, TT 4,
-    then per node three rotation rows of the midpoint, what multiplies them, the columns rotation-translation 2 and
-    translation-rotation 2. Rows are derivatives of quadratic forms, theory.md (4.8); of set (2.1) they are the strains."""
-    f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
-    for a in range(nn):
-        t = to + 8 + 24 * a
-        q = 64 * a
-        dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
-        x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
-        f += dp * vld2(scratch, q, 8); u += n * x; k += dn * x
-        fe += dp * vld2(scratch, q + 32, 8); ue += n * y; ke += dn * y
-    # shape at the start of the step
-    f0 = 2.0 * f - fe; u0 = 2.0 * u - ue; k0 = 2.0 * k - ke
-    g0 = cross2(u0, f0); ge = cross2(ue, fe)
-    g = 0.5 * (g0 + ge)
-    if green is None:
-        r_end = square_root(dot(fe, fe) - ge * ge)
-        r0 = square_root(dot(f0, f0) - g0 * g0)
-        e = 0.5 * (r0 + r_end)
-        over = 1.0 / (e * r_end)
-        over_end = e * over
-        over = r_end * over
-        a0 = 1.5 - 0.5 * dot(u0, u0); ae = 1.5 - 0.5 * dot(ue, ue)
-        c0 = cross2(u0, k0); ce = cross2(ue, ke)
-        am = 0.5 * (a0 + ae)
-        cm = 0.5 * (c0 + ce)
-        gm = g
-        c = 0.5 * (a0 * c0 + ae * ce)
-    else:
-        e = 0.25 * (dot(f0, f0) + dot(fe, fe))
-        c = 0.5 * (cross2(f0, k0) + cross2(fe, ke))
-    w = vld(tab, to, 0)
-    e -= vld(tab, e0, 0); g -= vld(tab, e0 + 8, 0); c -= vld(tab, e0 + 16, 0)
-    c00 = w * vld(tab, co, 0); c01 = w * vld(tab, co + 8, 0); c02 = w * vld(tab, co + 16, 0)
-    c11 = w * vld(tab, co + 32, 0); c12 = w * vld(tab, co + 40, 0); c22 = w * vld(tab, co + 64, 0)
-    s1 = c00 * e + c01 * g + c02 * c
-    s2 = c01 * e + c11 * g + c12 * c
-    s3 = c02 * e + c12 * g + c22 * c
-    t1 = s1; t2 = s2; t3 = s3
-    if mixed:
-        # what the mean strains, linear in the last increment, lack to them, theory.md (4.6)
-        if gathered:
-            # shape before the last increment, and that increment
-            fb = vzero2(); ub = vzero2(); kb = vzero2(); fx = vzero2(); ux = vzero2(); kx = vzero2()
-            for a in range(nn):
-                t = to + 8 + 24 * a
-                q = lo + 80 * a
-                dp = vld(tab, t, 0); n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
-                x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
-                fb += dp * vld2(scratch, q, 8); ub += n * x; kb += dn * x
-                fx += dp * vld2(scratch, q + 32, 8); ux += n * y; kx += dn * y
-            gb = cross2(ub, fb)
-            g = gb + cross2(ux, fb) + cross2(ub, fx)
-            if green is None:
-                e = (dot(fb, fb + fx) - gb * g) / square_root(dot(fb, fb) - gb * gb)
-                cb = cross2(ub, kb); ab = 1.5 - 0.5 * dot(ub, ub)
-                c = ab * (cb + cross2(ux, kb) + cross2(ub, kx)) - dot(ub, ux) * cb
-            else:
-                e = 0.5 * dot(fb, fb) + dot(fb, fx)
-                c = cross2(fb, kb) + cross2(fx, kb) + cross2(fb, kx)
-        else:
-            g = g0
-            if green is None:
-                e = r0
-                c = a0 * c0
-            else:
-                e = 0.5 * dot(f0, f0)
-                c = cross2(f0, k0)
-        g -= ge
-        if green is None:
-            e -= r_end
-            c -= ae * ce
-        else:
-            e -= 0.5 * dot(fe, fe)
-            c -= cross2(fe, ke)
-        share = 1.0
-        if v is not None:
-            share = 0.5    # the start of the step stays as it is
-        m1 = share * (c00 * e + c01 * g + c02 * c)
-        m2 = share * (c01 * e + c11 * g + c12 * c)
-        m3 = share * (c02 * e + c12 * g + c22 * c)
-        t1 = s1 + m1; t2 = s2 + m2; t3 = s3 + m3
-        if green is None:
-            m1 = over * m1
-            m2 -= gm * m1
-            x = vzero2() - m2 * perp(f) - am * (m3 * perp(k)) - (m3 * cm) * u
-            y = am * (m3 * perp(u))
-        else:
-            x = vzero2() - m2 * perp(f)
-            y = m3 * perp(f)
-        for a in range(nn):
-            t = to + 8 + 24 * a
-            vadd2(scratch, lo + 80 * a + 64, 8, vld(tab, t + 8, 0) * x + vld(tab, t + 16, 0) * y)
-    # forces; stresses of the tangent for the pairs; stiffness times the rows of the positions at the end, ct
-    n2 = perp(u); n2e = perp(ue)
-    if green is None:
-        # what multiplies the derivatives of the quadratic forms, theory.md (4.7)
-        s1 = over * s1
-        s2 -= gm * s1
-        x0 = s1 * f + s2 * n2
-        x1 = vzero2() - s2 * perp(f) - am * (s3 * perp(k)) - (s3 * cm) * u
-        y1 = am * (s3 * n2)
-        n = over * t1
-        half_m = 0.5 * t3
-        vst(scratch, po, 0, n); vst(scratch, po + 8, 0, t2 - gm * n); vst(scratch, po + 16, 0, am * t3)
-        vst(scratch, po + 24, 0, vzero() - cm * t3)
-        # half the stiffness, less the axial stress over the stretch, (4.8); strains at the end
-        c00 = 0.5 * (c00 - n); c11 = 0.5 * (c11 - n); c01 = 0.5 * c01; c02 = 0.5 * c02; c12 = 0.5 * c12; c22 = 0.5 * c22
-        x = over_end * (fe - ge * n2e)
-        v1 = over * (c00 * x + c01 * n2e)
-        v2 = c01 * x + c11 * n2e - gm * v1
-        v3 = c02 * x + c12 * n2e
-        tt0 = component0(v1) * f + component0(v2) * n2
-        tt1 = component1(v1) * f + component1(v2) * n2
-        v4 = cm * v3
-        v3 = am * v3
-    else:
-        vst(scratch, po, 0, t1); vst(scratch, po + 8, 0, t2); vst(scratch, po + 16, 0, t3)
-        n3 = vzero2() - perp(k); n3e = vzero2() - perp(ke)
-        x0 = s1 * f + s2 * n2 + s3 * n3
-        x1 = vzero2() - s2 * perp(f)
-        y1 = s3 * perp(f)
-        v1 = 0.5 * (c00 * fe + c01 * n2e + c02 * n3e)
-        v2 = 0.5 * (c01 * fe + c11 * n2e + c12 * n3e)
-        v3 = 0.5 * (c02 * fe + c12 * n2e + c22 * n3e)
-        tt0 = component0(v1) * f + component0(v2) * n2 + component0(v3) * n3
-        tt1 = component1(v1) * f + component1(v2) * n2 + component1(v3) * n3
-    vst2(scratch, po + 32, 8, tt0); vst2(scratch, po + 48, 8, tt1)
-    for a in range(nn):
-        t = to + 8 + 24 * a
-        q = 64 * a
-        n = vld(tab, t + 8, 0); dn = vld(tab, t + 16, 0)
-        o = fo + 32 * a
-        vadd2(scratch, o, 8, vld(tab, t, 0) * x0)
-        vadd2(scratch, o + 16, 8, n * x1 + dn * y1)
-        # rotation rows: a node's director moves with J u
-        z = perp(vld2(scratch, q + 16, 8)); ze = perp(vld2(scratch, q + 48, 8))
-        b = po + 64 + 80 * a
-        if green is None:
-            # of shear, of the form of the curvature, of its factor; strains at the end; back to the forms in the middle
-            r1 = n * cross2(z, f)
-            r2 = n * cross2(z, k) + dn * cross2(u, z)
-            r3 = vzero() - n * dot(u, z)
-            q2 = n * cross2(ze, fe)
-            qk = n * cross2(ze, ke) + dn * cross2(ue, ze)
-            qa = vzero() - n * dot(ue, ze)
-            q1 = vzero() - (over_end * ge) * q2
-            q3 = ae * qk + ce * qa
-            p0 = over * (c00 * q1 + c01 * q2 + c02 * q3)
-            p1 = c01 * q1 + c11 * q2 + c12 * q3 - gm * p0
-            p3 = c02 * q1 + c12 * q2 + c22 * q3
-            p2 = am * p3 + half_m * qa
-            p3 = cm * p3 + half_m * qk
-            vst2(scratch, b + 48, 8, r1 * v2 + r2 * v3 + r3 * v4)
-            vst2(scratch, b + 64, 8, p0 * f + p1 * n2)
-        else:
-            r1 = n * cross2(z, f)
-            r2 = dn * cross2(f, z)
-            r3 = vzero()
-            q2 = n * cross2(ze, fe)
-            q3 = dn * cross2(fe, ze)
-            p0 = 0.5 * (c01 * q2 + c02 * q3)
-            p1 = 0.5 * (c11 * q2 + c12 * q3)
-            p2 = 0.5 * (c12 * q2 + c22 * q3)
-            p3 = vzero()
-            vst2(scratch, b + 48, 8, r1 * v2 + r2 * v3)
-            vst2(scratch, b + 64, 8, p0 * f + p1 * n2 + p2 * n3)
-        vst(scratch, b, 0, r1); vst(scratch, b + 8, 0, r2); vst(scratch, b + 16, 0, r3)
-        vst(scratch, b + 24, 0, p1); vst(scratch, b + 32, 0, p2); vst(scratch, b + 40, 0, p3)
+def green_sum(constants, scratch, at, a, b):
+    g = vzero()
+    for p in range(at.nq):
+        t = at.point + at.point_size * p + 8
+        po = at.points + at.point_room * p
+        na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
+        g += vld(constants, t + 24 * b, 0) * (na * vld(scratch, po + 8, 0) - da * vld(scratch, po + 16, 0))
+    return g
 
 
+@planar_sum_pair.register(GreenLagrange)
 @kernel
-def planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko):
+def green_sums(strains, constants, scratch, at, a, b):
+    vst(scratch, at.pairs + at.pair_size * (at.nn * a + b), 0, green_sum(constants, scratch, at, a, b))
+    vst(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0, green_sum(constants, scratch, at, b, a))
+
+
+@planar_geometric.register(GreenLagrange)
+@written_in
+def green_geometric(strains, scratch, sums, ua, ub):
+    return vzero()
+
+
+# --- pairs of nodes -----------------------------------------------------------------------------------------------------
+@put_pairs.register(Plane)
+@written_in
+def put_planar_pairs(size, strains, constants, scratch, at, rate):
+    for a in range(at.nn):
+        for b in range(a, at.nn):
+            planar_sum_pair.call(strains, constants, scratch, at, a, b)
+    for a in range(at.nn):
+        for b in range(at.nn):
+            planar_pair(strains, constants, scratch, at, a, b, rate)
+
+
+@written_in
+def planar_pair(strains, constants, scratch, at, a, b, rate):
     """The 3 x 3 block of nodes a, b."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
     rr = vzero(); rt = vzero2(); tr = vzero2()
-    h2 = vzero(); g2 = vzero(); e3 = vzero(); e4 = vzero()
-    for g in range(nq):
-        t = to0 + pt * g + 8
-        po = po0 + ps * g
-        ba = po + 64 + 80 * a
-        bb = po + 64 + 80 * b
-        pa = vld(tab, t + 24 * a, 0); na = vld(tab, t + 24 * a + 8, 0); da = vld(tab, t + 24 * a + 16, 0)
-        pb = vld(tab, t + 24 * b, 0); nb = vld(tab, t + 24 * b + 8, 0); db = vld(tab, t + 24 * b + 16, 0)
+    for g in range(at.nq):
+        t = at.point + at.point_size * g + 8
+        po = at.points + at.point_room * g
+        ba = po + PLANAR_NODES + PLANAR_NODE * a
+        bb = po + PLANAR_NODES + PLANAR_NODE * b
+        pa = vld(constants, t + 24 * a, 0); pb = vld(constants, t + 24 * b, 0)
         pp = pa * pb
-        t00 += pp * vld(scratch, po + 32, 0); t10 += pp * vld(scratch, po + 40, 0)
-        t01 += pp * vld(scratch, po + 48, 0); t11 += pp * vld(scratch, po + 56, 0)
-        rt += pb * vld2(scratch, ba + 48, 8)
-        tr += pa * vld2(scratch, bb + 64, 8)
-        rr += vld(scratch, ba, 0) * vld(scratch, bb + 24, 0)
-        rr += vld(scratch, ba + 8, 0) * vld(scratch, bb + 32, 0)
-        rr += vld(scratch, ba + 16, 0) * vld(scratch, bb + 40, 0)
-        s1 = vld(scratch, po, 0); s2 = vld(scratch, po + 8, 0); s3 = vld(scratch, po + 16, 0)
-        iso = (0.5 * pp) * s1
-        t00 += iso; t11 += iso
-        if green is None:
-            h2 += (pa * nb) * s2
-            g2 += (na * pb) * s2
-            e3 += (na * db - da * nb) * s3
-            e4 += (na * nb) * vld(scratch, po + 24, 0)
-        else:
-            h2 += pa * (nb * s2 - db * s3)
-            g2 += pb * (na * s2 - da * s3)
+        iso = (0.5 * pp) * vld(scratch, po, 0)
+        m = po + PLANAR_MATRIX
+        t00 += pp * vld(scratch, m, 0) + iso; t10 += pp * vld(scratch, m + 8, 0)
+        t01 += pp * vld(scratch, m + 16, 0); t11 += pp * vld(scratch, m + 24, 0) + iso
+        rt += pb * vld2(scratch, ba + PLANAR_ROTATION_POSITION, 8)
+        tr += pa * vld2(scratch, bb + PLANAR_POSITION_ROTATION, 8)
+        for i in range(0, 24, 8):
+            rr += vld(scratch, ba + PLANAR_ROWS + i, 0) * vld(scratch, bb + PLANAR_PRODUCTS + i, 0)
     ua = vld2(scratch, 64 * a + 16, 8)
     ub = vld2(scratch, 64 * b + 48, 8)
-    tr -= (0.5 * h2) * ub
-    rt -= (0.5 * g2) * ua
-    if green is None:
-        rr += (0.5 * e3) * cross2(ua, ub) + (0.5 * e4) * dot(ua, ub)
-    if rate is not None:
-        m = rate * vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld(tab, mo, 0)
-        md = rate * vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld(tab, mo + 8, 0)
-        t00 += m; t11 += m
-        rr += md * dot(ua, ub)
-    vst(scratch, ko, 0, t00); vst(scratch, ko + 8, 0, t01); vst2(scratch, ko + 16, 24, tr)
-    vst(scratch, ko + 24, 0, t10); vst(scratch, ko + 32, 0, t11)
+    sums = at.pairs + at.pair_size * (at.nn * a + b)
+    rt -= (0.5 * vld(scratch, sums, 0)) * ua
+    tr -= (0.5 * vld(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0)) * ub
+    m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia, 0)
+    md = rate * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia + 8, 0)
+    rr += planar_geometric.call(strains, scratch, sums, ua, ub) + md * dot(ua, ub)
+    ko = at.blocks + 72 * (at.nn * a + b)
+    vst(scratch, ko, 0, t00 + m); vst(scratch, ko + 8, 0, t01); vst2(scratch, ko + 16, 24, tr)
+    vst(scratch, ko + 24, 0, t10); vst(scratch, ko + 32, 0, t11 + m)
     vst2(scratch, ko + 48, 8, rt); vst(scratch, ko + 64, 0, rr)
-
-
-@one_variant
-def planar_groups(tables, first, last, inner, q, dphi, v, line, h, rate, green, r_out, blocks_out, scratch, size):
-    """Add residual rows and tangent blocks of the groups from `first` to before `last`; or leave them in `scratch`, rows
-    from 128 nn on, blocks from 152 nn on.
-
-    q, dphi, v: [4 N], [2 N], [4 N], the latter two None in statics; line: see `beam.element_groups`. rate: 2/h^2, None
-    in statics. green: None for strain set (2.2), else (2.1). inner: None, else inner nodes are eliminated where the tables
-    say so. r_out [8 rows], blocks_out [24 blocks].
-    """
-    meta = tables.meta
-    tab = tables.tab
-    mixed = line.use[0] != 0.0
-    gathered = line.use[0] != FROM_START
-    for k in range(first, last):
-        nn = meta[k, 0]
-        nq = meta[k, 1]
-        co = meta[k, 2]
-        no = meta[k, 3]
-        bo = meta[k, 4]
-        pt = 8 * (1 + 3 * nn)
-        eo0 = meta[k, 7]
-        to0 = co + 72
-        mo = to0 + nq * pt
-        # scratch: coordinates of the midpoint and the end, inertia, forces, residual, tangent, then the points
-        uo = 64 * nn
-        fo = uo + 32 * nn
-        ro = fo + 32 * nn
-        ko = ro + 24 * nn
-        po0 = ko + 72 * nn * nn
-        ps = 8 * (8 + 10 * nn)
-        lo = po0 + nq * ps
-        for a in range(nn):
-            gather_planar_ends(tables, no + 8 * a, q, dphi, line, v, h, scratch, 64 * a, uo + 32 * a)
-            vst2(scratch, lo + 80 * a + 64, 8, vzero2())
-        if mixed and gathered:
-            for a in range(nn):
-                gather_planar_line(tables, no + 8 * a, line, line.off, scratch, 64 * a + 32, lo + 80 * a)
-        for i in range(fo, ro, 8):
-            vst(scratch, i, 0, 0.0)
-        if v is not None:
-            rho = vld(tab, mo, 0); j = vld(tab, mo + 8, 0)
-            for a in range(nn):
-                p = vzero2(); d = vzero2()
-                for b in range(nn):
-                    p += vld(tab, mo + 16 + 8 * (nn * a + b), 0) * vld2(scratch, uo + 32 * b, 8)
-                    d += vld(tab, mo + 16 + 8 * (nn * nn + nn * a + b), 0) * vld2(scratch, uo + 32 * b + 16, 8)
-                vst2(scratch, fo + 32 * a, 8, rho * p)
-                vst2(scratch, fo + 32 * a + 16, 8, j * d)
-        for g in range(nq):
-            planar_point(tab, co, to0 + pt * g, eo0 + 24 * g, nn, scratch, fo, lo, mixed, gathered, v, po0 + ps * g, green)
-        for a in range(nn):
-            for b in range(nn):
-                planar_pair(tab, pt, ps, nn, nq, a, b, to0, po0, mo, rate, scratch, green, ko + 72 * (nn * a + b))
-            f = vld2(scratch, fo + 32 * a + 16, 8)
-            vst2(scratch, ro + 24 * a, 8, vld2(scratch, fo + 32 * a, 8))
-            vst(scratch, ro + 24 * a + 16, 0, cross2(vld2(scratch, 64 * a + 16, 8), f))
-            # moving the mean director: J u_end x f / 2
-            f += vld2(scratch, lo + 80 * a + 64, 8)
-            kaa = ko + 72 * (nn * a + a) + 64
-            vst(scratch, kaa, 0, vld(scratch, kaa, 0) - 0.5 * dot(vld2(scratch, 64 * a + 48, 8), f))
-        if blocks_out is not None:
-            every = 1
-            if inner is not None:
-                if meta[k, 6] >= 0:
-                    if not eliminate_inner(inner.store, meta[k, 6], nn, tables, no, scratch, ro, ko, r_out, None, inner.rhs, None,
-                                           0, size):
-                        inner.state[0] = 0.0
-                    every = nn - 1
-            for a in range(0, nn, every):
-                scatter_rows(scratch, ro + 24 * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
-                for b in range(0, nn, every):
-                    for i in range(3):
-                        scatter_rows(scratch, ko + 72 * (nn * a + b) + 24 * i, tables.blocks, bo + 8 * (nn * a + b), 24, 8 * i,
-                                     blocks_out, size)

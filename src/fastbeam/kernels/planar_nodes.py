@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import kernel
 from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
 from .kinds import Plane
-from .nodes import predict_from
+from .nodes import NO_RATES, NoRates, predict_from
 from .slider import tied_arm
 from .terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes, pull_tied_columns,
                     push_tied_columns, spread_nodes, tie_increments)
@@ -87,6 +88,24 @@ def planar_update(row_of, x, first, last, theta, dphi):
     return largest, spin
 
 
+@generic
+def follow_rate(v, k, move, h):
+    """Rate of a vector after its increment."""
+
+
+@follow_rate.register(NoRates)
+@kernel
+def follow_no_rate(v, k, move, h):
+    pass
+
+
+@follow_rate.register(object)
+@kernel
+def follow_planar_rate(v, k, move, h):
+    rate = ld2(v, k, 1)
+    st2(v, k, 1, rate + (2.0 / h) * (move - h * rate))
+
+
 @kernel
 def planar_advance(q, v, dphi, theta, h, first, last, scratch):
     """As `nodes.advance`; scratch is not used."""
@@ -95,9 +114,7 @@ def planar_advance(q, v, dphi, theta, h, first, last, scratch):
             x = ld2(q, k, 1)
             move = planar_turn(theta[i], x) if k > 4 * i else ld2(dphi, 2 * i, 1)
             st2(q, k, 1, x + move)
-            if v is not None:
-                rate = ld2(v, k, 1)
-                st2(v, k, 1, rate + (2.0 / h) * (move - h * rate))
+            follow_rate.call(v, k, move, h)
 
 
 @kernel
@@ -270,7 +287,7 @@ def advance_in_plane(size, method, state, work, h, first, last, scratch):
 @advance_nodes.register(Plane, Equilibrium)
 @kernel
 def move_in_plane_at_rest(size, method, state, work, h, first, last, scratch):
-    planar_advance(state.q, None, work.dphi, work.theta, None, first, last, scratch)
+    planar_advance(state.q, NO_RATES, work.dphi, work.theta, 0.0, first, last, scratch)
 
 
 @assemble.register(PlanarBodies, Conserving)

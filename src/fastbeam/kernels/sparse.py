@@ -129,8 +129,7 @@ def distance(t, x, b, r, room, size):
 @kernel
 def begin_step(t):
     """Factors of earlier steps do not count: a run goes on with the same bits from any step."""
-    if t is not None:
-        t.counts[3] = 0
+    t.counts[3] = 0
 
 
 @kernel

@@ -11,7 +11,7 @@ from .._generic import RecordType, in_memory
 from .._jit import beside, kernel
 from . import beams, constraints, slider, tied  # noqa: F401  all terms
 from .border import fill_panel, fill_residual, solve_border, take_solution
-from .chain import Elimination, back_substitute, factor
+from .chain import Elimination, OneSide, RightSides, back_substitute, factor
 from .kinds import dim
 from .nodes import extrapolation, remember
 from .slider import Contact
@@ -154,25 +154,25 @@ def begin_pardiso(solver):
 
 
 @kernel
-def eliminate(plan, work, width, size):
-    """By block elimination; width: None where there is nothing but the residual."""
+def eliminate(plan, work, sides, size):
+    """By block elimination."""
     # NaN fails the comparison too
-    good = factor(plan, work.blocks, work.pivots, work.panel, width, size) > 1e-14
+    good = factor(plan, work.blocks, work.pivots, sides, size) > 1e-14
     if good:
-        back_substitute(plan, work.blocks, work.panel, width, size)
+        back_substitute(plan, work.blocks, sides, size)
     return good
 
 
 @solve.register(Elimination, NoContact)
 @kernel
 def eliminate_residual(plan, contact, system):
-    return eliminate(plan, system.work, None, system.size)
+    return eliminate(plan, system.work, OneSide(system.work.panel), system.size)
 
 
 @solve.register(Elimination, Contact)
 @kernel
 def eliminate_bordered(plan, contact, system):
-    return eliminate(plan, system.work, system.width, system.size)
+    return eliminate(plan, system.work, RightSides(system.work.panel, system.width), system.size)
 
 
 @solve.register(PardisoTables)
@@ -373,7 +373,7 @@ def _beside_run(terms, system, weights, h, *others):
     """Calls in `run` that together take as long to compile as all others, in their order, from the types of its arguments."""
     shared, all_terms = RecordType(system), RecordType(terms)
     method, contact, solver = (system.types[system.fields.index(name)] for name in ("method", "contact", "solver"))
-    heavy = (slider.Sliding, beams.SimoReissner, beams.GreenLagrange)
+    heavy = (slider.Sliding, beams.Beams)
     calls = [(function, some) for function, some in assemble.calls(all_terms, method, shared, h)
              if issubclass(some[0].instance_class, heavy)]
     for function, some in ((solve, (solver, contact, shared)), (close, (contact, all_terms, shared))):

@@ -16,17 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._generic import generic
 from .._jit import kernel
 from .algebra import vld, vst
-from .beam import element_groups
+from .beam import evaluate_group
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
-from .inner import PIVOT, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
-from .kinds import Plane, Space
+from .inner import IN_ROWS, PIVOT, Condensed, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
+from .layout import POINTS, layout
+from .motions import motion
 from .nodes import larger
-from .planar_beam import planar_groups
 from .rows import clear_lanes, copy_lanes, gather_lanes, put_rows
-from .terms import Conserving, Equilibrium, move_nodes, spread_nodes
+from .terms import move_nodes, spread_nodes
 
 
 class Substructures(NamedTuple):
@@ -115,77 +114,13 @@ def spread_listed(nodes, first, last, size, method, state, work, h):
         spread_nodes.call(size, method, state, work, h, nodes[k], nodes[k] + 1)
 
 
-@generic
-def evaluate_group(size, method, tables, k, strains, state, work, h, scratch):
-    """Residual and tangent of group k of elements into scratch."""
-
-
-@generic
-def rows_of_group(size, nn):
-    """Where the residual of a group stands in scratch."""
-
-
-@generic
-def blocks_of_group(size, nn):
-    """Where its tangent does."""
-
-
-@evaluate_group.register(Space, Conserving)
-@kernel
-def evaluate_in_space(size, method, tables, k, strains, state, work, h, scratch):
-    element_groups(tables, k, k + 1, None, state.q, work.dphi, state.v, None, work.line, h, 2.0 / (h * h), None, strains, None,
-                   None, None, scratch, size)
-
-
-@evaluate_group.register(Space, Equilibrium)
-@kernel
-def evaluate_in_space_at_rest(size, method, tables, k, strains, state, work, h, scratch):
-    element_groups(tables, k, k + 1, None, state.q, None, None, None, work.line, None, None, None, strains, None, None, None,
-                   scratch, size)
-
-
-@evaluate_group.register(Plane, Conserving)
-@kernel
-def evaluate_in_plane(size, method, tables, k, strains, state, work, h, scratch):
-    planar_groups(tables, k, k + 1, None, state.q, work.dphi, state.v, work.line, h, 2.0 / (h * h), strains, None, None,
-                  scratch, size)
-
-
-@evaluate_group.register(Plane, Equilibrium)
-@kernel
-def evaluate_in_plane_at_rest(size, method, tables, k, strains, state, work, h, scratch):
-    planar_groups(tables, k, k + 1, None, state.q, None, None, work.line, None, None, strains, None, None, scratch, size)
-
-
-@rows_of_group.register(Space)
-@kernel
-def rows_in_space(size, nn):
-    return 384 * nn
-
-
-@blocks_of_group.register(Space)
-@kernel
-def blocks_in_space(size, nn):
-    return 432 * nn
-
-
-@rows_of_group.register(Plane)
-@kernel
-def rows_in_plane(size, nn):
-    return 128 * nn
-
-
-@blocks_of_group.register(Plane)
-@kernel
-def blocks_in_plane(size, nn):
-    return 152 * nn
-
-
 @kernel
 def condense(subs, tables, strains, first, last, size, method, state, work, h, scratch):
     """Evaluate and condense the groups of beams from `first` to before `last`, under the loads in work.f_ext. Rows of interior
     nodes in line.x take their y, elements behind do not ask for their increments."""
-    loads, line = work.f_ext, work.line
+    line = work.line
+    keep = Condensed(work.f_ext, line.x)
+    move = motion.call(method, state, work, h)
     n = len(size)
     column = 8 * n
     block = column * n
@@ -196,18 +131,17 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
     for g in range(first, last):
         nn = subs.group[g, 2]
         inner = short_store(nn, n, 0)
-        # residual and tangent of a group of elements
-        ro = rows_of_group.call(size, nn)
-        ko = blocks_of_group.call(size, nn)
+        at = layout(size, nn, tables.meta[subs.group[g, 0], POINTS])
+        ro = at.rows
+        ko = at.blocks
         d = subs.group[g, 3] - per_node
         present = 1
         subs.state[g] = 1.0
         for j in range(subs.group[g, 1]):
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
-            evaluate_group.call(size, method, tables, k, strains, state, work, h, scratch)
-            good = eliminate_inner(subs.store, d + per_node, nn, tables, no, scratch, ro, ko, None, loads, None, line.x,
-                                   so + 6 * block, size)
+            evaluate_group(tables, k, at, strains, move, scratch, size)
+            good = eliminate_inner(keep, subs.store, d + per_node, tables, no, nn, scratch, ro, ko, so + 6 * block, size)
             if j == 0:
                 end = ko + block * (nn - 1)
                 copy_lanes(scratch, ko, block, scratch, so)
@@ -219,7 +153,7 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
             else:
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
-                subtract_loads(loads, tables, no, scratch, ro, so + 6 * block, size)
+                subtract_loads(keep.loads, tables, no, scratch, ro, so + 6 * block, size)
                 good = good and condense_node(scratch, so, present, nn, tables, no, ro, ko, subs.store, d, line.x, size)
                 present = 3 - present
             d += per_node + inner
@@ -289,7 +223,7 @@ def recover(subs, tables, first, last, factor, row_of, work, scratch, size):
                 subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
                 subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
                 put_rows(scratch, column, tables.rows, no, 8, 0, work.line.x, size)
-            recover_group(subs.store, d + per_node + inner, 1, nn, tables, no, factor, scratch, column, work.line.x, size)
+            recover_group(IN_ROWS, subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.line.x, size)
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)

@@ -174,11 +174,6 @@ def advance_nodes(size, method, state, work, h, first, last, scratch):
     """Accept the increments of these nodes."""
 
 
-@generic
-def add_elements(size, method, tables, inner, strains, system, h):
-    """Residual and tangent of all elements with one strain set."""
-
-
 # --- by the kind of tied nodes ------------------------------------------------------------------------------------------
 @generic
 def tie_increments(ties, q, theta, dphi, off_out):

@@ -1,7 +1,7 @@
 """The arrays of a run: its state, and everything a step writes."""
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class Line(NamedTuple):
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`;
     #                       something to read has to follow
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
-    off: np.ndarray | None  # float64 [3 N]: how far the positions of tied nodes lie beside it; None without ties
+    off: Any              # float64 [3 N]: how far the positions of tied nodes lie beside it; terms.NoTies without ties
 
 
 class Work(NamedTuple):
@@ -78,10 +78,9 @@ def keep(x, y_out):
 
 @kernel
 def halve(x):
-    """Half of everything, where there is any."""
-    if x is not None:
-        for i in range(x.shape[0]):
-            x[i] *= 0.5
+    """Half of everything."""
+    for i in range(x.shape[0]):
+        x[i] *= 0.5
 
 
 @kernel

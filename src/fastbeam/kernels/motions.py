@@ -1,0 +1,153 @@
+"""How nodes move in what the element loops evaluate, by method: a named tuple of arrays for each.
+
+`method` is a named tuple without items, by which the operations below choose: that of terms.py, or `AtEnd` for generalised alpha.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._generic import generic
+from .._jit import kernel
+from .alpha import Alpha
+from .terms import AtRest, Conserving, Equilibrium, Midpoint
+from .work import Line
+
+
+class AtEnd(NamedTuple):
+    """Everything at the end of the step, theory.md 7."""
+
+
+AT_END = AtEnd()
+
+
+class OverStep(NamedTuple):
+    """A step from q by dphi and line.theta: the conserving step and the midpoint rule."""
+
+    method: Any
+    q: np.ndarray          # float64 [12 N], in a plane [4 N]: at the start of the step
+    dphi: np.ndarray       # float64 [3 N], [2 N]: increments of the positions
+    v: np.ndarray          # float64 [12 N], [4 N]: rates at the start
+    line: Line
+    h: float
+    rate: float            # 2/h^2: d(second rates)/d(increments) times a half
+
+
+class ToEnd(NamedTuple):
+    """The end of a step of generalised alpha."""
+
+    method: Any
+    q: np.ndarray
+    dphi: np.ndarray
+    u: np.ndarray          # float64 [12 N]: second rates at the end
+    spin_rate: np.ndarray  # float64 [18 N]: derivatives of those of d2, d3 by the spins
+    line: Line
+    rate: float
+
+
+class Resting(NamedTuple):
+    """A shape with given second rates."""
+
+    method: Any
+    q: np.ndarray
+    u: np.ndarray
+    line: Line
+    rate: float            # 0
+
+
+class Still(NamedTuple):
+    """A shape in equilibrium."""
+
+    method: Any
+    q: np.ndarray
+    line: Line
+    rate: float            # 0
+
+
+@generic
+def motion(method, state, work, h):
+    """The motion that a method evaluates."""
+
+
+@motion.register(Conserving)
+@motion.register(Midpoint)
+@kernel
+def motion_over_step(method, state, work, h):
+    return OverStep(method, state.q, work.dphi, state.v, work.line, h, 2.0 / (h * h))
+
+
+@motion.register(Alpha)
+@kernel
+def motion_to_end(alpha, state, work, h):
+    return ToEnd(AT_END, state.q, work.dphi, work.u, alpha.spin_rate, work.line, 0.5 * alpha.factor[1])
+
+
+@motion.register(AtRest)
+@kernel
+def motion_at_rest(method, state, work, h):
+    return Resting(method, state.q, work.u, work.line, 0.0)
+
+
+@motion.register(Equilibrium)
+@kernel
+def no_motion(method, state, work, h):
+    return Still(method, state.q, work.line, 0.0)
+
+
+# --- asked of a motion --------------------------------------------------------------------------------------------------
+@generic
+def gather_ends(size, motion, tables, no, scratch, qo, uo):
+    """Coordinates of 8 nodes in the middle and at the end of the step into lanes from qo on, and their second rates at uo."""
+
+
+@generic
+def gather_line(size, motion, tables, no, scratch, end, lo):
+    """Coordinates of 8 nodes before the last increment into lanes from lo on, and behind them that increment, along which a
+    straight line leads; from their coordinates at `end`."""
+
+
+@generic
+def gather_spin_rates(motion, tables, no, nn, scratch, at):
+    """Derivatives of second rates by spins into lanes."""
+
+
+@generic
+def needs_line(motion):
+    """Whether the last increment is wanted: before the first of a step it is none, and the middle and the end tell its start."""
+
+
+# --- asked of a method --------------------------------------------------------------------------------------------------
+@generic
+def add_inertia(method, constants, scratch, at, size):
+    """M u on the coordinates of every node."""
+
+
+@generic
+def put_forms(method, strains, scratch, zo):
+    """Quadratic forms of the shapes whose strains have their mean taken, at STRAINS and at the place that is returned."""
+
+
+@generic
+def columns(method):
+    """z of the shape to which the columns of the tangent belong: MIDDLE or END."""
+
+
+@generic
+def line_of_tangent(method, scratch, zo, gathered):
+    """Of the shape of `columns` the one before the last increment, and that increment. Returns whether they are there."""
+
+
+@generic
+def share_of_end(method):
+    """Change of the strains of stresses with those of the shape of `columns`."""
+
+
+@generic
+def pair_rate(method, rate):
+    """What multiplies the mass of pairs of nodes in the tangent."""
+
+
+@generic
+def add_spin_rates(method, constants, scratch, at, rate):
+    """The tangent of inertia where it is no multiple of the mass."""

@@ -1,0 +1,143 @@
+"""The two strain sets as types, and what the element loops ask of a set: strains, what multiplies their derivatives, stiffness.
+
+Implementations are in simo_reissner.py, green_lagrange.py and planar_beam.py. Offsets in scratch are those of layout.py.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .._generic import generic
+from .._jit import kernel
+
+
+class SimoReissner(NamedTuple):
+    """Strain set (2.2) of theory.md."""
+
+
+class GreenLagrange(NamedTuple):
+    """Strain set (2.1)."""
+
+
+SIMO_REISSNER, GREEN_LAGRANGE = SimoReissner(), GreenLagrange()
+
+
+# --- in space -----------------------------------------------------------------------------------------------------------
+@generic
+def quadratic_forms(strains, scratch, z, eo):
+    """The quadratic forms of z that strains are made of, theory.md (2.1), (2.4), into lanes at eo: phi'.phi'/2, two shears,
+    twist, two curvatures; of strain set (2.2) a seventh, c - 7/4."""
+
+
+@generic
+def mean_of_forms(strains, scratch, eo, end, ao):
+    """Means of the strains from the forms at eo and at `end`, six lanes at eo; ao: what derivatives of the strains need."""
+
+
+@generic
+def present_strains(strains, scratch, z, ao, eo):
+    """Strains of the shape z to which the tangent belongs, six lanes at eo."""
+
+
+@generic
+def extrapolated_strains(strains, scratch, z, x, eo, spare):
+    """The strains at z and their change along x in a straight line, six lanes at eo."""
+
+
+@generic
+def form_stresses(strains, scratch, ao, so):
+    """From six stresses at so to what multiplies the derivatives of the quadratic forms, theory.md (4.7)."""
+
+
+@generic
+def add_stresses(strains, scratch, other, so):
+    """Add what `form_stresses` left at `other` to that at so."""
+
+
+@generic
+def add_forces(strains, constants, to, nn, scratch, z, so, fo):
+    """Internal forces B(q_mid)^T S on the coordinates of every node, fo: nn x 12 lanes."""
+
+
+@generic
+def add_director_forces(strains, constants, to, nn, scratch, z, so, fo):
+    """The same on the directors alone."""
+
+
+@generic
+def prepare_points(size, strains, scratch, at):
+    """What points have in common."""
+
+
+@prepare_points.register(object)
+@kernel
+def prepare_nothing(size, strains, scratch, at):
+    pass
+
+
+@generic
+def point_stiffness(strains, constants, to, coupled, scratch, at, columns, po):
+    """What pairs of nodes share of the stiffness of a point, at po; columns: z of the shape to which those of the tangent belong,
+    MIDDLE or END."""
+
+
+@generic
+def sum_pair(strains, constants, scratch, at, a, b):
+    """Sums of stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
+
+
+@generic
+def add_geometric(strains, krr, scratch, qa, qb, sums, q2, q3):
+    """krr and the part of directors against directors from the sums of a pair: qa, qb: mid coordinates of a and end coordinates
+    of b; q2, q3: inertia of the directors."""
+
+
+# --- one state, a lane --------------------------------------------------------------------------------------------------
+@generic
+def strains_of_state(strains, f, d, k, out):
+    """Six strains from phi', the three directors and their derivatives; `d`, `k`: triples of vectors."""
+
+
+# --- in a plane ---------------------------------------------------------------------------------------------------------
+@generic
+def planar_strains(strains, shape):
+    """Stretch, shear and curvature."""
+
+
+@generic
+def planar_extrapolated(strains, shape, step):
+    """The same of a shape and their change along a step in a straight line."""
+
+
+@generic
+def planar_point_data(strains, middle, start, end):
+    """What derivatives of the strains need."""
+
+
+@generic
+def planar_form_stresses(strains, data, s):
+    """From three stresses to what multiplies the derivatives of the quadratic forms."""
+
+
+@generic
+def planar_director_forces(strains, data, middle, s):
+    """(x, y): forces on the director of a node are dir x + dir_s y."""
+
+
+@generic
+def planar_position_force(strains, data, middle, s):
+    """x: the force on the position of a node is phi_s x."""
+
+
+@generic
+def planar_point_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
+    """What pairs of nodes share of the stiffness of a point, at po."""
+
+
+@generic
+def planar_sum_pair(strains, constants, scratch, at, a, b):
+    """Sums of stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
+
+
+@generic
+def planar_geometric(strains, scratch, sums, ua, ub):
+    """Rotation against rotation from the sums of a pair."""
