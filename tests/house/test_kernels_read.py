@@ -9,8 +9,6 @@ from statistics import median
 KERNELS = Path(__file__).resolve().parents[2] / "src" / "fastbeam" / "kernels"
 DECORATORS = {"kernel", "one_variant", "written_in"}
 MOST_ARGUMENTS, MEDIAN_ARGUMENTS, LONGEST = 12, 8, 60
-# sliders are still above
-EXEMPT = {"slider.py", "border.py"}
 
 
 def kernels() -> Iterator[tuple[str, str, ast.FunctionDef]]:
@@ -25,12 +23,12 @@ def test_kernels_take_few_arguments() -> None:
     counts = {(file, name): len(node.args.args) for file, name, node in kernels()}
     assert len(counts) > 300
     assert median(counts.values()) <= MEDIAN_ARGUMENTS
-    assert not {k: n for k, n in counts.items() if n > MOST_ARGUMENTS and k[0] not in EXEMPT}
+    assert not {k: n for k, n in counts.items() if n > MOST_ARGUMENTS}
 
 
 def test_kernels_are_short() -> None:
     lines = {(file, name): node.end_lineno - node.lineno + 1 for file, name, node in kernels() if node.end_lineno is not None}
-    assert not {k: n for k, n in lines.items() if n > LONGEST and k[0] not in EXEMPT}
+    assert not {k: n for k, n in lines.items() if n > LONGEST}
 
 
 def test_what_is_absent_has_a_type_of_its_own() -> None:

@@ -116,140 +116,178 @@ def new_entry(contact, k, row, size):
     return n * m
 
 
+class Weights(NamedTuple):
+    """How a node takes part in a contact."""
+
+    mean: float     # share of the force; the mean gap changes with -mean/2 of its position
+    end: float      # the gap at the end of the step changes with -end of its position
+    rate: float     # derivative of `mean` by the place of the slider at the end
+
+
 @kernel
-def put_position(contact, k, row, n_mean, n_end, rate, f, slide, size):
-    """Entry of a position: its force is n_mean F, the gap changes with -n_end, g_mean with -n_mean/2; `rate` is the derivative of
-    n_mean by s, `slide` the derivative of the sliding equation by the position. Returns its offset."""
+def put_position(contact, k, row, weights, f, slide, size):
+    """Entry of a position, which takes weights.mean of the force f; slide: derivative of the sliding equation by the position.
+    Returns its offset."""
     o = new_entry(contact, k, row, size)
     d = dim(size)
     column = contact.column[k]
     line = contact.line[k]
     for i in range(d):
-        column[o + 8 * i + i] = n_mean
-        line[o + 8 * i + i] = -n_end
-        line[o + 8 * i + d + 1 + i] = 0.5 * n_mean
-    put(column, o + d, 8, rate * f)
+        column[o + 8 * i + i] = weights.mean
+        line[o + 8 * i + i] = -weights.end
+        line[o + 8 * i + d + 1 + i] = 0.5 * weights.mean
+    put(column, o + d, 8, weights.rate * f)
     put(line, o + d, 8, slide)
     return o
 
 
 @kernel
-def put_arm(contact, k, row, arm_mid, arm_end, n_mean, n_end, rate, f, slide, size):
+def put_arm(contact, k, row, arm_mid, arm_end, weights, f, slide, size):
     """Entry of the spin of a node that carries the position of `put_position` on an arm."""
     d = dim(size)
     o = new_entry(contact, k, row, size) + 8 * d
     column = contact.column[k]
     line = contact.line[k]
-    put_cross_matrix(column, o, n_mean, arm_mid)
-    put(column, o + d, 8, cross_product.call(arm_mid, rate * f))
-    put_spin_lines(line, o, n_mean, n_end, arm_end, size)
+    put_cross_matrix(column, o, weights.mean, arm_mid)
+    put(column, o + d, 8, cross_product.call(arm_mid, weights.rate * f))
+    put_cross_matrix(line, o, -weights.end, arm_end)
+    put_cross_matrix(line, o + d + 1, 0.5 * weights.mean, arm_end)
     put(line, o + d, 8, cross_product.call(arm_end, slide))
 
 
-@kernel
-def put_spin_lines(line, o, n_mean, n_end, arm, size):
-    """Derivatives of gap and mean gap by the spin that moves an arm."""
-    put_cross_matrix(line, o, -n_end, arm)
-    put_cross_matrix(line, o + dim(size) + 1, 0.5 * n_mean, arm)
-
-
 @generic
-def put_translation(ties, contact, k, node, row, q_mid, q_end, n_mean, n_end, rate, f, slide, size):
+def put_translation(ties, contact, k, node, row, work, weights, f, slide, size):
     """Entry of the position of one node as in `put_position`; tied nodes pass it on. Returns the offset of the node's own entry,
     -1 where it is tied."""
 
 
 @put_translation.register(NoTies)
 @kernel
-def put_free_translation(ties, contact, k, node, row, q_mid, q_end, n_mean, n_end, rate, f, slide, size):
-    return put_position(contact, k, row, n_mean, n_end, rate, f, slide, size)
+def put_free_translation(ties, contact, k, node, row, work, weights, f, slide, size):
+    return put_position(contact, k, row, weights, f, slide, size)
 
 
 @kernel
-def put_tied_translation(ties, contact, k, node, row, q_mid, q_end, n_mean, n_end, rate, f, slide, size):
+def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, size):
     """`put_translation` where there are tied nodes."""
     if ties.start[node + 1] > ties.start[node]:
         for t in range(ties.start[node], ties.start[node + 1]):
             if ties.kind[t] == 0:
-                put_position(contact, k, ties.target_row[t], n_mean, n_end, rate, f, slide, size)
+                put_position(contact, k, ties.target_row[t], weights, f, slide, size)
             elif ties.kind[t] == 1:
-                put_arm(contact, k, ties.target_row[t], tied_arm.call(ties, t, q_mid), tied_arm.call(ties, t, q_end), n_mean,
-                        n_end, rate, f, slide, size)
+                put_arm(contact, k, ties.target_row[t], tied_arm.call(ties, t, work.q_mid), tied_arm.call(ties, t, work.q_end),
+                        weights, f, slide, size)
         return -1
-    return put_position(contact, k, row, n_mean, n_end, rate, f, slide, size)
+    return put_position(contact, k, row, weights, f, slide, size)
+
+
+class Passage(NamedTuple):
+    """The curve under a slider in one step, theory.md (5.3), (5.4)."""
+
+    end: Any        # position at the end of the step, and its derivative by s there
+    end_s: Any
+    mean: Any       # mean position, sum of mean shape functions and mean coordinates, and twice its derivative by s at the end
+    mean_s: Any
+    t0: Any         # tangents T with the coordinates at the start and at the end, and their derivatives by s at the end
+    t1: Any
+    dt0: Any
+    dt1: Any
+    turn: Any       # Cayley vector of the frame, and its derivative by s at the end
+    turn_s: Any
 
 
 @kernel
-def add_sliders(curves, sliders, contact, ties, row_of, q, q_mid, q_end, theta, s, s_end, force, r_out, size):
-    """Forces of all sliders into the residual and their borders into `contact`."""
+def nodes_under(curves, c, e0, e1):
+    """First node that elements e0 to e1 of curve c have, and the one behind the last."""
+    p = curves.meta[c, 3]
+    last = p + max(e0, e1)
+    return curves.first[p + min(e0, e1)], curves.first[last] + curves.count[last]
+
+
+@kernel
+def pass_along(basis, base, lo, hi, system, spin_root):
+    """The `Passage` of a slider over nodes lo to before hi of a curve that begins at node `base`."""
+    q, work, size = system.state.q, system.work, system.size
+    end = zero_vector(size); end_s = zero_vector(size); mean = zero_vector(size); mean_s = zero_vector(size)
+    t0 = zero_vector(size); t1 = zero_vector(size); dt0 = zero_vector(size); dt1 = zero_vector(size)
+    turn = zero_spin(size); turn_s = zero_spin(size)
+    for a in range(lo, hi):
+        n_mean = 0.5 * (basis[0, a] + basis[1, a])
+        x0 = position(q, base + a, size); x1 = position(work.q_end, base + a, size); xm = position(work.q_mid, base + a, size)
+        end += basis[1, a] * x1
+        end_s += basis[2, a] * x1
+        mean += n_mean * xm
+        mean_s += basis[2, a] * xm
+        t0 += basis[3, a] * x0; t1 += basis[3, a] * x1
+        dt0 += basis[4, a] * x0; dt1 += basis[4, a] * x1
+        x = cayley_vector(work.theta, spin_root[base + a], size)
+        turn += n_mean * x
+        turn_s += (0.5 * basis[2, a]) * x
+    return Passage(end, end_s, mean, mean_s, t0, t1, dt0, dt1, turn, turn_s)
+
+
+@kernel
+def put_curve(term, system, k, base, lo, hi, way, slide):
+    """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean; `slide`
+    times N[s_n, s_n+1] is the derivative of the sliding equation by a position."""
+    work, contact, size, row_of = system.work, system.contact, system.size, system.row_of
     d = dim(size)
-    for k in range(sliders.curve.shape[0]):
-        c = sliders.curve[k]
-        base = curves.meta[c, 0]
-        e0 = find_element(curves, c, s[k], contact.element[k])
-        e1 = find_element(curves, c, s_end[k], e0)
-        p = curves.meta[c, 3]
-        lo = curves.first[p + min(e0, e1)]
-        last = p + max(e0, e1)
-        hi = curves.first[last] + curves.count[last]
-        step_basis(curves, c, s[k], s_end[k], e0, e1, lo, hi, contact)
-        basis = contact.basis
-        f = vector(force, d * k, 1, size)
-        # curve at the end of the step, mean gap, mean tangents at both ends of the step, rotation of the frame
-        end = zero_vector(size); end_s = zero_vector(size); mean = zero_vector(size); mean_s = zero_vector(size)
-        t0 = zero_vector(size); t1 = zero_vector(size); dt0 = zero_vector(size); dt1 = zero_vector(size)
-        th = zero_spin(size); th_s = zero_spin(size)
-        for a in range(lo, hi):
-            n_mean = 0.5 * (basis[0, a] + basis[1, a])
-            x0 = position(q, base + a, size); x1 = position(q_end, base + a, size); xm = position(q_mid, base + a, size)
-            end += basis[1, a] * x1
-            end_s += basis[2, a] * x1
-            mean += n_mean * xm
-            mean_s += basis[2, a] * xm
-            t0 += basis[3, a] * x0; t1 += basis[3, a] * x1
-            dt0 += basis[4, a] * x0; dt1 += basis[4, a] * x1
-            x = cayley_vector(theta, sliders.spin_root[base + a], size)
-            th += n_mean * x
-            th_s += (0.5 * basis[2, a]) * x
-        point = sliders.point[k]
-        gap = position(q_end, point, size) - end
-        g_mean = position(q_mid, point, size) - mean
-        jump = t1 - t0
-        turned = spin_cross.call(th, f)
-        # residual rows: -F on the point, +N F and -N F x g_mean on the curve
-        add_to(r_out, 8 * row_of[point], 1, -1.0 * f)
-        contact.entries[k] = 0
-        slide = 0.5 * f + 0.25 * turned
-        back = 0.5 * f - 0.25 * turned
-        moment = cross_product.call(g_mean, f)
-        across = cross_product.call(f, jump)
-        for a in range(lo, hi):
-            n_mean = 0.5 * (basis[0, a] + basis[1, a])
-            rate = 0.5 * basis[2, a]
-            node = base + a
-            root = sliders.spin_root[node]
-            add_to(r_out, 8 * row_of[node], 1, n_mean * f)
-            add_to(r_out, 8 * row_of[root] + d, 1, n_mean * moment)
-            o = put_translation.call(ties, contact, k, node, row_of[node], q_mid, q_end, n_mean, basis[1, a], rate, f,
-                                     basis[3, a] * slide, size)
-            if o < 0 or root != node:
-                o = new_entry(contact, k, row_of[root], size)
-            # the node's share in the frame: its moment n_mean g_mean x F, its theta in the sliding equation
-            column = contact.column[k]
-            put_cross_matrix(column, o + 8 * d, n_mean, g_mean)
-            put_cross_matrix(column, o + 9 * d + 1, -n_mean, f)
-            put(column, o + 9 * d, 8, rate * moment)
-            put(contact.line[k], o + 9 * d, 8, on_spin.call(cayley_vector(theta, root, size), (0.25 * n_mean) * across))
-        put_translation.call(ties, contact, k, point, row_of[point], q_mid, q_end, -1.0, -1.0, 0.0, f, zero_vector(size), size)
-        # corner: rows gap, sliding, g_mean against F, s, g_mean
-        corner = contact.corner[k]
-        for i in range(64):
-            corner[i] = 0.0
-        put(corner, d, 8, -1.0 * end_s)
-        put(corner, 8 * d, 1, 0.5 * (t0 + t1) - 0.25 * spin_cross.call(th, jump))
-        corner[9 * d] = dot(slide, dt1) + dot(back, dt0) + 0.25 * dot(spin_cross.call(th_s, f), jump)
-        put(corner, 9 * d + 8, 8, 0.5 * mean_s)
-        put_residual(contact, k, gap, dot(slide, t1) + dot(back, t0), size)
+    basis = contact.basis
+    f = vector(system.state.force, contact.first_force[k], 1, size)
+    g_mean = position(work.q_mid, term.sliders.point[k], size) - way.mean
+    moment = cross_product.call(g_mean, f)
+    across = cross_product.call(f, way.t1 - way.t0)
+    for a in range(lo, hi):
+        weights = Weights(0.5 * (basis[0, a] + basis[1, a]), basis[1, a], 0.5 * basis[2, a])
+        node = base + a
+        root = term.sliders.spin_root[node]
+        add_to(work.r, 8 * row_of[node], 1, weights.mean * f)
+        add_to(work.r, 8 * row_of[root] + d, 1, weights.mean * moment)
+        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, f, basis[3, a] * slide, size)
+        if o < 0 or root != node:
+            o = new_entry(contact, k, row_of[root], size)
+        # the node's share in the frame: its moment n_mean g_mean x F, its theta in the sliding equation
+        column = contact.column[k]
+        put_cross_matrix(column, o + 8 * d, weights.mean, g_mean)
+        put_cross_matrix(column, o + 9 * d + 1, -weights.mean, f)
+        put(column, o + 9 * d, 8, weights.rate * moment)
+        turned = on_spin.call(cayley_vector(work.theta, root, size), (0.25 * weights.mean) * across)
+        put(contact.line[k], o + 9 * d, 8, turned)
+
+
+@kernel
+def add_slider(term, system, k):
+    """Forces of slider k into the residual and its border into `system.contact`."""
+    curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
+    d = dim(size)
+    c = term.sliders.curve[k]
+    base = curves.meta[c, 0]
+    e0 = find_element(curves, c, state.s[k], contact.element[k])
+    e1 = find_element(curves, c, work.s_end[k], e0)
+    lo, hi = nodes_under(curves, c, e0, e1)
+    step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
+    f = vector(state.force, contact.first_force[k], 1, size)
+    way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
+    turned = spin_cross.call(way.turn, f)
+    slide = 0.5 * f + 0.25 * turned
+    back = 0.5 * f - 0.25 * turned
+    contact.entries[k] = 0
+    put_curve(term, system, k, base, lo, hi, way, slide)
+    # -F on the point
+    point = term.sliders.point[k]
+    add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0), f, zero_vector(size),
+                         size)
+    # corner: rows gap, sliding, g_mean against F, s, g_mean
+    corner = contact.corner[k]
+    for i in range(64):
+        corner[i] = 0.0
+    jump = way.t1 - way.t0
+    put(corner, d, 8, -1.0 * way.end_s)
+    put(corner, 8 * d, 1, 0.5 * (way.t0 + way.t1) - 0.25 * spin_cross.call(way.turn, jump))
+    corner[9 * d] = dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, f), jump)
+    put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
+    put_residual(contact, k, position(work.q_end, point, size) - way.end, dot(slide, way.t1) + dot(back, way.t0), size)
 
 
 @kernel
@@ -265,52 +303,50 @@ def put_residual(contact, k, gap, sliding, size):
 
 
 @kernel
-def add_plain_sliders(curves, sliders, contact, ties, row_of, q_mid, q_end, s, s_end, force, share, r_out, size):
-    """Sliders of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
+def add_plain_slider(term, system, k, share):
+    """A slider of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
     step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
     then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
+    curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
     d = dim(size)
     near = 0.5 / share    # derivative of the instant's s and q by those of the end
-    for k in range(sliders.curve.shape[0]):
-        c = sliders.curve[k]
-        base = curves.meta[c, 0]
-        e0 = find_element(curves, c, s[k], contact.element[k])
-        e1 = find_element(curves, c, s_end[k], e0)
-        si = s[k] + near * (s_end[k] - s[k])
-        ei = find_element(curves, c, si, e0)
-        p = curves.meta[c, 3]
-        lo = curves.first[p + min(ei, e1)]
-        hi = curves.first[p + max(ei, e1)] + curves.count[p + max(ei, e1)]
-        basis = contact.basis
-        for j in range(5):
-            for a in range(lo, hi):
-                basis[j, a] = 0.0
-        add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
-        add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
-        add_basis(curves, c, e1, s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
-        f = vector(force, d * k, 1, size)
-        end = zero_vector(size); end_s = zero_vector(size); tangent = zero_vector(size); bend = zero_vector(size)
+    c = term.sliders.curve[k]
+    base = curves.meta[c, 0]
+    e0 = find_element(curves, c, state.s[k], contact.element[k])
+    e1 = find_element(curves, c, work.s_end[k], e0)
+    si = state.s[k] + near * (work.s_end[k] - state.s[k])
+    ei = find_element(curves, c, si, e0)
+    lo, hi = nodes_under(curves, c, ei, e1)
+    basis = contact.basis
+    for j in range(5):
         for a in range(lo, hi):
-            x = position(q_end, base + a, size)
-            end += basis[3, a] * x; end_s += basis[4, a] * x
-            x = position(q_mid, base + a, size)
-            tangent += basis[1, a] * x; bend += basis[2, a] * x
-        point = sliders.point[k]
-        add_to(r_out, 8 * row_of[point], 1, -1.0 * f)
-        contact.entries[k] = 0
-        for a in range(lo, hi):
-            node = base + a
-            add_to(r_out, 8 * row_of[node], 1, basis[0, a] * f)
-            put_translation.call(ties, contact, k, node, row_of[node], q_mid, q_end, share * basis[0, a], basis[3, a],
-                                 0.5 * basis[1, a], f, (near * basis[1, a]) * f, size)
-        put_translation.call(ties, contact, k, point, row_of[point], q_mid, q_end, -share, -1.0, 0.0, f, zero_vector(size), size)
-        corner = contact.corner[k]
-        for i in range(64):
-            corner[i] = 0.0
-        put(corner, d, 8, -1.0 * end_s)
-        put(corner, 8 * d, 1, tangent)
-        corner[9 * d] = near * dot(f, bend)
-        put_residual(contact, k, position(q_end, point, size) - end, dot(f, tangent), size)
+            basis[j, a] = 0.0
+    add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
+    add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
+    add_basis(curves, c, e1, work.s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
+    f = vector(state.force, contact.first_force[k], 1, size)
+    contact.entries[k] = 0
+    end = zero_vector(size); end_s = zero_vector(size); tangent = zero_vector(size); bend = zero_vector(size)
+    for a in range(lo, hi):
+        node = base + a
+        x = position(work.q_end, node, size)
+        end += basis[3, a] * x; end_s += basis[4, a] * x
+        x = position(work.q_mid, node, size)
+        tangent += basis[1, a] * x; bend += basis[2, a] * x
+        add_to(work.r, 8 * system.row_of[node], 1, basis[0, a] * f)
+        weights = Weights(share * basis[0, a], basis[3, a], 0.5 * basis[1, a])
+        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, a]) * f, size)
+    point = term.sliders.point[k]
+    add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0), f,
+                         zero_vector(size), size)
+    corner = contact.corner[k]
+    for i in range(64):
+        corner[i] = 0.0
+    put(corner, d, 8, -1.0 * end_s)
+    put(corner, 8 * d, 1, tangent)
+    corner[9 * d] = near * dot(f, bend)
+    put_residual(contact, k, position(work.q_end, point, size) - end, dot(f, tangent), size)
 
 
 # --- as a term of a step ------------------------------------------------------------------------------------------------
@@ -325,25 +361,22 @@ def predict_sliding(term, system, h, c):
 @assemble.register(Sliding, Conserving)
 @kernel
 def assemble_sliding(term, method, system, h):
-    state, work = system.state, system.work
-    add_sliders(term.curves, term.sliders, system.contact, term.ties, system.row_of, state.q, work.q_mid, work.q_end, work.theta,
-                state.s, work.s_end, state.force, work.r, system.size)
+    for k in range(term.sliders.curve.shape[0]):
+        add_slider(term, system, k)
 
 
 @assemble.register(Sliding, Midpoint)
 @kernel
 def assemble_sliding_midpoint(term, method, system, h):
-    state, work = system.state, system.work
-    add_plain_sliders(term.curves, term.sliders, system.contact, term.ties, system.row_of, work.q_mid, work.q_end, state.s,
-                      work.s_end, state.force, 1.0, work.r, system.size)
+    for k in range(term.sliders.curve.shape[0]):
+        add_plain_slider(term, system, k, 1.0)
 
 
 @assemble.register(Sliding, Alpha)
 @kernel
 def assemble_sliding_at_end(term, method, system, h):
-    state, work = system.state, system.work
-    add_plain_sliders(term.curves, term.sliders, system.contact, term.ties, system.row_of, work.q_mid, work.q_end, state.s,
-                      work.s_end, state.force, 0.5, work.r, system.size)
+    for k in range(term.sliders.curve.shape[0]):
+        add_plain_slider(term, system, k, 0.5)
 
 
 @take_unknowns.register(Sliding)
