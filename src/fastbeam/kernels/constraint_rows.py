@@ -102,6 +102,8 @@ def find_waiting(contact, couplings, touched, size):
     for k in range(contact.entries.shape[0]):
         largest = 0.0
         for m in range(contact.entries[k]):
+            if largest > 1e-3:
+                break
             row = contact.row[k, m]
             mask = couplings.held[row] if row < couplings.held.shape[0] else 0
             for t in range(couplings.late_start[k], couplings.late_start[k + 1]):
