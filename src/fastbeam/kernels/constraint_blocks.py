@@ -18,22 +18,24 @@ _FLAGS_OF_ROW = ir.VectorType(ir.IntType(1), LANES)
 
 
 def _make_subtract(height, width, columns):
-    """Y -= A X for a block A of a slider, or between one and a node, and rows of so many columns, 8 or 1, of X and Y."""
+    """Y -= A X for a block A of a slider, or between one and a node, `row` and `column` the distances between its entries; X, Y
+    have rows of so many columns, 8 or 1."""
     @intrinsic
-    def subtract(tc, a, offset, x, x_offset, x_row, y, y_offset, y_row, size):
+    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
         n, m = height(size.count), width(size.count)
 
         def codegen(ctx, b, sig, args):
             matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
-            source = _Memory(ctx, b, sig.args[2], args[2], args[3], sig.args[3])
-            target = _Memory(ctx, b, sig.args[5], args[5], args[6], sig.args[6])
-            x_step, y_step = _int(ctx, b, args[4], sig.args[4]), _int(ctx, b, args[7], sig.args[7])
+            rows, distance = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
+            source = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+            target = _Memory(ctx, b, sig.args[7], args[7], args[8], sig.args[8])
+            x_step, y_step = _int(ctx, b, args[6], sig.args[6]), _int(ctx, b, args[9], sig.args[9])
             w = [_columns(b, source, columns)[0]((k, x_step)) for k in range(m)]
             get, put, repeat = _columns(b, target, columns)
             half = (m + 1) // 2
             for i in range(n):
                 # two sums of half the length: the latency of a chain of products counts
-                f = [repeat(matrix.number((8 * i + k, 1))) for k in range(m)]
+                f = [repeat(matrix.number((i, rows), (k, distance))) for k in range(m)]
                 z = get((i, y_step))
                 for k in range(half):
                     z = _sub(b, z, _mul(b, f[k], w[k]))
@@ -42,7 +44,7 @@ def _make_subtract(height, width, columns):
                     t = _add(b, t, _mul(b, f[k], w[k]))
                 put(_sub(b, z, t), (i, y_step))
             return ctx.get_dummy_value()
-        return types.void(a, offset, x, x_offset, x_row, y, y_offset, y_row, size), codegen
+        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
     return subtract
 
 
@@ -110,7 +112,8 @@ def factor_slider(tc, a, offset, pivots, p, c, soft, first, force, f, size):
         for i in range(m):
             block.put_vector(rows[i], (8 * i, 1))
             place = b.extract_element(places[i], ir.Constant(_I32, 0))
-            b.store(place, b.gep(exchanges.data, [b.add(exchanges.offset, ir.Constant(_I64, i))]))
+            to = b.gep(exchanges.data, [b.add(exchanges.offset, ir.Constant(_I64, i))])
+            b.store(b.trunc(place, to.type.pointee), to)
         return b.select(good, least, ir.Constant(_DOUBLE, 0.0))
     return types.float64(a, offset, pivots, p, c, soft, first, force, f, size), codegen
 
@@ -130,6 +133,7 @@ def _make_solve(right):
             w = []
             for i in range(m):
                 at = b.load(b.gep(exchanges.data, [b.add(exchanges.offset, ir.Constant(_I64, i))]))
+                at = b.sext(at, _I64)
                 row = block.vector((8, at))
                 if right:
                     row = b.insert_element(row, factors.number((8 * i + LANES - 1, 1)), ir.Constant(_I32, LANES - 1))
@@ -146,5 +150,23 @@ def _make_solve(right):
 # block at u <- D^-1 of it behind the factored diagonal block of a slider of compliance c, forces in their own unit
 solve_behind_slider, solve_behind_slider_with_right = _make_solve(False), _make_solve(True)
 
+
+@intrinsic
+def solve_right_of_slider(tc, a, offset, c, size):
+    """The right-hand side beside the factors of a slider of compliance c <- D^-1 of it, forces in their own unit."""
+    m, d = _SLIDER(size.count), 3 if size.count == 6 else 2
+
+    def codegen(ctx, b, sig, args):
+        factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+        inverse = _div(b, ir.Constant(_DOUBLE, 1.0), ctx.cast(b, args[2], sig.args[2], f8))
+        w = [factors.number((8 * i + LANES - 1, 1)) for i in range(m)]
+        _triangular(b, lambda i, j: factors.number((8 * i + j, 1)), w, m)
+        for i in range(m):
+            factors.put_number(_mul(b, w[i], inverse) if i < d else w[i], (8 * i + LANES - 1, 1))
+        return ctx.get_dummy_value()
+    return types.void(a, offset, c, size), codegen
+
+
 __all__ = ["column_on_slider", "column_slider_on_node", "column_slider_on_slider", "factor_slider", "solve_behind_slider",
-           "solve_behind_slider_with_right", "subtract_on_slider", "subtract_slider_on_node", "subtract_slider_on_slider"]
+           "solve_behind_slider_with_right", "solve_right_of_slider", "subtract_on_slider", "subtract_slider_on_node",
+           "subtract_slider_on_slider"]

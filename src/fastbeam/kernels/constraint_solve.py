@@ -15,8 +15,8 @@ from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
 from .constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider, factor_slider,
-                                solve_behind_slider, solve_behind_slider_with_right, subtract_on_slider, subtract_slider_on_node,
-                                subtract_slider_on_slider)
+                                solve_behind_slider, solve_behind_slider_with_right, solve_right_of_slider, subtract_on_slider,
+                                subtract_slider_on_node, subtract_slider_on_slider)
 from .kinds import dim
 
 # pivots of a node over the largest entry of their rows; pivots of a constraint, with the augmented Lagrangian and without
@@ -29,7 +29,7 @@ class Factors(NamedTuple):
 
     store: np.ndarray       # float64: all blocks
     x: np.ndarray           # float64 [8 N]: solution by positions
-    pivots: np.ndarray      # int64 [8 N]: exchanges by positions, -1 first where there are none
+    pivots: np.ndarray      # int32 [8 N]: exchanges by positions, -1 first where there are none
     own: np.ndarray         # float64 [7 S]: what the pivots of nodes took from the diagonal of the forces
     hold: np.ndarray        # float64 [8]
     failed: np.ndarray      # int64 [2]: 1 where there was not enough room; a constraint without a pivot, or -1
@@ -57,13 +57,13 @@ def subtract_row(store, order, x, first, last, t, rows, inner, size):
             subtract_rows(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
     elif inner == n and rows == m:
         for y in range(first, last):
-            subtract_on_slider(store, low, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
     elif inner == m and rows == n:
         for y in range(first, last):
-            subtract_slider_on_node(store, low, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_slider_on_node(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
     elif inner == m and rows == m:
         for y in range(first, last):
-            subtract_slider_on_slider(store, low, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_slider_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
     else:
         for y in range(first, last):
             subtract_block(store, low, order.upper[y], order.target[t + y - first], rows, inner)
@@ -77,11 +77,11 @@ def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner
     if inner == n and rows == n:
         subtract_column(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
     elif inner == n and rows == m:
-        column_on_slider(store, low, source, x, x_row, target, y, y_row, size)
+        column_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
     elif inner == m and rows == n:
-        column_slider_on_node(store, low, source, x, x_row, target, y, y_row, size)
+        column_slider_on_node(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
     elif inner == m and rows == m:
-        column_slider_on_slider(store, low, source, x, x_row, target, y, y_row, size)
+        column_slider_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
     else:
         for a in range(rows):
             z = target[y + y_row * a]
@@ -238,7 +238,9 @@ def solve_behind_constraint(couplings, order, factors, i, k, c, size):
     m = couplings.unknowns[k]
     first = order.start[i]
     last = order.start[i + 1]
-    if first == last:
+    if first == last and m == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
+        solve_right_of_slider(store, d, c, size)
+    elif first == last:
         solve_right(store, d, m)
         for a in range(couplings.forces[k]):
             store[d + 8 * a + RIGHT] /= c
