@@ -193,10 +193,10 @@ def in_memory(typingctx, x):  # type: ignore[no-untyped-def]
 
 def _types(terms: Any) -> list[Any]:
     """Types of the items of a tuple of terms."""
-    return [_item_type(x) for x in terms.of] if isinstance(terms, RecordType) else list(terms)
+    return [item_type(x) for x in terms.of] if isinstance(terms, RecordType) else list(terms)
 
 
-def _item_type(kind: Any) -> Any:
+def item_type(kind: Any) -> Any:
     """Type of what is taken out of memory: large records (`stays_in_memory`) as addresses; terms and tables as values, so that
     loops over elements keep the addresses of their arrays in registers."""
     return RecordType(kind) if getattr(getattr(kind, "instance_class", None), "stays_in_memory", False) else kind
@@ -207,7 +207,7 @@ def _item(builder: Any, kind: Any, value: Any, i: int) -> Any:
     if not isinstance(kind, RecordType):
         return builder.extract_value(value, i)
     place = builder.gep(value, [ir.IntType(32)(0), ir.IntType(32)(i)], inbounds=True)
-    if isinstance(_item_type(kind.of[i]), RecordType):
+    if isinstance(item_type(kind.of[i]), RecordType):
         return place
     return _load(builder, place, place.type.pointee)
 
@@ -233,7 +233,7 @@ class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
     key = RecordType
 
     def generic_resolve(self, kind: RecordType, name: str) -> Any:
-        return _item_type(kind.of.types[kind.of.fields.index(name)])
+        return item_type(kind.of.types[kind.of.fields.index(name)])
 
 
 @lower_getattr_generic(RecordType)

@@ -40,8 +40,8 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
         return block * np.searchsorted(pattern.keys, i * n + j)
 
     every = np.arange(n)
-    return Couplings(np.searchsorted(row, np.arange(n + 1)), near, where(row, near), where(near, row), where(every, every),
-                     held.astype(np.int64), tied.astype(np.int64), _starts(np.array([len(x) for x in late], np.int64)),
+    tables = (np.searchsorted(row, np.arange(n + 1)), near, where(row, near), where(near, row), where(every, every), held, tied)
+    return Couplings(*(x.astype(np.int32) for x in tables), _starts(np.array([len(x) for x in late], np.int64)),
                      np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int64), unknowns, forces, in_force,
                      _starts(unknowns)[:-1].copy(), _starts(forces)[:-1].copy(), np.array([end]))
 
@@ -73,7 +73,7 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(entries, 6)
     room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024
-    factors = Factors(_aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int64), np.zeros(7 * s), np.zeros(8),
+    factors = Factors(_aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
     return Constraints(couplings, touching, order, factors, _aligned(int(scale * 512 * size)), *others)
 

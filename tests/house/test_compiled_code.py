@@ -179,10 +179,8 @@ def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
         return [[name, True] for name in names]
 
     assert python(PARTS) == {"beam": called("assemble_beams", "eliminate_residual", "close_residual"),
-                             "slider": called("assemble_sliding", "assemble_beams", "eliminate_bordered",
-                                              "close_bordered"),
-                             "flat slider": called("assemble_sliding", "assemble_beams", "eliminate_bordered",
-                                                   "close_bordered")}
+                             "slider": called("assemble_sliding", "assemble_beams", "solve_rows", "close_rows"),
+                             "flat slider": called("assemble_sliding", "assemble_beams", "solve_rows", "close_rows")}
 
 
 def test_time_loop_allocates_nothing() -> None:

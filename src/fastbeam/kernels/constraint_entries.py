@@ -11,7 +11,9 @@ from .._generic import generic
 from .._jit import kernel, written_in
 from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
+from .constraint_blocks import subtract_on_slider
 from .constraint_solve import RIGHT
+from .kinds import dim
 from .planar_nodes import PlanarTies, planar_arm
 from .rows import gather_lanes, put_rows
 from .ties import Ties, tie_arm
@@ -99,18 +101,25 @@ def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer
         for b in range(touched.found[f, 1]):
             d = touched.pair[pair + touched.found[f, 1] * a + b]
             column = room * b + 8 * n * i
-            for u in range(m):
-                z = vld(store, d + 8 * u, 0)
-                before = store[d + 9 * u]
-                for c in range(n):
-                    z -= buffer[line + 8 * c + u] * vld(buffer, column + 8 * c, 0)
-                vst(store, d + 8 * u, 0, z)
-                if a == b:
-                    factors.own[7 * k + u] += before - store[d + 9 * u]
+            forces = couplings.forces[k] if a == b else 0
+            for u in range(forces):
+                factors.own[7 * k + u] += store[d + 9 * u]
+            if m == 2 * dim(size) + 1:
+                subtract_on_slider(buffer, line, 1, 8, buffer, column, 8, store, d, 8, size)
+            else:
+                for u in range(m):
+                    z = vld(store, d + 8 * u, 0)
+                    for c in range(n):
+                        z -= buffer[line + 8 * c + u] * vld(buffer, column + 8 * c, 0)
+                    vst(store, d + 8 * u, 0, z)
+            for u in range(forces):
+                factors.own[7 * k + u] -= store[d + 9 * u]
         d = touched.pair[pair + touched.found[f, 1] * a + a]
         for u in range(m):
+            z = store[d + 8 * u + RIGHT]
             for c in range(n):
-                store[d + 8 * u + RIGHT] += buffer[line + 8 * c + u] * rhs[y + c]
+                z += buffer[line + 8 * c + u] * rhs[y + c]
+            store[d + 8 * u + RIGHT] = z
         a += 1
         p = touched.job[p, 3]
 
@@ -275,8 +284,10 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
                 while inner.rows[rows + i] != contact.row[k, m]:
                     i += 1
                 for c in range(n):
+                    z = buffer[8 * i + c]
                     for a in range(couplings.unknowns[k]):
-                        buffer[8 * i + c] += contact.column[k, 8 * (n * m + c) + a] * y[couplings.first[k] + a]
+                        z += contact.column[k, 8 * (n * m + c) + a] * y[couplings.first[k] + a]
+                    buffer[8 * i + c] = z
                 m = touched.after[k, m]
             j = touched.job[j, 3]
         d = inner.where[e, 0]

@@ -19,13 +19,13 @@ from .._jit import kernel, written_in
 class Couplings(NamedTuple):
     """Constant: what couples n rows of nodes without constraints, and S constraints."""
 
-    start: np.ndarray       # int64 [n + 1]: range of a row in the next three
-    near: np.ndarray        # int64: rows that it is coupled with
-    block: np.ndarray       # int64: where block (row, near) begins in store
-    back: np.ndarray        # int64: where block (near, row) begins
-    diagonal: np.ndarray    # int64 [n]
-    held: np.ndarray        # int64 [n]: bit c set, unknown c of the row is held
-    tied: np.ndarray        # int64 [n]: the tied node that has the row, or -1
+    start: np.ndarray       # int32 [n + 1]: range of a row in the next three
+    near: np.ndarray        # int32: rows that it is coupled with
+    block: np.ndarray       # int32: where block (row, near) begins in store
+    back: np.ndarray        # int32: where block (near, row) begins
+    diagonal: np.ndarray    # int32 [n]
+    held: np.ndarray        # int32 [n]: bit c set, unknown c of the row is held
+    tied: np.ndarray        # int32 [n]: the tied node that has the row, or -1
     late_start: np.ndarray  # int64 [S + 1]
     late: np.ndarray        # int64: rows that a constraint need not wait for
     unknowns: np.ndarray    # int64 [S]: forces, then others, at most 7
@@ -102,6 +102,8 @@ def find_waiting(contact, couplings, touched, size):
     for k in range(contact.entries.shape[0]):
         largest = 0.0
         for m in range(contact.entries[k]):
+            if largest > 1e-3:
+                break
             row = contact.row[k, m]
             mask = couplings.held[row] if row < couplings.held.shape[0] else 0
             for t in range(couplings.late_start[k], couplings.late_start[k + 1]):

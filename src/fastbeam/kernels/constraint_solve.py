@@ -14,6 +14,10 @@ from .._jit import kernel, written_in
 from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
+from .constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider, factor_slider,
+                                solve_behind_slider, solve_behind_slider_with_right, solve_right_of_slider, subtract_on_slider,
+                                subtract_slider_on_node, subtract_slider_on_slider)
+from .kinds import dim
 
 # pivots of a node over the largest entry of their rows; pivots of a constraint, with the augmented Lagrangian and without
 LEAST_NODE, LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-14, 1e-7
@@ -25,7 +29,7 @@ class Factors(NamedTuple):
 
     store: np.ndarray       # float64: all blocks
     x: np.ndarray           # float64 [8 N]: solution by positions
-    pivots: np.ndarray      # int64 [8 N]: exchanges by positions, -1 first where there are none
+    pivots: np.ndarray      # int32 [8 N]: exchanges by positions, -1 first where there are none
     own: np.ndarray         # float64 [7 S]: what the pivots of nodes took from the diagonal of the forces
     hold: np.ndarray        # float64 [8]
     failed: np.ndarray      # int64 [2]: 1 where there was not enough room; a constraint without a pivot, or -1
@@ -42,9 +46,53 @@ def subtract_block(store, low, up, target, rows, inner):
 
 
 @written_in
-def update_rows(order, factors, i, is_node, size):
-    """Take the products of the row at position i from the blocks behind it."""
+def subtract_row(store, order, x, first, last, t, rows, inner, size):
+    """Blocks of later row x, from target t on, -= its block below the pivot times the row of the pivot, columns first to last.
+    rows, inner: unknowns of both."""
     n = len(size)
+    m = 2 * dim(size) + 1
+    low = order.lower[x]
+    if inner == n and rows == n:
+        for y in range(first, last):
+            subtract_rows(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+    elif inner == n and rows == m:
+        for y in range(first, last):
+            subtract_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+    elif inner == m and rows == n:
+        for y in range(first, last):
+            subtract_slider_on_node(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+    elif inner == m and rows == m:
+        for y in range(first, last):
+            subtract_slider_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+    else:
+        for y in range(first, last):
+            subtract_block(store, low, order.upper[y], order.target[t + y - first], rows, inner)
+
+
+@written_in
+def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner, size):
+    """A column of numbers at y, y_row apart, -= the block at low times one at x; rows, inner: rows and columns of the block."""
+    n = len(size)
+    m = 2 * dim(size) + 1
+    if inner == n and rows == n:
+        subtract_column(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+    elif inner == n and rows == m:
+        column_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+    elif inner == m and rows == n:
+        column_slider_on_node(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+    elif inner == m and rows == m:
+        column_slider_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+    else:
+        for a in range(rows):
+            z = target[y + y_row * a]
+            for k in range(inner):
+                z -= store[low + 8 * a + k] * source[x + x_row * k]
+            target[y + y_row * a] = z
+
+
+@written_in
+def update_rows(couplings, order, factors, i, is_node, size):
+    """Take the products of the row at position i from the blocks behind it."""
     store = factors.store
     inner = order.unknowns[i]
     first = order.start[i]
@@ -53,29 +101,17 @@ def update_rows(order, factors, i, is_node, size):
     for x in range(first, last):
         j = order.column[x]
         rows = order.unknowns[j]
-        low = order.lower[x]
         d = order.diagonal[j]
         constraint = order.order[j] - order.rank.shape[0]
-        counted = is_node and constraint >= 0
-        if counted:
-            for a in range(rows):
-                factors.own[7 * constraint + a] += store[d + 9 * a]
-        for y in range(first, last):
-            if rows == n and inner == n:
-                subtract_rows(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t], 8, size)
-            else:
-                subtract_block(store, low, order.upper[y], order.target[t], rows, inner)
-            t += 1
-        if counted:
-            for a in range(rows):
-                factors.own[7 * constraint + a] -= store[d + 9 * a]
+        forces = couplings.forces[constraint] if is_node and constraint >= 0 else 0
+        for a in range(forces):
+            factors.own[7 * constraint + a] += store[d + 9 * a]
+        subtract_row(store, order, x, first, last, t, rows, inner, size)
+        t += last - first
+        for a in range(forces):
+            factors.own[7 * constraint + a] -= store[d + 9 * a]
         if x > first:
-            up = order.upper[first] + RIGHT
-            for a in range(rows):
-                z = store[d + 8 * a + RIGHT]
-                for k in range(inner):
-                    z -= store[low + 8 * a + k] * store[up + 8 * k]
-                store[d + 8 * a + RIGHT] = z
+            subtract_numbers(store, order.lower[x], store, order.upper[first] + RIGHT, 8, store, d + RIGHT, 8, rows, inner, size)
 
 
 @kernel
@@ -117,18 +153,24 @@ def solve_behind_node(order, factors, i, size):
 
 
 @written_in
-def scale_constraint(couplings, order, factors, contact, force, i, k):
-    """Add the augmented Lagrangian and write forces in units of 1/compliance. Returns the compliance, 0 where there is none."""
-    store = factors.store
-    d = order.diagonal[i]
-    m = couplings.unknowns[k]
-    forces = couplings.forces[k]
+def compliance_of(couplings, factors, contact, k):
+    """Compliance of the parts that a constraint joins, 0 where there is none."""
     c = 0.0
-    for a in range(forces):
+    for a in range(couplings.forces[k]):
         c = max(c, abs(factors.own[7 * k + a]))
     if not c > contact.augmented[1]:
         return 0.0
     contact.compliance[k] = c
+    return c
+
+
+@written_in
+def scale_constraint(couplings, order, factors, contact, force, i, k, c):
+    """Add the augmented Lagrangian and write forces in units of 1/compliance, as `factor_slider` does."""
+    store = factors.store
+    d = order.diagonal[i]
+    m = couplings.unknowns[k]
+    forces = couplings.forces[k]
     inverse = 1.0 / c
     first = contact.augmented[2] * contact.augmented[0] * c
     for a in range(forces):
@@ -139,7 +181,6 @@ def scale_constraint(couplings, order, factors, contact, force, i, k):
             store[d + 8 * b + a] *= inverse
     for a in range(forces, forces + couplings.in_force[k]):
         vst(store, d + 8 * a, 0, c * vld(store, d + 8 * a, 0))
-    return c
 
 
 @kernel
@@ -189,34 +230,50 @@ def solve_block(store, d, m, u):
 
 
 @written_in
-def solve_behind_constraint(couplings, order, factors, i, k, c):
+def solve_behind_constraint(couplings, order, factors, i, k, c, size):
     """Blocks behind the factored diagonal block of a constraint of compliance c <- D^-1 of them, the right-hand side with the
     first."""
     store = factors.store
     d = order.diagonal[i]
     m = couplings.unknowns[k]
-    forces = couplings.forces[k]
     first = order.start[i]
-    for x in range(first, order.start[i + 1]):
-        u = order.upper[x]
-        for a in range(forces, forces + couplings.in_force[k]):
-            vst(store, u + 8 * a, 0, c * vld(store, u + 8 * a, 0))
-        for a in range(m):
-            b = factors.pivots[8 * i + a]
-            if b != a:
-                row = vld(store, u + 8 * a, 0)
-                vst(store, u + 8 * a, 0, vld(store, u + 8 * b, 0))
-                vst(store, u + 8 * b, 0, row)
-        if x == first:
-            for a in range(m):
-                store[u + 8 * a + RIGHT] = store[d + 8 * a + RIGHT]
-        solve_block(store, d, m, u)
-        for a in range(forces):
-            vst(store, u + 8 * a, 0, (1.0 / c) * vld(store, u + 8 * a, 0))
-    if first == order.start[i + 1]:
+    last = order.start[i + 1]
+    if first == last and m == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
+        solve_right_of_slider(store, d, c, size)
+    elif first == last:
         solve_right(store, d, m)
-        for a in range(forces):
+        for a in range(couplings.forces[k]):
             store[d + 8 * a + RIGHT] /= c
+    elif m == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
+        solve_behind_slider_with_right(store, d, factors.pivots, 8 * i, c, order.upper[first], size)
+        for x in range(first + 1, last):
+            solve_behind_slider(store, d, factors.pivots, 8 * i, c, order.upper[x], size)
+    else:
+        for x in range(first, last):
+            solve_behind_any(couplings, order, factors, i, k, c, order.upper[x], x == first)
+
+
+@kernel
+def solve_behind_any(couplings, order, factors, i, k, c, u, right):
+    """The block at u behind a constraint of any number of unknowns; right: with the right-hand side."""
+    store = factors.store
+    d = order.diagonal[i]
+    m = couplings.unknowns[k]
+    forces = couplings.forces[k]
+    for a in range(forces, forces + couplings.in_force[k]):
+        vst(store, u + 8 * a, 0, c * vld(store, u + 8 * a, 0))
+    for a in range(m):
+        b = factors.pivots[8 * i + a]
+        if b != a:
+            row = vld(store, u + 8 * a, 0)
+            vst(store, u + 8 * a, 0, vld(store, u + 8 * b, 0))
+            vst(store, u + 8 * b, 0, row)
+    if right:
+        for a in range(m):
+            store[u + 8 * a + RIGHT] = store[d + 8 * a + RIGHT]
+    solve_block(store, d, m, u)
+    for a in range(forces):
+        vst(store, u + 8 * a, 0, (1.0 / c) * vld(store, u + 8 * a, 0))
 
 
 @kernel
@@ -243,13 +300,20 @@ def eliminate(couplings, order, factors, contact, force, size):
     while i < rows:
         k = order.order[i] - n
         if k >= 0:
-            c = scale_constraint(couplings, order, factors, contact, force, i, k)
-            if not c > 0.0 or not factor_constraint(factors.store, order.diagonal[i], couplings.unknowns[k], factors.pivots,
-                                                    8 * i) > least:
+            c = compliance_of(couplings, factors, contact, k)
+            pivot = 0.0
+            if c > 0.0:
+                if couplings.unknowns[k] == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
+                    pivot = factor_slider(factors.store, order.diagonal[i], factors.pivots, 8 * i, c, contact.augmented[0] * c,
+                                          contact.augmented[2] * contact.augmented[0] * c, force, couplings.first_force[k], size)
+                else:
+                    scale_constraint(couplings, order, factors, contact, force, i, k, c)
+                    pivot = factor_constraint(factors.store, order.diagonal[i], couplings.unknowns[k], factors.pivots, 8 * i)
+            if not pivot > least:
                 factors.failed[1] = k
                 return False
-            solve_behind_constraint(couplings, order, factors, i, k, c)
-            update_rows(order, factors, i, False, size)
+            solve_behind_constraint(couplings, order, factors, i, k, c, size)
+            update_rows(couplings, order, factors, i, False, size)
             i += 1
             continue
         # two rows at a time where the second does not wait for the first
@@ -270,7 +334,7 @@ def eliminate(couplings, order, factors, contact, force, size):
         for r in range(i, end):
             solve_behind_node(order, factors, r, size)
         for r in range(i, end):
-            update_rows(order, factors, r, True, size)
+            update_rows(couplings, order, factors, r, True, size)
         i = end
     return True
 
@@ -278,7 +342,6 @@ def eliminate(couplings, order, factors, contact, force, size):
 @kernel
 def substitute(order, factors, size):
     """Solution by positions from the eliminated rows."""
-    n = len(size)
     store = factors.store
     x = factors.x
     for i in range(order.order.shape[0] - 1, -1, -1):
@@ -290,15 +353,7 @@ def substitute(order, factors, size):
             x[8 * i + a] = store[right + 8 * a]
         for e in range(first, last):
             j = order.column[e]
-            inner = order.unknowns[j]
-            if m == n and inner == n:
-                subtract_column(store, order.upper[e], 8, 1, x, 8 * j, 1, x, 8 * i, 1, size)
-            else:
-                for a in range(m):
-                    z = x[8 * i + a]
-                    for b in range(inner):
-                        z -= store[order.upper[e] + 8 * a + b] * x[8 * j + b]
-                    x[8 * i + a] = z
+            subtract_numbers(store, order.upper[e], x, 8 * j, 1, x, 8 * i, 1, m, order.unknowns[j], size)
 
 
 @kernel

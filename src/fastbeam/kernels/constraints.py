@@ -6,12 +6,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._jit import kernel
+from .beam import ElementTables
 from .constraint_entries import (add_inner, carry, clear_held_columns, put_entries, recover_inner_rows, start_blocks, start_inner)
 from .constraint_fill import update_order
 from .constraint_rows import Couplings, Order, Touched
 from .constraint_solve import Factors, eliminate, substitute, take_solution
+from .inner import Inner
+from .nodes import Held
+from .planar_nodes import PlanarTies
 from .slider import ContactInRows
 from .terms import close, fill, push_increments, solve, take_unknowns
+from .ties import Ties
 
 
 class Constraints(NamedTuple):
@@ -29,7 +34,8 @@ class Constraints(NamedTuple):
     green: Any              # of strain set (2.1)
 
 
-for _record in (Constraints, Couplings, Touched, Order, Factors):
+# a value of one of these fills a call with its arrays, seven words each
+for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, Inner, Ties, PlanarTies, Held, ElementTables):
     _record.stays_in_memory = True  # type: ignore[attr-defined]
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._generic import RecordType, in_memory
+from .._generic import RecordType, in_memory, item_type
 from .._jit import beside, kernel
 from . import beams, constraints, slider, tied  # noqa: F401  all terms
 from .border import fill_panel, fill_residual, solve_border, take_solution
@@ -372,7 +372,7 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
 def _beside_run(terms, system, weights, h, *others):
     """Calls in `run` that together take as long to compile as all others, in their order, from the types of its arguments."""
     shared, all_terms = RecordType(system), RecordType(terms)
-    method, contact, solver = (system.types[system.fields.index(name)] for name in ("method", "contact", "solver"))
+    method, contact, solver = (item_type(system.types[system.fields.index(x)]) for x in ("method", "contact", "solver"))
     heavy = (slider.Sliding, beams.Beams)
     calls = [(function, some) for function, some in assemble.calls(all_terms, method, shared, h)
              if issubclass(some[0].instance_class, heavy)]
