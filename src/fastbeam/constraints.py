@@ -51,9 +51,9 @@ def _starts(counts: Array) -> Array:
 
 
 def with_room(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
-              others: tuple[Any, ...] = (None,) * 5) -> Constraints:
+              others: tuple[Any, ...] = (None,) * 5, fill: int = 0) -> Constraints:
     """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
-    eliminated inner nodes; others: the last five of `Constraints`."""
+    eliminated inner nodes; others: the last five of `Constraints`; fill: doubles of fill between nodes."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
     rows = n + s
 
@@ -72,7 +72,7 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
                   integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(entries, 6)
-    room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024
+    room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
     factors = Factors(_aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int64), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
     return Constraints(couplings, touching, order, factors, _aligned(int(scale * 512 * size)), *others)

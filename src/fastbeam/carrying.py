@@ -1,0 +1,210 @@
+"""Carriers in a run: groups of beams with sliders as systems of their own, each eliminated by one thread (theory.md 9)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .constraints import couplings_of, with_room
+from .iteration import Owner
+from .kernels import carriers as kernels
+from .kernels.beam import ElementTables
+from .kernels.beams import GreenLagrange, SimoReissner
+from .kernels.carriers import Apart
+from .kernels.constraints import Constraints
+from .kernels.nodes import Held
+from .kernels.slider import ContactInRows, Sliders, Sliding
+from .kernels.terms import NoTies, System
+from .model import Model
+from .pattern import Pattern, ascending
+
+Array = np.ndarray
+
+
+def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:
+    """Groups of elements with rows of their own, `idle` in idle lanes; their blocks are missing. And coupled rows of all pairs of
+    their nodes, int [*, 2]."""
+    meta = tables.meta[first:first + count].copy()
+    at = [m[3] + np.arange(8 * m[0]) for m in meta]
+    nodes, seen = tables.nodes[np.concatenate(at)], tables.rows[np.concatenate(at)]
+    rows = np.where(seen == row_of.size, idle, row_of[nodes])
+    width = meta[:, 0]
+    meta[:, 3] = 8 * (np.cumsum(width) - width)
+    meta[:, 4] = 8 * (np.cumsum(width**2) - width**2)
+    pairs = []
+    for begin, nn in zip(meta[:, 3].tolist(), width.tolist()):
+        own = rows[begin:begin + 8 * nn].reshape(nn, 8)
+        pairs.append(np.stack(np.broadcast_arrays(own[:, None], own[None]), axis=-1).reshape(-1, 2))
+    return ElementTables(meta, tables.tab, nodes, rows, np.zeros(0, np.int64)), np.concatenate(pairs)
+
+
+class Shared:
+    """What all groups share: rows of all nodes within their group, and ties without those of nodes of beams."""
+
+    def __init__(self, model: Model) -> None:
+        c = model.carriers
+        assert c is not None
+        self.row_of = np.full(model.n_nodes, -1)
+        self.groups = []
+        for g in range(int(c.group[-1]) + 1):
+            some = np.flatnonzero(c.group == g)
+            inside = [_both_ends(np.arange(c.ends[k, 0] + 1, c.ends[k, 1])) for k in some.tolist()]
+            points = c.point[c.point_start[some[0]]:c.point_start[some[-1] + 1]]
+            nodes = np.concatenate((points, *inside, c.ends[some].reshape(-1)))
+            self.row_of[nodes] = np.arange(nodes.size)
+            self.groups.append((some, nodes))
+        self.every = np.arange(model.n_nodes)
+        self.ties: Any = None
+        if model.ties is not None:
+            t = model.ties
+            mine = np.zeros(model.n_nodes, bool)
+            mine[c.point] = True
+            count = np.diff(t.start)
+            keep = np.repeat(mine, count)
+            of_entry = {name: getattr(t, name).reshape(t.kind.size, -1)[keep].reshape(-1) for name in t._fields
+                        if name not in ("slave", "row", "start", "moves")}
+            of_entry["target_row"] = self.row_of[of_entry["target"]]
+            self.ties = t._replace(start=np.concatenate(([0], np.cumsum(np.where(mine, count, 0)))),
+                                   moves=np.zeros((0, 4), np.int64), **of_entry)
+
+
+def _both_ends(nodes: Array) -> Array:
+    """First and last take turns: two at a time that do not wait for each other."""
+    out = np.empty_like(nodes)
+    out[::2], out[1::2] = nodes[:(nodes.size + 1) // 2], nodes[(nodes.size + 1) // 2:][::-1]
+    return out
+
+
+class Group:
+    """One group of carriers.
+
+    Parameters
+    ----------
+    owner : Owner
+    shared : Shared
+    g : int
+    """
+
+    def __init__(self, owner: Owner, shared: Shared, g: int) -> None:
+        model = owner.core
+        c = model.carriers
+        assert c is not None and model.bodies is not None and model.sliders is not None and model.substructures is not None
+        self.owner, self.shared = owner, shared
+        some, nodes = shared.groups[g]
+        row_of, size = shared.row_of, len(model.size)
+        n = nodes.size
+        self.sliders = c.slider[c.slider_start[some[0]]:c.slider_start[some[-1] + 1]]
+        beam_of = np.repeat(np.arange(some.size), np.diff(c.slider_start)[some])
+        self.apart = Apart(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some)
+
+        # elements, and the blocks of all coupled rows
+        parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
+        for _, green, first, count in c.tables[c.tables[:, 0] == g].tolist():
+            tables, couples = local_elements(model.green if green else model.simo, first, count, row_of, n)
+            parts.append((tables, couples, GreenLagrange if green else SimoReissner))
+            pairs.append(couples[(couples < n).all(axis=1)])
+        keys = ascending(np.concatenate([x[:, 0] * n + x[:, 1] for x in pairs]))
+        block = np.append(np.searchsorted(keys, np.arange(n) * (n + 1)), keys.size)
+        self.elements = [kind(tables._replace(blocks=np.where((couples < n).all(axis=1), np.searchsorted(
+            keys, np.minimum(couples[:, 0] * n + couples[:, 1], n * n)), keys.size)), None) for tables, couples, kind in parts]
+
+        # what slides
+        mine = np.zeros(model.n_nodes, bool)
+        mine[c.point[c.point_start[some[0]]:c.point_start[some[-1] + 1]]] = True
+        bodies = np.flatnonzero(mine[model.bodies.node])
+        per_body = model.bodies.inertia.size // model.bodies.node.size
+        node = model.bodies.node[bodies]
+        self.bodies = model.bodies._replace(node=node, row=row_of[node], block=block[row_of[node]],
+                                            inertia=model.bodies.inertia.reshape(-1, per_body)[bodies].reshape(-1))
+        mask = model.held_mask[nodes]
+        mask[n - 2 * some.size:] = 0
+        rows = np.flatnonzero(mask)
+        self.held = Held(rows, mask[rows], block[rows], block[rows], mask[rows], mask[rows])
+        self.ties: Any = NoTies()
+        if shared.ties is not None:
+            t = shared.ties
+            slave = model.ties.slave[mine[model.ties.slave]]
+            self.ties = t._replace(slave=slave, row=row_of[slave], diagonal=block[np.minimum(t.target_row, n)])
+
+        # rows of the sliders, which wait for all but the ends
+        ends = n - 2 * some.size + 2 * beam_of[:, None] + np.arange(2)
+        unknowns, forces = model.unknowns[self.sliders], model.forces[self.sliders]
+        pattern = Pattern(np.arange(n), keys, None, n, np.stack((keys // n, keys % n), axis=1)[keys // n < keys % n])
+        self.couplings = couplings_of(pattern, size, 8 * size * (keys.size + 1), mask, np.full(n, -1), list(ends), unknowns,
+                                      forces, np.ones(unknowns.size, np.int64))
+        assert model.curves is not None
+        widest = 1 if model.ties is None else 3
+        self.room = 1.0
+        self.entries = int(model.curves.count.max()) + widest
+        self._make_room()
+
+    def _make_room(self) -> None:
+        """Work arrays for so many entries of a slider, and room."""
+        model, s, size = self.owner.core, self.sliders.size, len(self.owner.core.size)
+        row, entries, dim = 8 * size, self.entries, model.dim
+        assert model.sliders is not None and model.curves is not None
+        inside = self.couplings.diagonal.size - 2 * self.apart.beam.size
+        self.rows: Constraints = with_room(self.couplings, entries, 0, size, self.room, fill=16 * size * inside)
+        self.rows.order.rank[:] = np.arange(self.couplings.diagonal.size)
+        left = self.rows.order.order.size - 2 * self.apart.beam.size
+        self.short = self.rows.order._replace(order=self.rows.order.order[:left])
+        shape = model.curves.shape
+        self.contact = ContactInRows(
+            basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())), entries=np.zeros(s, np.int64),
+            row=np.zeros((s, entries), np.int64), column=np.zeros((s, row * entries)), line=np.zeros((s, row * entries)),
+            corner=np.zeros((s, 64)), residual=np.zeros((s, 8)), element=np.zeros(s, np.int64),
+            forces=self.couplings.forces, first=self.couplings.first, first_force=self.couplings.first_force,
+            compliance=np.zeros(s), remaining=np.zeros(s), full=np.zeros(1, np.int64), augmented=np.zeros(4))
+        known, points = model.sliders, Sliders
+        sliding = Sliding(model.curves, points(known.curve[self.sliders], known.point[self.sliders], self.shared.every), self.ties,
+                          model.slider_lengths[self.sliders])
+        ties = () if isinstance(self.ties, NoTies) else (self.ties,)
+        self.terms = (sliding, *self.elements, self.bodies, *ties, self.held)
+        n = self.couplings.diagonal.size
+        self.r, self.x = np.zeros(8 * (n + 1)), np.zeros(8 * (n + 1))
+        self.s, self.s_end, self.force = np.zeros(s), np.zeros(s), np.zeros(dim * s)
+        self.y = np.zeros(int(self.couplings.unknowns.sum()))
+
+    def _system(self, system: System, scratch: Array) -> System:
+        work = system.work
+        return system._replace(
+            contact=self.contact, solver=self.rows, row_of=self.shared.row_of, width=1,
+            state=system.state._replace(s=self.s, force=self.force),
+            work=work._replace(s_end=self.s_end, r=self.r, blocks=self.rows.factors.store[:self.couplings.end[0]], y=self.y,
+                               scratch=scratch, line=work.line._replace(x=self.x)))
+
+    @property
+    def singular(self) -> int:
+        """A slider without a pivot, or -1."""
+        k = int(self.rows.factors.failed[1])
+        return -1 if k < 0 else int(self.sliders[k])
+
+    def condense(self, system: System, h: float, ends: Array, scratch: Array) -> bool:
+        """Assemble and eliminate; more room where there is too little. Returns False where a pivot is none."""
+        state, dim = system.state, self.owner.core.dim
+        self.s[:], self.s_end[:] = state.s[self.sliders], system.work.s_end[self.sliders]
+        self.force[:] = state.force.reshape(-1, dim)[self.sliders].reshape(-1)
+        while True:
+            self.contact.augmented[:3] = system.contact.augmented[:3]
+            good = bool(kernels.condense_carriers(self.terms, self._system(system, scratch), self.short, self.held, self.apart, h,
+                                                  ends))
+            if not self.rows.factors.failed[0]:
+                return good
+            x, kept = self.x, (self.s, self.s_end, self.force)
+            if self.contact.full[0]:
+                self.entries += max(2, self.entries // 4)
+            else:
+                self.room *= 1.5
+            self._make_room()
+            self.x[:] = x
+            self.s[:], self.s_end[:], self.force[:] = kept
+
+    def recover(self, system: System, scratch: Array) -> float:
+        """Increments of everything in here, sliders too. Returns the largest of a place on a beam."""
+        state, dim = system.state, self.owner.core.dim
+        kernels.recover_carriers(self.terms, self._system(system, scratch), self.short, self.apart, system.work.line.x)
+        self.x[-8:] = 0.0
+        system.work.s_end[self.sliders] = self.s_end
+        state.force.reshape(-1, dim)[self.sliders] = self.force.reshape(-1, dim)
+        system.contact.remaining[self.sliders] = self.contact.remaining
+        return float(self.contact.augmented[3])
