@@ -68,6 +68,28 @@ class Shared:
                                    moves=np.zeros((0, 4), np.int64), **of_entry)
 
 
+class Workspace:
+    """Arrays of one thread, as long as the largest group needs them."""
+
+    def __init__(self, scratch: Array) -> None:
+        self.scratch = scratch
+        self._arrays: dict[str, Array] = {}
+
+    def room(self, name: str, *shape: int, kind: Any = float) -> Array:
+        """An array of this shape with any numbers."""
+        n = int(np.prod(shape))
+        if name not in self._arrays or self._arrays[name].size < n:
+            self._arrays[name] = _aligned(n).view(kind)
+        return self._arrays[name][:n].reshape(shape)
+
+
+def _aligned(n: int) -> Array:
+    """n zeros on a cache line."""
+    raw = np.zeros(n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift:shift + n]
+
+
 def _both_ends(nodes: Array) -> Array:
     """First and last take turns: two at a time that do not wait for each other."""
     out = np.empty_like(nodes)
@@ -95,7 +117,8 @@ class Group:
         n = nodes.size
         self.sliders = c.slider[c.slider_start[some[0]]:c.slider_start[some[-1] + 1]]
         beam_of = np.repeat(np.arange(some.size), np.diff(c.slider_start)[some])
-        self.apart = Apart(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some)
+        self.apart = Apart(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
+                           np.zeros(0, np.int32), np.zeros(1, np.int64))
 
         # elements, and the blocks of all coupled rows
         parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
@@ -105,7 +128,7 @@ class Group:
             pairs.append(couples[(couples < n).all(axis=1)])
         keys = ascending(np.concatenate([x[:, 0] * n + x[:, 1] for x in pairs]))
         block = np.append(np.searchsorted(keys, np.arange(n) * (n + 1)), keys.size)
-        self.elements = [kind(tables._replace(blocks=np.where((couples < n).all(axis=1), np.searchsorted(
+        elements = [kind(tables._replace(blocks=np.where((couples < n).all(axis=1), np.searchsorted(
             keys, np.minimum(couples[:, 0] * n + couples[:, 1], n * n)), keys.size)), None) for tables, couples, kind in parts]
 
         # what slides
@@ -133,45 +156,59 @@ class Group:
         self.couplings = couplings_of(pattern, size, 8 * size * (keys.size + 1), mask, np.full(n, -1), list(ends), unknowns,
                                       forces, np.ones(unknowns.size, np.int64))
         assert model.curves is not None
-        widest = 1 if model.ties is None else 3
         self.room = 1.0
-        self.entries = int(model.curves.count.max()) + widest
+        # a point of a body is passed on twice
+        self.entries = int(model.curves.count.max()) + (1 if model.ties is None else 2)
+        s = self.sliders.size
+        self.s, self.s_end, self.force = np.zeros(s), np.zeros(s), np.zeros(model.dim * s)
+        integers = {name: np.zeros(s, np.int64) for name in ("entries", "element")}
+        self.own: dict[str, Array] = dict(
+            integers, residual=np.zeros((s, 8)), forces=forces, first=self.couplings.first,
+            first_force=self.couplings.first_force, compliance=np.zeros(s), remaining=np.zeros(s), full=np.zeros(1, np.int64),
+            augmented=np.zeros(4))
+        known = model.sliders
+        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
+                          model.slider_lengths[self.sliders])
+        ties = () if isinstance(self.ties, NoTies) else (self.ties,)
+        self.terms = (sliding, *elements, self.bodies, *ties, self.held)
         self._make_room()
 
     def _make_room(self) -> None:
-        """Work arrays for so many entries of a slider, and room."""
-        model, s, size = self.owner.core, self.sliders.size, len(self.owner.core.size)
-        row, entries, dim = 8 * size, self.entries, model.dim
-        assert model.sliders is not None and model.curves is not None
-        inside = self.couplings.diagonal.size - 2 * self.apart.beam.size
-        self.rows: Constraints = with_room(self.couplings, entries, 0, size, self.room, fill=16 * size * inside)
-        self.rows.order.rank[:] = np.arange(self.couplings.diagonal.size)
-        left = self.rows.order.order.size - 2 * self.apart.beam.size
-        self.short = self.rows.order._replace(order=self.rows.order.order[:left])
-        shape = model.curves.shape
-        self.contact = ContactInRows(
-            basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())), entries=np.zeros(s, np.int64),
-            row=np.zeros((s, entries), np.int64), column=np.zeros((s, row * entries)), line=np.zeros((s, row * entries)),
-            corner=np.zeros((s, 64)), residual=np.zeros((s, 8)), element=np.zeros(s, np.int64),
-            forces=self.couplings.forces, first=self.couplings.first, first_force=self.couplings.first_force,
-            compliance=np.zeros(s), remaining=np.zeros(s), full=np.zeros(1, np.int64), augmented=np.zeros(4))
-        known, points = model.sliders, Sliders
-        sliding = Sliding(model.curves, points(known.curve[self.sliders], known.point[self.sliders], self.shared.every), self.ties,
-                          model.slider_lengths[self.sliders])
-        ties = () if isinstance(self.ties, NoTies) else (self.ties,)
-        self.terms = (sliding, *self.elements, self.bodies, *ties, self.held)
-        n = self.couplings.diagonal.size
-        self.r, self.x = np.zeros(8 * (n + 1)), np.zeros(8 * (n + 1))
-        self.s, self.s_end, self.force = np.zeros(s), np.zeros(s), np.zeros(dim * s)
-        self.y = np.zeros(int(self.couplings.unknowns.sum()))
+        """Room for so many entries of a slider, and everything else by scale."""
+        size = len(self.owner.core.size)
+        carriers, nodes = self.apart.beam.size, self.couplings.diagonal.size
+        rows = with_room(self.couplings, self.entries, 0, size, self.room, fill=16 * size * (nodes - 2 * carriers))
+        rows.order.rank[:] = np.arange(nodes)
+        # blocks are work of a thread
+        self._store = rows.factors.store.size
+        none = np.zeros(0)
+        self.rows: Constraints = rows._replace(buffer=none, factors=rows.factors._replace(
+            store=none, x=none, pivots=none.astype(np.int64), own=none))
+        order = rows.order
+        self.short = order._replace(order=order.order[:order.order.size - 2 * carriers])
+        place = np.zeros(order.column.size, np.int32)
+        self.apart = self.apart._replace(place=place)
+        self.kept = self.short._replace(upper=place)
 
-    def _system(self, system: System, scratch: Array) -> System:
-        work = system.work
+    def _contact(self, space: Workspace) -> ContactInRows:
+        """Work of the sliders, most of it that of a thread."""
+        s, entries, row, shape = self.sliders.size, self.entries, 8 * len(self.owner.core.size), self.owner.core.curves.shape
+        return ContactInRows(
+            basis=space.room("basis", 5, int(shape[:, 2].max())), legendre=space.room("legendre", 3, int(shape[:, 1].max())),
+            row=space.room("row", s, entries, kind=np.int64), column=space.room("column", s, row * entries),
+            line=space.room("line", s, row * entries), corner=space.room("corner", s, 64), **self.own)
+
+    def _system(self, system: System, space: Workspace) -> System:
+        work, n, s = system.work, self.couplings.diagonal.size, self.sliders.size
+        rows = n + s
+        factors = self.rows.factors._replace(store=space.room("store", self._store), x=space.room("x", 8 * rows),
+                                             pivots=space.room("pivots", 8 * rows, kind=np.int64), own=space.room("own", 7 * s))
         return system._replace(
-            contact=self.contact, solver=self.rows, row_of=self.shared.row_of, width=1,
+            contact=self._contact(space), solver=self.rows._replace(factors=factors), row_of=self.shared.row_of, width=1,
             state=system.state._replace(s=self.s, force=self.force),
-            work=work._replace(s_end=self.s_end, r=self.r, blocks=self.rows.factors.store[:self.couplings.end[0]], y=self.y,
-                               scratch=scratch, line=work.line._replace(x=self.x)))
+            work=work._replace(s_end=self.s_end, r=space.room("r", 8 * (n + 1)), blocks=factors.store[:self.couplings.end[0]],
+                               y=space.room("y", 7 * s), scratch=space.scratch,
+                               line=work.line._replace(x=space.room("increment", 8 * (n + 1)))))
 
     @property
     def singular(self) -> int:
@@ -179,32 +216,35 @@ class Group:
         k = int(self.rows.factors.failed[1])
         return -1 if k < 0 else int(self.sliders[k])
 
-    def condense(self, system: System, h: float, ends: Array, scratch: Array) -> bool:
+    def condense(self, system: System, h: float, ends: Array, space: Workspace) -> bool:
         """Assemble and eliminate; more room where there is too little. Returns False where a pivot is none."""
-        state, dim = system.state, self.owner.core.dim
+        state, dim, own = system.state, self.owner.core.dim, self.own
         self.s[:], self.s_end[:] = state.s[self.sliders], system.work.s_end[self.sliders]
-        self.force[:] = state.force.reshape(-1, dim)[self.sliders].reshape(-1)
+        self.force[:] = state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders].reshape(-1)
         while True:
-            self.contact.augmented[:3] = system.contact.augmented[:3]
-            good = bool(kernels.condense_carriers(self.terms, self._system(system, scratch), self.short, self.held, self.apart, h,
-                                                  ends))
+            own["augmented"][:3] = system.contact.augmented[:3]
+            own["full"][0] = 0
+            good = bool(kernels.condense_carriers(self.terms, self._system(system, space), self.short, self.held, self.apart, h,
+                                                  system.work.line.x, ends))
             if not self.rows.factors.failed[0]:
                 return good
-            x, kept = self.x, (self.s, self.s_end, self.force)
-            if self.contact.full[0]:
+            if self.apart.end[0] > self.apart.kept.size:
+                self.apart = self.apart._replace(kept=_aligned(int(self.apart.end[0])))
+                continue
+            if own["full"][0]:
                 self.entries += max(2, self.entries // 4)
             else:
-                self.room *= 1.5
+                self.room *= 1.25
             self._make_room()
-            self.x[:] = x
-            self.s[:], self.s_end[:], self.force[:] = kept
 
-    def recover(self, system: System, scratch: Array) -> float:
+    def recover(self, system: System, space: Workspace) -> float:
         """Increments of everything in here, sliders too. Returns the largest of a place on a beam."""
-        state, dim = system.state, self.owner.core.dim
-        kernels.recover_carriers(self.terms, self._system(system, scratch), self.short, self.apart, system.work.line.x)
-        self.x[-8:] = 0.0
+        state, dim, own = system.state, self.owner.core.dim, self.own
+        local = self._system(system, space)
+        rows = local.solver
+        local = local._replace(solver=rows._replace(factors=rows.factors._replace(store=self.apart.kept)))
+        kernels.recover_carriers(self.terms, local, self.kept, self.apart, system.work.line.x)
         system.work.s_end[self.sliders] = self.s_end
         state.force.reshape(-1, dim)[self.sliders] = self.force.reshape(-1, dim)
-        system.contact.remaining[self.sliders] = self.contact.remaining
-        return float(self.contact.augmented[3])
+        system.contact.remaining[self.sliders] = own["remaining"]
+        return float(own["augmented"][3])

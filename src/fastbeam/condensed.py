@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import count
-from .carrying import Group, Shared
+from .carrying import Group, Shared, Workspace
 from .errors import SceneError
 from .iteration import Iteration, Owner
 from .kernels import nodes, step
@@ -149,6 +149,7 @@ class CondensedIteration(Iteration):
         if model.carriers is not None:
             shared = Shared(model)
             self._carriers = [Group(owner, shared, g) for g in range(len(shared.groups))]
+            self._spaces = [Workspace(scratch) for scratch in self._scratch]
             self._held = tuple(_held_of_solver(x, model.pattern.n) for x in self._held)
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
@@ -240,14 +241,14 @@ class CondensedIteration(Iteration):
                 step.assemble_some(self._rest, system, h)
                 return True
             if isinstance(x, Group):
-                return x.condense(system, h, self.subs.ends, self._scratch[thread])
+                return x.condense(system, h, self.subs.ends, self._spaces[thread])
             tables, green, some = x
             beams.condense(self.subs, tables, green, *some, m.size, system.method, state, work, h, self._scratch[thread])
             return True
 
         self._good = all(self.team.each(condense, [None, *self._carriers, *self._groups]))
         for group in self._carriers:
-            s.contact.residual[group.sliders] = group.contact.residual
+            s.contact.residual[group.sliders] = group.own["residual"]
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
         if self._ties is not None:
             t = self._ties
@@ -290,7 +291,7 @@ class CondensedIteration(Iteration):
         if singular < 0.0:
             return float(singular)
         if self._carriers:
-            slide = float(np.max(self.team.each(lambda thread, x: x.recover(system, self._scratch[thread]), self._carriers)))
+            slide = float(np.max(self.team.each(lambda thread, x: x.recover(system, self._spaces[thread]), self._carriers)))
             s.contact.augmented[2] = 0.0
         # interior of the beams, and the increments of all nodes
         factor = -0.5 if self._at_rest else -1.0

@@ -2,7 +2,8 @@
 
 Groups of carriers are systems of their own, with the rows of constraint_rows.py: first what slides, then the nodes between the
 ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves of them
-is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`.
+is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries of sliders
+and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
 """
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from .._generic import in_memory
 from .._jit import kernel
+from .algebra import vld, vst, vzero
 from .constraint_entries import clear_held_columns, put_entries, start_blocks
 from .constraint_fill import block_at, find_fill, find_places, find_targets
 from .constraint_rows import collect, is_changed, put_in_order
@@ -42,10 +44,13 @@ class Apart(NamedTuple):
 
     row: np.ndarray     # int64 [n]: row of the residual; ends last, start and end of every carrier in turn
     beam: np.ndarray    # int64 [K]: place of every carrier in `Substructures.ends`
+    kept: np.ndarray    # float64: blocks behind the diagonal of all eliminated rows, in turn
+    place: np.ndarray   # int32 [*]: where each of them begins
+    end: np.ndarray     # int64 [1]: where they end
 
 
 @kernel
-def find_order(contact, rows, size):
+def find_order(contact, rows, apart, size):
     """As `constraint_fill.update_order`, in the given order of nodes. Returns False where some array is too short."""
     touched, order, couplings = rows.touched, rows.order, rows.couplings
     if not is_changed(contact, touched):
@@ -59,8 +64,25 @@ def find_order(contact, rows, size):
         return False
     order.counts[1] = end
     find_places(couplings, touched, order)
+    at = 0
+    for i in range(order.order.shape[0] - 2 * apart.beam.shape[0]):
+        for e in range(order.start[i], order.start[i + 1]):
+            apart.place[e] = at
+            at += 8 * order.unknowns[i]
+    apart.end[0] = at
+    if at > apart.kept.shape[0]:
+        return False
     touched.counts[1] = 1
     return True
+
+
+@kernel
+def keep_rows(apart, order, store):
+    """Blocks behind the diagonals of eliminated rows."""
+    for i in range(order.order.shape[0]):
+        for e in range(order.start[i], order.start[i + 1]):
+            for c in range(0, 8 * order.unknowns[i], 8):
+                vst(apart.kept, apart.place[e] + c, 0, vld(store, order.upper[e] + c, 0))
 
 
 @kernel
@@ -89,9 +111,9 @@ def put_ends(apart, order, store, ends_out, size):
 
 
 @kernel
-def condense_carriers(all_terms, whole_system, short_order, held, apart, h, ends_out):
+def condense_carriers(all_terms, whole_system, short_order, held, apart, h, x_now, ends_out):
     """Assemble the terms of a group and eliminate all but the ends; short_order: the same arrays without the ends among the
-    positions. Returns False where there is not enough room, `factors.failed[0]` is 1 then, or no pivot."""
+    positions; x_now: rows of the last increment. Returns False where there is not enough room, `factors.failed[0]` is 1 then, or no pivot."""
     terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
     rows, work, contact, size = system.solver, system.work, system.contact, system.size
     r, blocks = work.r, work.blocks
@@ -100,13 +122,16 @@ def condense_carriers(all_terms, whole_system, short_order, held, apart, h, ends
     n = rows.couplings.diagonal.shape[0]
     for i in range(r.shape[0]):
         r[i] = 0.0
-    for i in range(n - 2 * apart.beam.shape[0]):
-        for c in range(len(size)):
-            r[8 * i + c] = -work.f_ext[8 * apart.row[i] + c]
+    x = work.line.x
+    for i in range(n):
+        vst(x, 8 * i, 0, vld(x_now, 8 * apart.row[i], 0))
+        if i < n - 2 * apart.beam.shape[0]:
+            vst(r, 8 * i, 0, vzero() - vld(work.f_ext, 8 * apart.row[i], 0))
+    vst(x, 8 * n, 0, vzero())
     for i in range(blocks.shape[0]):
         blocks[i] = 0.0
     assemble.each(terms, system.method, system, h)
-    if contact.full[0] != 0 or not find_order(contact, rows, size):
+    if contact.full[0] != 0 or not find_order(contact, rows, apart, size):
         rows.factors.failed[0] = 1
         return False
     start_blocks(contact, rows.couplings, rows.order, rows.factors, r, size)
@@ -115,12 +140,14 @@ def condense_carriers(all_terms, whole_system, short_order, held, apart, h, ends
     if not eliminate(rows.couplings, short, rows.factors, contact, system.state.force, size):
         return False
     put_ends(apart, rows.order, rows.factors.store, ends_out, size)
+    keep_rows(apart, short, rows.factors.store)
     return True
 
 
 @kernel
 def recover_carriers(all_terms, whole_system, short_order, apart, x_out):
-    """Increments of a group from those of its ends in rows of x_out, and of its sliders."""
+    """Increments of a group from those of its ends in rows of x_out, and of its sliders; short_order and factors of the solver:
+    those of what was kept."""
     terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
     rows, work, contact, size = system.solver, system.work, system.contact, system.size
     n = apart.row.shape[0]
