@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Flag, Word, checked, shown
+from .carriers import carriers_of
 from .connections import NO_PAIRS, POSITION, Connections, connect
 from .errors import SceneError
 from .initial import initial_state, place_points
@@ -79,15 +80,24 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
 
     elements = [elements_of(part, nodes.start(part)) for part in [*scene.beams, *scene.nets]]
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    beams = substructures_of(scene, nodes, joints, links.touched, condense)
+    carried = None if links.kept or not condense else carriers_of(scene, nodes, joints, links.touched)
+    beams, carried = substructures_of(scene, nodes, joints, links.touched, condense, carried)
     for source, part in zip([*scene.beams, *scene.nets], elements):
         some, found = beams.get(source.name, (None, []))
+        if carried is not None and source.name in carried.elements:
+            some = np.setdiff1d(np.arange(len(part.nodes)) if some is None else some, carried.taken(source.name))
         packers[part.strain].add(part, nodes.phi, nodes.directors, some)
         for lanes in found:
             packers[part.strain].add(part, nodes.phi, nodes.directors, lanes.reshape(-1), lanes.shape[1])
+        for g, lanes in () if carried is None else carried.elements.get(source.name, ()):
+            packers[part.strain].add(part, nodes.phi, nodes.directors, lanes, -1 - g)
     used = [packers[name] for name in packers if packers[name].meta]
+    carriers = None if carried is None else carried.carriers._replace(tables=np.array(
+        [(g, k, at, m) for k, packer in enumerate(packers.values()) for g, at, m in packer.carried()]))
     ends = condensed_ends(used)
-    size, columns = 0, len(scene.sliders) + len(links.kept) > 0
+    if carriers is not None:
+        ends = np.concatenate((ends, carriers.ends))
+    size, columns = 0, len(scene.sliders) + len(links.kept) > 0 and carriers is None
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
         eligible[links.touched] = False
@@ -99,6 +109,9 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
                             links.pairs])
     band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
     level = _levels(n, used)
+    if carriers is not None:
+        level[carriers.apart] = 2
+    level[ends] = 0
     blocks = _Blocks(n, pairs, joints, band, solver, level)
     del pairs
 
@@ -126,7 +139,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     state, projected = initial_state(scene, nodes, joints, elements, links.kept)
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
-        inner=inner, substructures=substructures, bodies=bodies,
+        inner=inner, substructures=substructures, carriers=carriers, bodies=bodies,
         links=link_tables, kept=links.kept, ties=ties, held=held, static_held=static_held,
         curves=curves, sliders=sliders,
         pattern=blocks.pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
@@ -175,7 +188,8 @@ def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> A
 
 
 def _levels(n: int, packers: list[ElementPacker]) -> Array:
-    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 within its condensed beam, [N]."""
+    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 within its condensed beam or an end
+    of it, [N]."""
     level = np.zeros(n, np.int8)
     for packer in packers:
         for meta, live in packer.lanes():
@@ -183,7 +197,6 @@ def _levels(n: int, packers: list[ElementPacker]) -> Array:
             level[gone[gone >= 0]] = 1
         for _, live in packer.condensed():
             level[live] = 2
-    level[condensed_ends(packers)] = 0
     return level
 
 

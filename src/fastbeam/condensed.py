@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import count
+from .carrying import Group, Shared, Workspace
 from .errors import SceneError
 from .iteration import Iteration, Owner
 from .kernels import nodes, step
@@ -89,8 +90,31 @@ class Team:
         return out
 
 
+def _held_of_solver(held: Held, n: int) -> Held:
+    """What is held in the n rows that the solver sees."""
+    seen = held.row < n
+    return held._replace(row=held.row[seen], mask=held.mask[seen], diagonal=held.diagonal[seen])
+
+
+def _bodies_of_solver(bodies: Any, n: int) -> Any:
+    """Bodies there."""
+    seen = bodies.row < n
+    inertia = bodies.inertia.reshape(seen.size, -1)[seen].reshape(-1)
+    return bodies._replace(node=bodies.node[seen], row=bodies.row[seen], block=bodies.block[seen], inertia=inertia)
+
+
+def _ties_of_solver(ties: Any, apart: Array) -> Any:
+    """Ties but those of some nodes."""
+    seen = ~np.isin(ties.slave, apart)
+    moved = np.isin(ties.target, apart)
+    entry = np.maximum(ties.moves[:, 1:3], 0)
+    moves = ties.moves[~((ties.moves[:, 1:3] >= 0) & moved[entry]).any(axis=1)]
+    return ties._replace(slave=ties.slave[seen], row=ties.row[seen], moves=np.ascontiguousarray(moves))
+
+
 class CondensedIteration(Iteration):
-    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk.
+    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and each group of carriers
+    is one.
 
     Parameters
     ----------
@@ -111,7 +135,7 @@ class CondensedIteration(Iteration):
         self._groups: list[tuple[ElementTables, Any, Chunk]] = []
         done = 0
         for tables, groups, strains in ((model.simo, parts[0], SIMO_REISSNER), (model.green, parts[1], GREEN_LAGRANGE)):
-            n = 0 if tables is None else len(tables.meta) - int(groups[:, 1].sum())
+            n = 0 if tables is None else model.others(tables, groups)
             if tables is not None and n:
                 inner = NoInner() if owner.inner is None else owner.inner
                 rest.append(Beams(strains, tables._replace(meta=tables.meta[:n]), inner))
@@ -119,8 +143,18 @@ class CondensedIteration(Iteration):
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
         self._held = tuple(x for x in owner.terms if isinstance(x, Held))
-        self._rest = tuple(x for x in owner.terms if isinstance(x, (Sliding, Inner)))
-        self._rest += (*rest, *(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies))))
+        before = Inner if model.carriers is not None else (Sliding, Inner)
+        bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
+        self._ties = model.ties
+        self._carriers: list[Group] = []
+        if model.carriers is not None:
+            shared = Shared(model)
+            self._carriers = [Group(owner, shared, g) for g in range(len(shared.groups))]
+            self._spaces = [Workspace(scratch) for scratch in self._scratch]
+            self._held = tuple(_held_of_solver(x, model.pattern.n) for x in self._held)
+            bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
+            self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
+        self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies)
         self._at_rest = isinstance(owner.system.method, Equilibrium)
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
@@ -137,9 +171,9 @@ class CondensedIteration(Iteration):
         self._terms = [(beams.add_end_blocks, owner.work.blocks, chunk) for chunk in chunks(subs.block_start.size - 1, 512)]
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
         self._moves: list[Chunk] = []
-        if model.ties is not None:
+        if self._ties is not None:
             # what adds to one block stays together
-            target = model.ties.moves[:, 3]
+            target = self._ties.moves[:, 3]
             edges = [0, *(int(np.searchsorted(target, target[a])) for a, _ in chunks(target.size, 256)[1:]), target.size]
             self._moves = [(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]
 
@@ -202,18 +236,23 @@ class CondensedIteration(Iteration):
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
-        def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | None) -> None:
+        def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | Group | None) -> bool:
             if x is None:
                 # what acts on inner nodes stands in the residual before they are eliminated
                 step.assemble_some(self._rest, system, h)
-                return
+                return True
+            if isinstance(x, Group):
+                return x.condense(system, h, self.subs.ends, self._spaces[thread])
             tables, strains, some = x
             beams.condense(self.subs, tables, strains, *some, m.size, system.method, state, work, h, self._scratch[thread])
+            return True
 
-        self.team.each(condense, [None, *self._groups])
+        self._good = all(self.team.each(condense, [None, *self._carriers, *self._groups]))
+        for group in self._carriers:
+            s.contact.residual[group.sliders] = group.own["residual"]
         self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
-        if m.ties is not None:
-            t = m.ties
+        if self._ties is not None:
+            t = self._ties
             apply_ties(t, 0, t.slave.size, 0, 0, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
             self.team.each(lambda thread, x: apply_ties(t, 0, 0, *x, work.q_mid, work.q_end, work.r, work.blocks,
                                                         self._scratch[thread]), self._moves)
@@ -222,10 +261,18 @@ class CondensedIteration(Iteration):
 
     @property
     def is_regular(self) -> bool:
-        return super().is_regular and bool(self.subs.state.all())
+        return super().is_regular and bool(self.subs.state.all()) and (self._good or self._singular >= 0)
+
+    @property
+    def _singular(self) -> int:
+        """The first slider without a pivot on a carrier, or -1."""
+        return min((group.singular for group in self._carriers if group.singular >= 0), default=-1)
 
     def solve_panel(self) -> bool:
         s, m = self.owner, self.owner.core
+        if not self._good:
+            # `update` tells which slider it is
+            return True
         if not s.linear.is_compiled:
             return super().solve_panel()
         if s.linear.pardiso is not None:
@@ -239,9 +286,14 @@ class CondensedIteration(Iteration):
         if self._at_rest:
             work.theta[:] = 0.0
             work.dphi[:] = 0.0
+        if not self._good:
+            return -1.0 - self._singular
         singular, slide = step.close_right(s.terms, system)
         if singular < 0.0:
             return float(singular)
+        if self._carriers:
+            slide = float(np.max(self.team.each(lambda thread, x: x.recover(system, self._spaces[thread]), self._carriers)))
+            s.contact.augmented[2] = 0.0
         # interior of the beams, and the increments of all nodes
         factor = -0.5 if self._at_rest else -1.0
 

@@ -8,7 +8,9 @@ import numpy as np
 from .kernels.constraint_rows import Couplings, Order, Touched
 from .kernels.constraint_solve import Factors
 from .kernels.constraints import Constraints
-from .kernels.inner import Inner
+from .kernels.inner import Inner, NoInner
+from .kernels.nodes import NoHeld
+from .kernels.terms import NoTies
 from .model import Model
 from .pattern import Pattern
 
@@ -51,9 +53,9 @@ def _starts(counts: Array) -> Array:
 
 
 def with_room(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
-              others: tuple[Any, ...] = (None,) * 5) -> Constraints:
+              others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0) -> Constraints:
     """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
-    eliminated inner nodes; others: the last five of `Constraints`."""
+    eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
     rows = n + s
 
@@ -72,7 +74,7 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
                   integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(entries, 6)
-    room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024
+    room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
     factors = Factors(_aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
     return Constraints(couplings, touching, order, factors, _aligned(int(scale * 512 * size)), *others)
@@ -105,7 +107,8 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
                              model.unknowns, model.forces, in_force)
     assert row_of.size == model.n_nodes
     elements = 0 if inner is None else inner.mark.size
-    others = (inner, model.ties, model.held, model.simo, model.green)
+    others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
+              NoHeld() if model.held is None else model.held)
     return with_room(couplings, entries, elements, len(model.size), scale, others)
 
 

@@ -12,13 +12,14 @@ import numpy as np
 from .arguments import LARGEST, Count, checked, real, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables
+from .kernels.carriers import Carriers
 from .kernels.curves import Curves
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
 from .kernels.nodes import NODES_SCRATCH, Bodies, Held
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
-from .kernels.slider import Contact, ContactInRows, Sliders
+from .kernels.slider import Contact, ContactInRows, ContactOfCarriers, Sliders
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
 from .kernels.ties import Ties
@@ -38,7 +39,7 @@ class Model:
     ----------
     simo, green : ElementTables or None
         Elements with strain set (2.2), (2.1).
-    inner, substructures, bodies, ties, held, curves, sliders : tables or None
+    inner, substructures, carriers, bodies, ties, held, curves, sliders : tables or None
         None where the scene has none; then no code is compiled for them.
     links : tuple
         Tables of springs and other links between two points, one of each kind.
@@ -87,6 +88,7 @@ class Model:
     green: ElementTables | None
     inner: Inner | None
     substructures: Substructures | None
+    carriers: Carriers | None
     bodies: Bodies | PlanarBodies | None
     links: tuple[Any, ...]
     kept: list[KeptLink]
@@ -171,12 +173,18 @@ class Model:
     @property
     def columns(self) -> int:
         """Right-hand sides of a solve: residual and borders."""
-        return 1 + self.border * self.n_constraints
+        return 1 if self.carriers is not None else 1 + self.border * self.n_constraints
+
+    @property
+    def border_size(self) -> int:
+        """Doubles of a dense border of all constraints; 0 without any."""
+        columns = 1 + self.border * self.n_constraints if self.n_constraints else 0
+        return columns * (columns + len(self.size) * self.n_nodes)
 
     @property
     def width(self) -> int:
         """Columns of the panel of right-hand sides: one, or those of sliders padded to 8."""
-        return -(-self.columns // 8) * 8 if self.n_constraints else 1
+        return -(-self.columns // 8) * 8 if self.columns > 1 else 1
 
     @property
     def past_size(self) -> int:
@@ -272,7 +280,7 @@ class Model:
     @property
     def panel_rows(self) -> int:
         """Rows of the panel of right-hand sides: those that the solver sees; with sliders all but those of condensed beams."""
-        if not self.n_constraints:
+        if self.columns == 1:
             return self.pattern.n
         return self.n_nodes if self.substructures is None else int(self.substructures.counts[0])
 
@@ -286,6 +294,13 @@ class Model:
         assert self.substructures is not None
         n = int(self.substructures.counts[1])
         return self.substructures.group[:n], self.substructures.group[n:]
+
+    def others(self, tables: ElementTables, groups: Array) -> int:
+        """Groups of elements in tables of one strain set that belong to no condensed beam, of `groups`, and to no carrier."""
+        carried = 0
+        if self.carriers is not None:
+            carried = int(self.carriers.tables[self.carriers.tables[:, 1] == (tables is self.green), 3].sum())
+        return len(tables.meta) - int(groups[:, 1].sum()) - carried
 
     def scratch(self) -> Array:
         """Scratch of one thread."""
@@ -307,7 +322,7 @@ class Model:
         moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None or bool(self.links))
         border = self.border * self.n_constraints
         # what only a dense border needs
-        dense = 0 if self.by_rows else border
+        dense = 0 if self.by_rows or self.carriers is not None else border
         panel = 0 if self.by_rows else size * self.panel_rows * self.width
         theta = _padded((size - self.dim) * n)
         return Work(dphi=_padded(self.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
@@ -351,9 +366,9 @@ class Model:
         if not n:
             return None
         shape = np.zeros((1, 3), np.int64) if self.curves is None else self.curves.shape
-        entries = entries or self.entries
+        entries = entries or (0 if self.carriers is not None else self.entries)
         first = np.cumsum(self.unknowns) - self.unknowns if self.by_rows else self.border * np.arange(n)
-        kind = ContactInRows if self.by_rows else Contact
+        kind = ContactInRows if self.by_rows else Contact if self.carriers is None else ContactOfCarriers
         return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
                     entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=np.zeros((n, row * entries)),
                     line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),

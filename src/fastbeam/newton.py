@@ -235,8 +235,7 @@ class Stepper:
     @property
     def _border_size(self) -> int:
         """Doubles of the dense border of all sliders."""
-        columns = self.core.columns if self.core.n_constraints else 0
-        return columns * (columns + len(self.core.size) * self.core.n_nodes)
+        return self.core.border_size
 
     @property
     def pivots_everywhere(self) -> bool:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .carriers import Found
 from .connections import Connections
 from .numbering import NodeList
 from .scene import Net, Scene
@@ -25,10 +26,10 @@ class Chosen(NamedTuple):
     groups: list[Array]
 
 
-def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array,
-                     condense: bool | str) -> dict[str, Chosen]:
-    """Substructures of every beam or net that has any, by its name. Nothing but elements and loads may touch the nodes between
-    the ends of a substructure, and no slider runs on it.
+def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array, condense: bool | str,
+                     carried: Found | None) -> tuple[dict[str, Chosen], Found | None]:
+    """Substructures of every beam or net that has any, by its name, and the carriers, None where they do not pay. Nothing but
+    elements and loads may touch the nodes between the ends of a substructure, and no slider runs on it.
 
     Parameters
     ----------
@@ -36,19 +37,23 @@ def substructures_of(scene: Scene, nodes: NodeList, joints: Connections, linked:
         Nodes that springs and joints with multipliers touch.
     condense : bool or 'auto'
         'auto': where it pays.
+    carried : Found or None
+        Beams that may be carriers.
     """
     if not condense:
-        return {}
+        return {}, None
     free = _free_nodes(scene, nodes, joints, linked)
     nets = {net.name: _in_net(scene, net, free[nodes.span(net)]) for net in scene.nets}
     beams = {beam.name: _in_beam(free[nodes.span(beam)], beam.n_elements, beam.degree)
              for beam in scene.beams if beam.interpolation == "lagrange"}
     out: dict[str, Chosen] = {}
-    for found, worth in ((nets, WORTH_IN_NETS), (beams, WORTH_IN_BEAMS)):
+    more = carried.n_elements if carried is not None and nets else 0
+    for found, worth, others in ((nets, WORTH_IN_NETS, more), (beams, WORTH_IN_BEAMS, 0)):
         found = {name: chosen for name, chosen in found.items() if chosen.groups}
-        if condense is True or sum(x.size for chosen in found.values() for x in chosen.groups) >= worth:
+        if condense is True or sum(x.size for chosen in found.values() for x in chosen.groups) + others >= worth:
             out |= found
-    return out
+    pays = out or (more and (condense is True or more >= WORTH_IN_NETS))
+    return out, carried if pays else None
 
 
 def _free_nodes(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Array:

@@ -40,6 +40,11 @@ def check_supports(model: Model, flat: bool = False) -> bool:
                 own = tables.rows[at[:, :, None, None] + np.arange(8 * nn).reshape(nn, 8)]
                 rows.append(own.reshape(-1))
                 columns.append(np.broadcast_to(own[:, :1, :1], own.shape).reshape(-1))
+    if model.carriers is not None:
+        # and so does one of a carrier
+        for a, b in model.carriers.ends.tolist():
+            rows.append(pattern.row_of[a + 1:b + 1])
+            columns.append(np.broadcast_to(pattern.row_of[a], b - a))
     if model.ties is not None:
         # a tied node hangs on its targets
         count = np.diff(model.ties.start)

@@ -163,7 +163,8 @@ class ElementPacker:
 
     def add(self, elements: Elements, phi: Array, d: Array, some: Array | None = None, beam: int = 0) -> None:
         """Append elements; phi [N, 3], d [N, 3, 3]: reference of all nodes. some: int [S], which of them and in what order, all
-        by default; beam: where beams are condensed, elements of each: lane l of so many groups are those of beam l."""
+        by default; beam: where beams are condensed, elements of each: lane l of so many groups are those of beam l; -1 - g where
+        they belong to group g of carriers."""
         nq, nn = elements.phi_s.shape[1:]
         some = np.arange(len(elements.nodes)) if some is None else some
         if not some.size:
@@ -191,17 +192,28 @@ class ElementPacker:
         self.beam.append(beam)
 
     def lanes(self) -> Any:
-        """(meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams."""
+        """(meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams and
+        carriers."""
         for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
             if not beam:
                 yield meta, nodes[:, 1].reshape(len(meta), -1, 8)
 
     def condensed(self) -> Any:
         """(elements of a beam, nodes [groups of beams, elements, nn, 8]) of condensed beams, in the order of their groups, which
-        come last in the tables."""
+        come behind the others in the tables."""
         for meta, nodes, beam in zip(self.meta, self.nodes, self.beam):
-            if beam:
+            if beam > 0:
                 yield beam, nodes[:, 0].reshape(len(meta) // beam, beam, -1, 8)
+
+    def carried(self) -> list[tuple[int, int, int]]:
+        """(group of carriers, first group of elements, number) of their elements, which come last in the tables."""
+        at = sum(len(meta) for meta, beam in zip(self.meta, self.beam) if beam >= 0)
+        out = []
+        for meta, beam in zip(self.meta, self.beam):
+            if beam < 0:
+                out.append((-1 - beam, at, len(meta)))
+                at += len(meta)
+        return out
 
     def eliminate(self, eligible: Array, offset: int, columns: bool) -> int:
         """Have the inner nodes of groups eliminated where all of them are eligible, bool [N + 1]; `offset`: where their factors
@@ -235,7 +247,7 @@ class ElementPacker:
             return None
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
-        meta = [x for last in (False, True) for x, beam in zip(self.meta, self.beam) if (beam > 0) == last]
+        meta = [x for kind in (0, 1, -1) for x, beam in zip(self.meta, self.beam) if np.sign(beam) == kind]
         return ElementTables(np.ascontiguousarray(np.concatenate(meta)).astype(np.int64), self.tab.array(),
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
@@ -278,7 +290,7 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
     Parameters
     ----------
     rows, blocks : int [B, 2], [B, 4]
-        Rows and blocks of their ends: start and end; start-start, start-end, end-start, end-end.
+        Rows and blocks of their ends, those of carriers last: start and end; start-start, start-end, end-start, end-end.
     n_blocks, n_end : int
         Blocks of the tangent; rows that ends may have.
     first : int
@@ -286,7 +298,7 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
     """
     if not len(rows):
         return None
-    group = []
+    group = [np.zeros((0, 4), np.int64)]
     for p in packers:
         at = sum(len(meta) for meta, _ in p.lanes())
         for count, live in p.condensed():

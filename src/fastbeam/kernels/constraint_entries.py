@@ -16,6 +16,7 @@ from .constraint_solve import RIGHT
 from .kinds import dim
 from .planar_nodes import PlanarTies, planar_arm
 from .rows import gather_lanes, put_rows
+from .terms import NoTies
 from .ties import Ties, tie_arm
 
 
@@ -194,24 +195,36 @@ def pass_on_in_plane(ties, e, q_mid, q_end, buffer, column, line, m, store, to_c
             store[to_line + 8 * a + 2] += buffer[line + 16 + a]
 
 
-@kernel
+@generic
 def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
     """Columns and lines of job j at an end of its element, place t, into the blocks; a tied node passes them on."""
+
+
+@put_end.register(NoTies)
+@kernel
+def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
+    n = len(size)
+    add_column(factors.store, touched.column[t], buffer, column, n)
+    add_line(factors.store, touched.line[t], buffer, line, n, couplings.unknowns[touched.job[j, 1]])
+
+
+@put_end.register(Ties)
+@put_end.register(PlanarTies)
+@kernel
+def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
     n = len(size)
     k = touched.job[j, 1]
     m = couplings.unknowns[k]
     add_column(factors.store, touched.column[t], buffer, column, n)
     add_line(factors.store, touched.line[t], buffer, line, n, m)
-    if ties is not None:
-        node = couplings.tied[touched.row[t]]
-        if node >= 0:
-            for e in range(ties.start[node], ties.start[node + 1]):
-                if ties.target[e] != node:
-                    to = touched.start[k]
-                    while touched.row[to] != ties.target_row[e]:
-                        to += 1
-                    pass_on.call(ties, e, q_mid, q_end, buffer, column, line, m, factors.store, touched.column[to],
-                                 touched.line[to])
+    node = couplings.tied[touched.row[t]]
+    if node >= 0:
+        for e in range(ties.start[node], ties.start[node + 1]):
+            if ties.target[e] != node:
+                to = touched.start[k]
+                while touched.row[to] != ties.target_row[e]:
+                    to += 1
+                pass_on.call(ties, e, q_mid, q_end, buffer, column, line, m, factors.store, touched.column[to], touched.line[to])
 
 
 @kernel
@@ -234,8 +247,8 @@ def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mi
         j = last
         while j >= 0:
             line = at + 8 * n * nodes
-            put_end(ties, couplings, touched, factors, j, touched.job[j, 4], at, line, buffer, q_mid, q_end, size)
-            put_end(ties, couplings, touched, factors, j, touched.job[j, 5], line - 8 * n,
+            put_end.call(ties, couplings, touched, factors, j, touched.job[j, 4], at, line, buffer, q_mid, q_end, size)
+            put_end.call(ties, couplings, touched, factors, j, touched.job[j, 5], line - 8 * n,
                     line + 8 * n * (nodes - 1), buffer, q_mid, q_end, size)
             at += 16 * n * nodes
             j = touched.job[j, 3]

@@ -13,7 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import kernel, written_in
+from .inner import Inner, NoInner
+from .planar_nodes import PlanarTies
+from .terms import NoTies
+from .ties import Ties
 
 
 class Couplings(NamedTuple):
@@ -134,21 +139,43 @@ def touch(touched, k, row, at):
     return at
 
 
+@generic
+def touch_end(ties, couplings, touched, k, row, at):
+    """`touch` for an end of an element: a tied node passes on what it carries."""
+
+
+@touch_end.register(NoTies)
 @kernel
-def touch_end(couplings, ties, touched, k, row, at):
-    """The same for an end of an element: a tied node passes on what it carries."""
+def touch_free_end(ties, couplings, touched, k, row, at):
+    return touch(touched, k, row, at)
+
+
+@touch_end.register(Ties)
+@touch_end.register(PlanarTies)
+@kernel
+def touch_tied_end(ties, couplings, touched, k, row, at):
     at = touch(touched, k, row, at)
-    if ties is not None:
-        node = couplings.tied[row]
-        if node >= 0:
-            for e in range(ties.start[node], ties.start[node + 1]):
-                at = touch(touched, k, ties.target_row[e], at)
+    node = couplings.tied[row]
+    if node >= 0:
+        for e in range(ties.start[node], ties.start[node + 1]):
+            at = touch(touched, k, ties.target_row[e], at)
     return at
 
 
-@written_in
-def touch_inner(couplings, inner, ties, touched, k, m, row, at, jobs):
+@generic
+def touch_inner(inner, couplings, ties, touched, k, m, row, at, jobs):
     """Entry m of constraint k on an inner node becomes part of a job. Returns the next new row and the next new job."""
+
+
+@touch_inner.register(NoInner)
+@kernel
+def touch_nothing(inner, couplings, ties, touched, k, m, row, at, jobs):
+    return at, jobs
+
+
+@touch_inner.register(Inner)
+@kernel
+def touch_job(inner, couplings, ties, touched, k, m, row, at, jobs):
     e = inner.element[row - inner.first[0]]
     j = touched.last_job[e]
     if j < touched.job_start[k]:
@@ -162,8 +189,8 @@ def touch_inner(couplings, inner, ties, touched, k, m, row, at, jobs):
         touched.job[jobs, 3] = j
         a = inner.rows[first]
         b = inner.rows[first + inner.where[e, 1] + 1]
-        at = touch_end(couplings, ties, touched, k, a, at)
-        at = touch_end(couplings, ties, touched, k, b, at)
+        at = touch_end.call(ties, couplings, touched, k, a, at)
+        at = touch_end.call(ties, couplings, touched, k, b, at)
         touched.job[jobs, 4] = touched.place[a]
         touched.job[jobs, 5] = touched.place[b]
         touched.last_job[e] = jobs
@@ -198,14 +225,31 @@ def collect(contact, inner, ties, couplings, touched, n_unknowns):
             if row < n:
                 at = touch(touched, k, row, at)
                 touched.entry[k, m] = touched.place[row]
-            elif inner is not None:
-                at, jobs = touch_inner(couplings, inner, ties, touched, k, m, row, at, jobs)
+            else:
+                at, jobs = touch_inner.call(inner, couplings, ties, touched, k, m, row, at, jobs)
     if at > touched.row.shape[0]:
         return False
     touched.start[contact.entries.shape[0]] = at
     touched.job_start[contact.entries.shape[0]] = jobs
     count_jobs(inner, touched, n_unknowns)
     return list_users(touched, at, n)
+
+
+@generic
+def nodes_of_element(inner, e):
+    """Nodes of an element with eliminated nodes."""
+
+
+@nodes_of_element.register(NoInner)
+@kernel
+def no_nodes(inner, e):
+    return 0
+
+
+@nodes_of_element.register(Inner)
+@kernel
+def inner_and_ends(inner, e):
+    return inner.where[e, 1] + 2
 
 
 @kernel
@@ -220,8 +264,7 @@ def count_jobs(inner, touched, n):
             jobs += 1
             j = touched.job[j, 3]
         touched.found[f, 1] = jobs
-        if inner is not None:
-            most = max(most, 16 * n * jobs * (inner.where[touched.found[f, 0], 1] + 2))
+        most = max(most, 16 * n * jobs * nodes_of_element.call(inner, touched.found[f, 0]))
         pairs += jobs * jobs
     touched.counts[2] = most
     touched.counts[3] = pairs

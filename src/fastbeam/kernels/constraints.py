@@ -5,14 +5,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import kernel
 from .beam import ElementTables
+from .beams import Beams
 from .constraint_entries import (add_inner, carry, clear_held_columns, put_entries, recover_inner_rows, start_blocks, start_inner)
 from .constraint_fill import update_order
 from .constraint_rows import Couplings, Order, Touched
 from .constraint_solve import Factors, eliminate, substitute, take_solution
-from .inner import Inner
-from .nodes import Held
+from .inner import Inner, NoInner
+from .nodes import Held, NoHeld
 from .planar_nodes import PlanarTies
 from .slider import ContactInRows
 from .terms import close, fill, push_increments, solve, take_unknowns
@@ -27,11 +29,9 @@ class Constraints(NamedTuple):
     order: Order
     factors: Factors
     buffer: np.ndarray      # float64: columns and lines of the constraints of an element
-    inner: Any              # inner.Inner; all of these are None where there are none
-    ties: Any               # ties.Ties or planar_nodes.PlanarTies
-    held: Any               # nodes.Held
-    simo: Any               # beam.ElementTables of strain set (2.2)
-    green: Any              # of strain set (2.1)
+    inner: Any              # inner.Inner or NoInner
+    ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
+    held: Any               # nodes.Held or NoHeld
 
 
 # a value of one of these fills a call with its arrays, seven words each
@@ -39,20 +39,52 @@ for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, 
     _record.stays_in_memory = True  # type: ignore[attr-defined]
 
 
+@generic
+def carry_entries(inner, contact, rows, q_mid, q_end, size):
+    """Entries of constraints on nodes that are eliminated inside elements."""
+
+
+@carry_entries.register(NoInner)
 @kernel
-def fill_constraints(contact, inner, ties, held, rows, r, q_mid, q_end, size):
+def carry_nothing(inner, contact, rows, q_mid, q_end, size):
+    pass
+
+
+@carry_entries.register(Inner)
+@kernel
+def carry_to_ends(inner, contact, rows, q_mid, q_end, size):
+    carry(contact, inner, rows.ties, rows.couplings, rows.touched, rows.order, rows.factors, rows.buffer, q_mid, q_end, size)
+
+
+@generic
+def clear_columns(held, rows):
+    """Columns of constraints on held unknowns."""
+
+
+@clear_columns.register(NoHeld)
+@kernel
+def clear_no_columns(held, rows):
+    pass
+
+
+@clear_columns.register(Held)
+@kernel
+def clear_columns_of_held(held, rows):
+    clear_held_columns(held, rows.touched, rows.factors, rows.couplings.diagonal.shape[0])
+
+
+@kernel
+def fill_constraints(contact, rows, r, q_mid, q_end, size):
     """Residual r and entries of all constraints into the blocks, in an order that is found again where they touch other rows.
     Returns False where there is not enough room: then `factors.failed[0]` is 1."""
-    if contact.full[0] != 0 or not update_order(contact, inner, ties, rows.couplings, rows.touched, rows.order,
+    if contact.full[0] != 0 or not update_order(contact, rows.inner, rows.ties, rows.couplings, rows.touched, rows.order,
                                                 rows.factors.store.shape[0], rows.buffer.shape[0], size):
         rows.factors.failed[0] = 1
         return False
     start_blocks(contact, rows.couplings, rows.order, rows.factors, r, size)
     put_entries(contact, rows.couplings, rows.touched, rows.factors, size)
-    if inner is not None:
-        carry(contact, inner, ties, rows.couplings, rows.touched, rows.order, rows.factors, rows.buffer, q_mid, q_end, size)
-    if held is not None:
-        clear_held_columns(held, rows.touched, rows.factors, rows.couplings.diagonal.shape[0])
+    carry_entries.call(rows.inner, contact, rows, q_mid, q_end, size)
+    clear_columns.call(rows.held, rows)
     return True
 
 
@@ -67,23 +99,57 @@ def solve_constraints(contact, rows, force, x_out, y_out, size):
     return True
 
 
+@generic
+def begin_inner(inner, contact, rows, work, size):
+    """What constraints leave in the rows of nodes that were eliminated inside elements."""
+
+
+@begin_inner.register(NoInner)
 @kernel
-def complete_inner(simo, green, contact, inner, rows, y, x_out, scratch, size):
-    """Increments of inner nodes of elements from those of the end nodes and of the constraints."""
-    if inner is not None:
-        start_inner(inner, x_out, size)
-        add_inner(contact, inner, rows.touched, rows.couplings, y, rows.buffer, x_out, size)
-        if simo is not None:
-            recover_inner_rows(simo, inner, x_out, scratch, size)
-        if green is not None:
-            recover_inner_rows(green, inner, x_out, scratch, size)
+def begin_no_inner(inner, contact, rows, work, size):
+    pass
+
+
+@begin_inner.register(Inner)
+@kernel
+def begin_all_inner(inner, contact, rows, work, size):
+    start_inner(inner, work.line.x, size)
+    add_inner(contact, inner, rows.touched, rows.couplings, work.y, rows.buffer, work.line.x, size)
+
+
+@generic
+def recover_inside(term, system):
+    """Increments of nodes that were eliminated inside elements, from their ends and what stands in their own rows."""
+
+
+@generic
+def recover_elements(inner, tables, system):
+    """The same for all elements with one strain set."""
+
+
+@recover_elements.register(NoInner)
+@kernel
+def recover_no_elements(inner, tables, system):
+    pass
+
+
+@recover_elements.register(Inner)
+@kernel
+def recover_all_elements(inner, tables, system):
+    recover_inner_rows(tables, inner, system.work.line.x, system.work.scratch, system.size)
+
+
+@recover_inside.register(Beams)
+@kernel
+def recover_beams(beams, system):
+    recover_elements.call(beams.inner, beams.tables, system)
 
 
 @fill.register(ContactInRows)
 @kernel
 def fill_rows(contact, terms, system):
     rows, work = system.solver, system.work
-    fill_constraints(contact, rows.inner, rows.ties, rows.held, rows, work.r, work.q_mid, work.q_end, system.size)
+    fill_constraints(contact, rows, work.r, work.q_mid, work.q_end, system.size)
 
 
 @solve.register(Constraints)
@@ -104,7 +170,8 @@ def close_rows(contact, terms, system):
     if rows.factors.failed[1] >= 0:
         return -1.0 - rows.factors.failed[1], 0.0
     push_increments.each(terms, system)
-    complete_inner(rows.simo, rows.green, contact, rows.inner, rows, work.y, work.line.x, work.scratch, system.size)
+    begin_inner.call(rows.inner, contact, rows, work, system.size)
+    recover_inside.each(terms, system)
     contact.augmented[3] = 0.0
     take_unknowns.each(terms, system)
     return 0.0, contact.augmented[3]

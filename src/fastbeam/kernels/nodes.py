@@ -42,6 +42,10 @@ class Held(NamedTuple):
     column_mask: np.ndarray  # int64 [P]
 
 
+class NoHeld(NamedTuple):
+    """Of a scene without supports."""
+
+
 # doubles of scratch that `update_nodes` and `advance` need
 NODES_SCRATCH = 240
 

@@ -75,6 +75,10 @@ class ContactInRows(Contact):
     """The same where sliders are rows of the block matrix (constraints.py) and no dense border."""
 
 
+class ContactOfCarriers(Contact):
+    """The same, without entries, where all sliders are eliminated with their beams (carriers.py)."""
+
+
 @generic
 def tied_arm(ties, e, q):
     """Offset of entry e of tied nodes of kind 1, a point carried on an arm, at coordinates q."""

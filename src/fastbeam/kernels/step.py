@@ -14,7 +14,7 @@ from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor
 from .kinds import dim
 from .nodes import extrapolation, remember
-from .slider import Contact
+from .slider import Contact, ContactOfCarriers
 from .sparse import PardisoTables, solve_sparse
 from .sparse import begin_step as begin_pardiso_step
 from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_contact,
@@ -129,6 +129,7 @@ def assemble_step(terms, system, h):
 
 
 @fill.register(NoContact)
+@fill.register(ContactOfCarriers)
 @kernel
 def fill_without_border(contact, terms, system):
     fill_residual(system.work.r, system.work.panel, system.size)
@@ -164,6 +165,7 @@ def eliminate(plan, work, sides, size):
 
 
 @solve.register(Elimination, NoContact)
+@solve.register(Elimination, ContactOfCarriers)
 @kernel
 def eliminate_residual(plan, contact, system):
     return eliminate(plan, system.work, OneSide(system.work.panel), system.size)
@@ -188,6 +190,7 @@ def solve_nothing(solver, contact, system):
 
 
 @close.register(NoContact)
+@close.register(ContactOfCarriers)
 @kernel
 def close_residual(contact, terms, system):
     method, work = system.method, system.work

@@ -1,0 +1,110 @@
+"""Carriers: beams with sliders in scenes with condensed beams, eliminated to their ends together with what slides on them
+(theory.md 9). This file finds them when a scene is compiled."""
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .connections import HOLD_TRIAD, Connections
+from .kernels.carriers import Carriers
+from .numbering import NodeList
+from .scene import Beam, Scene
+
+Array = np.ndarray
+# groups of carriers, each work for one thread at a time: at most so many, of so many carriers at least
+MOST_GROUPS, LEAST_CARRIERS = 16, 24
+
+
+@dataclass
+class Found:
+    """Carriers of a scene; elements of every beam or net, by its name, that belong to each group."""
+
+    carriers: Carriers
+    elements: dict[str, list[tuple[int, Array]]] = field(default_factory=dict)
+
+    def taken(self, name: str) -> Array:
+        """All elements of a beam or net that belong to carriers."""
+        return np.concatenate([np.zeros(0, np.int64), *(some for _, some in self.elements.get(name, ()))])
+
+    @property
+    def n_elements(self) -> int:
+        """Of all carriers."""
+        return sum(some.size for groups in self.elements.values() for _, some in groups)
+
+
+def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
+    """All beams with sliders as carriers; None where one of the sliders does not allow it. Between the ends of its beam nothing but
+    elements, loads and sliders may touch a node, and its point has to be a mass, or belong to a body, that is held by nothing,
+    joined to nothing else, and slides on this beam alone.
+
+    Parameters
+    ----------
+    linked : int [*]
+        Nodes that springs and joints with multipliers touch.
+    """
+    sliders: dict[int, list[int]] = {}
+    beams: dict[int, Any] = {}
+    beam_of: dict[int, int] = {}
+    for k, slider in enumerate(scene.sliders):
+        first = nodes.start(slider.beam)
+        if isinstance(slider.point.owner, Beam) or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:
+            return None
+        beams[first] = slider.beam
+        sliders.setdefault(first, []).append(k)
+    if not beams:
+        return None
+    arms: dict[int, list[int]] = {body: [] for body in beam_of}
+    for body, arm in nodes.arm_owner:
+        if body in arms:
+            arms[body].append(arm)
+    own = np.arange(len(nodes))
+    body_of = np.full(len(nodes), -1)
+    for body, points in arms.items():
+        body_of[[body, *points]] = body
+    follows = joints.target != joints.owner
+    # what a body takes along besides its own points, and what its points hang on
+    across = body_of[joints.target[follows]] != body_of[joints.owner[follows]]
+    joined = joints.row_root != own
+    joined[joints.row_root[joined]] = True
+    joined[joints.target[follows][across]] = joined[joints.owner[follows][across]] = True
+    joined[linked] = joined[joints.row_root[linked]] = True
+    bodies = np.array(list(arms))
+    if joined[body_of >= 0].any() or (joints.held[bodies] & ~HOLD_TRIAD).any():
+        return None
+    free = ~joined & (joints.held == 0)
+    for first, beam in beams.items():
+        if not free[first + 1:first + beam.n_nodes - 1].all():
+            return None
+    return _packed(nodes, beams, sliders, beam_of, arms)
+
+
+def _packed(nodes: NodeList, beams: dict[int, Any], sliders: dict[int, list[int]], beam_of: dict[int, int],
+            arms: dict[int, list[int]]) -> Found:
+    first = sorted(beams)
+    number = {node: l for l, node in enumerate(first)}
+    ends = np.array([(node, node + beams[node].n_nodes - 1) for node in first])
+    groups = max(1, min(MOST_GROUPS, len(first) // LEAST_CARRIERS))
+    group = np.arange(len(first)) * groups // len(first)
+    points: list[list[int]] = [[] for _ in first]
+    for body, beam in beam_of.items():
+        points[number[beam]] += [body, *arms[body]]
+
+    def ranges(lists: list[list[int]]) -> tuple[Array, Array]:
+        return np.cumsum([0, *map(len, lists)]), np.array([x for some in lists for x in some], np.int64)
+
+    out = Found(Carriers(ends, group, *ranges([sliders[node] for node in first]), *ranges(points), np.zeros((0, 4), np.int64)))
+    some: dict[tuple[str, int], list[Array]] = {}
+    for l, node in enumerate(first):
+        beam = beams[node]
+        net = getattr(beam, "net", None)
+        if net is None:
+            name, elements = beam.name, np.arange(beam.n_elements)
+        else:
+            name = net.name
+            elements = int(np.sum(net.elements[:beam.index])) + np.arange(int(net.elements[beam.index]))
+        some.setdefault((name, int(group[l])), []).append(elements)
+    for (name, g), parts in some.items():
+        out.elements.setdefault(name, []).append((g, np.concatenate(parts)))
+    return out

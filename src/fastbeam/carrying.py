@@ -1,0 +1,255 @@
+"""Carriers in a run: groups of beams with sliders as systems of their own, each eliminated by one thread (theory.md 9)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .constraints import couplings_of, with_room
+from .iteration import Owner
+from .kernels import carriers as kernels
+from .kernels.beam import ElementTables
+from .kernels.beams import Beams
+from .kernels.carriers import Apart
+from .kernels.constraints import Constraints
+from .kernels.nodes import Held
+from .kernels.inner import NoInner
+from .kernels.slider import ContactInRows, Sliders, Sliding
+from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
+from .kernels.terms import NoTies, System
+from .model import Model
+from .pattern import Pattern, ascending
+
+Array = np.ndarray
+
+
+def local_elements(tables: ElementTables, first: int, count: int, row_of: Array, idle: int) -> tuple[ElementTables, Array]:
+    """Groups of elements with rows of their own, `idle` in idle lanes; their blocks are missing. And coupled rows of all pairs of
+    their nodes, int [*, 2]."""
+    meta = tables.meta[first:first + count].copy()
+    at = [m[3] + np.arange(8 * m[0]) for m in meta]
+    nodes, seen = tables.nodes[np.concatenate(at)], tables.rows[np.concatenate(at)]
+    rows = np.where(seen == row_of.size, idle, row_of[nodes])
+    width = meta[:, 0]
+    meta[:, 3] = 8 * (np.cumsum(width) - width)
+    meta[:, 4] = 8 * (np.cumsum(width**2) - width**2)
+    pairs = []
+    for begin, nn in zip(meta[:, 3].tolist(), width.tolist()):
+        own = rows[begin:begin + 8 * nn].reshape(nn, 8)
+        pairs.append(np.stack(np.broadcast_arrays(own[:, None], own[None]), axis=-1).reshape(-1, 2))
+    return ElementTables(meta, tables.tab, nodes, rows, np.zeros(0, np.int64)), np.concatenate(pairs)
+
+
+class Shared:
+    """What all groups share: rows of all nodes within their group, and ties without those of nodes of beams."""
+
+    def __init__(self, model: Model) -> None:
+        c = model.carriers
+        assert c is not None
+        self.row_of = np.full(model.n_nodes, -1)
+        self.groups = []
+        for g in range(int(c.group[-1]) + 1):
+            some = np.flatnonzero(c.group == g)
+            inside = [_both_ends(np.arange(c.ends[k, 0] + 1, c.ends[k, 1])) for k in some.tolist()]
+            points = c.point[c.point_start[some[0]]:c.point_start[some[-1] + 1]]
+            nodes = np.concatenate((points, *inside, c.ends[some].reshape(-1)))
+            self.row_of[nodes] = np.arange(nodes.size)
+            self.groups.append((some, nodes))
+        self.every = np.arange(model.n_nodes)
+        self.ties: Any = None
+        if model.ties is not None:
+            t = model.ties
+            mine = np.zeros(model.n_nodes, bool)
+            mine[c.point] = True
+            count = np.diff(t.start)
+            keep = np.repeat(mine, count)
+            of_entry = {name: getattr(t, name).reshape(t.kind.size, -1)[keep].reshape(-1) for name in t._fields
+                        if name not in ("slave", "row", "start", "moves")}
+            of_entry["target_row"] = self.row_of[of_entry["target"]]
+            self.ties = t._replace(start=np.concatenate(([0], np.cumsum(np.where(mine, count, 0)))),
+                                   moves=np.zeros((0, 4), np.int64), **of_entry)
+
+
+class Workspace:
+    """Arrays of one thread, as long as the largest group needs them."""
+
+    def __init__(self, scratch: Array) -> None:
+        self.scratch = scratch
+        self._arrays: dict[str, Array] = {}
+
+    def room(self, name: str, *shape: int, kind: Any = float) -> Array:
+        """An array of this shape with any numbers."""
+        n = int(np.prod(shape))
+        if name not in self._arrays or self._arrays[name].size < n:
+            self._arrays[name] = _aligned(n).view(kind)
+        return self._arrays[name][:n].reshape(shape)
+
+
+def _aligned(n: int) -> Array:
+    """n zeros on a cache line."""
+    raw = np.zeros(n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift:shift + n]
+
+
+def _both_ends(nodes: Array) -> Array:
+    """First and last take turns: two at a time that do not wait for each other."""
+    out = np.empty_like(nodes)
+    out[::2], out[1::2] = nodes[:(nodes.size + 1) // 2], nodes[(nodes.size + 1) // 2:][::-1]
+    return out
+
+
+class Group:
+    """One group of carriers.
+
+    Parameters
+    ----------
+    owner : Owner
+    shared : Shared
+    g : int
+    """
+
+    def __init__(self, owner: Owner, shared: Shared, g: int) -> None:
+        model = owner.core
+        c = model.carriers
+        assert c is not None and model.bodies is not None and model.sliders is not None and model.substructures is not None
+        self.owner, self.shared = owner, shared
+        some, nodes = shared.groups[g]
+        row_of, size = shared.row_of, len(model.size)
+        n = nodes.size
+        self.sliders = c.slider[c.slider_start[some[0]]:c.slider_start[some[-1] + 1]]
+        beam_of = np.repeat(np.arange(some.size), np.diff(c.slider_start)[some])
+        self.apart = Apart(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
+                           np.zeros(0, np.int32), np.zeros(1, np.int64))
+
+        # elements, and the blocks of all coupled rows
+        parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
+        for _, green, first, count in c.tables[c.tables[:, 0] == g].tolist():
+            tables, couples = local_elements(model.green if green else model.simo, first, count, row_of, n)
+            parts.append((tables, couples, GREEN_LAGRANGE if green else SIMO_REISSNER))
+            pairs.append(couples[(couples < n).all(axis=1)])
+        keys = ascending(np.concatenate([x[:, 0] * n + x[:, 1] for x in pairs]))
+        block = np.append(np.searchsorted(keys, np.arange(n) * (n + 1)), keys.size)
+        elements = []
+        for tables, couples, strains in parts:
+            place = np.searchsorted(keys, np.minimum(couples[:, 0] * n + couples[:, 1], n * n))
+            live = (couples < n).all(axis=1)
+            elements.append(Beams(strains, tables._replace(blocks=np.where(live, place, keys.size)), NoInner()))
+
+        # what slides
+        mine = np.zeros(model.n_nodes, bool)
+        mine[c.point[c.point_start[some[0]]:c.point_start[some[-1] + 1]]] = True
+        bodies = np.flatnonzero(mine[model.bodies.node])
+        per_body = model.bodies.inertia.size // model.bodies.node.size
+        node = model.bodies.node[bodies]
+        self.bodies = model.bodies._replace(node=node, row=row_of[node], block=block[row_of[node]],
+                                            inertia=model.bodies.inertia.reshape(-1, per_body)[bodies].reshape(-1))
+        mask = model.held_mask[nodes]
+        mask[n - 2 * some.size:] = 0
+        rows = np.flatnonzero(mask)
+        self.held = Held(rows, mask[rows], block[rows], block[rows], mask[rows], mask[rows])
+        self.ties: Any = NoTies()
+        if shared.ties is not None:
+            t = shared.ties
+            slave = model.ties.slave[mine[model.ties.slave]]
+            self.ties = t._replace(slave=slave, row=row_of[slave], diagonal=block[np.minimum(t.target_row, n)])
+
+        # rows of the sliders, which wait for all but the ends
+        ends = n - 2 * some.size + 2 * beam_of[:, None] + np.arange(2)
+        unknowns, forces = model.unknowns[self.sliders], model.forces[self.sliders]
+        pattern = Pattern(np.arange(n), keys, None, n, np.stack((keys // n, keys % n), axis=1)[keys // n < keys % n])
+        self.couplings = couplings_of(pattern, size, 8 * size * (keys.size + 1), mask, np.full(n, -1), list(ends), unknowns,
+                                      forces, np.ones(unknowns.size, np.int64))
+        assert model.curves is not None
+        self.room = 1.0
+        # a point of a body is passed on twice
+        self.entries = int(model.curves.count.max()) + (1 if model.ties is None else 2)
+        s = self.sliders.size
+        self.s, self.s_end, self.force = np.zeros(s), np.zeros(s), np.zeros(model.dim * s)
+        integers = {name: np.zeros(s, np.int64) for name in ("entries", "element")}
+        self.own: dict[str, Array] = dict(
+            integers, residual=np.zeros((s, 8)), forces=forces, first=self.couplings.first,
+            first_force=self.couplings.first_force, compliance=np.zeros(s), remaining=np.zeros(s), full=np.zeros(1, np.int64),
+            augmented=np.zeros(4))
+        known = model.sliders
+        sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
+                          model.slider_lengths[self.sliders])
+        ties = () if isinstance(self.ties, NoTies) else (self.ties,)
+        self.terms = (sliding, *elements, self.bodies, *ties, self.held)
+        self._make_room()
+
+    def _make_room(self) -> None:
+        """Room for so many entries of a slider, and everything else by scale."""
+        size = len(self.owner.core.size)
+        carriers, nodes = self.apart.beam.size, self.couplings.diagonal.size
+        rows = with_room(self.couplings, self.entries, 0, size, self.room, fill=16 * size * (nodes - 2 * carriers))
+        rows.order.rank[:] = np.arange(nodes)
+        # blocks are work of a thread
+        self._store = rows.factors.store.size
+        none = np.zeros(0)
+        self.rows: Constraints = rows._replace(buffer=none, factors=rows.factors._replace(
+            store=none, x=none, pivots=none.astype(np.int32), own=none))
+        order = rows.order
+        self.short = order._replace(order=order.order[:order.order.size - 2 * carriers])
+        place = np.zeros(order.column.size, np.int32)
+        self.apart = self.apart._replace(place=place)
+        self.kept = self.short._replace(upper=place)
+
+    def _contact(self, space: Workspace) -> ContactInRows:
+        """Work of the sliders, most of it that of a thread."""
+        s, entries, row, shape = self.sliders.size, self.entries, 8 * len(self.owner.core.size), self.owner.core.curves.shape
+        return ContactInRows(
+            basis=space.room("basis", 5, int(shape[:, 2].max())), legendre=space.room("legendre", 3, int(shape[:, 1].max())),
+            row=space.room("row", s, entries, kind=np.int64), column=space.room("column", s, row * entries),
+            line=space.room("line", s, row * entries), corner=space.room("corner", s, 64), **self.own)
+
+    def _system(self, system: System, space: Workspace) -> System:
+        work, n, s = system.work, self.couplings.diagonal.size, self.sliders.size
+        rows = n + s
+        factors = self.rows.factors._replace(store=space.room("store", self._store), x=space.room("x", 8 * rows),
+                                             pivots=space.room("pivots", 8 * rows, kind=np.int32), own=space.room("own", 7 * s))
+        return system._replace(
+            contact=self._contact(space), solver=self.rows._replace(factors=factors), row_of=self.shared.row_of, width=1,
+            state=system.state._replace(s=self.s, force=self.force),
+            work=work._replace(s_end=self.s_end, r=space.room("r", 8 * (n + 1)), blocks=factors.store[:self.couplings.end[0]],
+                               y=space.room("y", 7 * s), scratch=space.scratch,
+                               line=work.line._replace(x=space.room("increment", 8 * (n + 1)))))
+
+    @property
+    def singular(self) -> int:
+        """A slider without a pivot, or -1."""
+        k = int(self.rows.factors.failed[1])
+        return -1 if k < 0 else int(self.sliders[k])
+
+    def condense(self, system: System, h: float, ends: Array, space: Workspace) -> bool:
+        """Assemble and eliminate; more room where there is too little. Returns False where a pivot is none."""
+        state, dim, own = system.state, self.owner.core.dim, self.own
+        self.s[:], self.s_end[:] = state.s[self.sliders], system.work.s_end[self.sliders]
+        self.force[:] = state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders].reshape(-1)
+        while True:
+            own["augmented"][:3] = system.contact.augmented[:3]
+            own["full"][0] = 0
+            good = bool(kernels.condense_carriers(self.terms, self._system(system, space), self.short, self.held, self.apart, h,
+                                                  system.work.line.x, ends))
+            if not self.rows.factors.failed[0]:
+                return good
+            if self.apart.end[0] > self.apart.kept.size:
+                self.apart = self.apart._replace(kept=_aligned(int(self.apart.end[0])))
+                continue
+            if own["full"][0]:
+                self.entries += max(2, self.entries // 4)
+            else:
+                self.room *= 1.25
+            self._make_room()
+
+    def recover(self, system: System, space: Workspace) -> float:
+        """Increments of everything in here, sliders too. Returns the largest of a place on a beam."""
+        state, dim, own = system.state, self.owner.core.dim, self.own
+        local = self._system(system, space)
+        rows = local.solver
+        local = local._replace(solver=rows._replace(factors=rows.factors._replace(store=self.apart.kept)))
+        kernels.recover_carriers(self.terms, local, self.kept, self.apart, system.work.line.x)
+        system.work.s_end[self.sliders] = self.s_end
+        state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders] = self.force.reshape(-1, dim)
+        system.contact.remaining[self.sliders] = own["remaining"]
+        return float(own["augmented"][3])

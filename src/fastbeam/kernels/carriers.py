@@ -1,0 +1,165 @@
+"""Beams that carry sliders, eliminated to their ends together with what slides on them, theory.md 9.
+
+Groups of carriers are systems of their own, with the rows of constraint_rows.py: first what slides, then the nodes between the
+ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves of them
+is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries of sliders
+and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._generic import in_memory
+from .._jit import kernel
+from .algebra import vld, vst, vzero
+from .constraint_entries import clear_held_columns, put_entries, start_blocks
+from .constraint_fill import block_at, find_fill, find_places, find_targets
+from .constraint_rows import collect, is_changed, put_in_order
+from .constraint_solve import RIGHT, eliminate, substitute, take_solution
+from .terms import assemble, push_increments, take_unknowns
+
+
+class Carriers(NamedTuple):
+    """L carriers in groups, and what slides on them."""
+
+    ends: np.ndarray          # int64 [L, 2]: first and last node; those between are numbered in turn
+    group: np.ndarray         # int64 [L]: ascending
+    slider_start: np.ndarray  # int64 [L + 1]: range of a carrier in the next
+    slider: np.ndarray        # int64 [S]
+    point_start: np.ndarray   # int64 [L + 1]: range of a carrier in the next
+    point: np.ndarray         # int64 [*]: nodes of the masses and bodies that slide on it, and of points of these bodies
+    tables: np.ndarray        # int64 [K, 4]: group of carriers, 0 or 1 for strain set (2.2) or (2.1), its first group of elements
+    #                           there, their number
+
+    @property
+    def apart(self) -> np.ndarray:
+        """All nodes that the solver does not see."""
+        return np.concatenate([self.point, *(np.arange(a + 1, b) for a, b in self.ends.tolist())])
+
+
+class Apart(NamedTuple):
+    """Where the n rows of a group, 2 K of them ends, stand in the scene."""
+
+    row: np.ndarray     # int64 [n]: row of the residual; ends last, start and end of every carrier in turn
+    beam: np.ndarray    # int64 [K]: place of every carrier in `Substructures.ends`
+    kept: np.ndarray    # float64: blocks behind the diagonal of all eliminated rows, in turn
+    place: np.ndarray   # int32 [*]: where each of them begins
+    end: np.ndarray     # int64 [1]: where they end
+
+
+@kernel
+def find_order(contact, rows, apart, size):
+    """As `constraint_fill.update_order`, in the given order of nodes. Returns False where some array is too short."""
+    touched, order, couplings = rows.touched, rows.order, rows.couplings
+    if not is_changed(contact, touched):
+        return True
+    touched.counts[1] = 0
+    if not collect(contact, rows.inner, rows.ties, couplings, touched, len(size)):
+        return False
+    put_in_order(couplings, touched, order)
+    end = find_fill(couplings, touched, order, size)
+    if end < 0 or end > rows.factors.store.shape[0] or not find_targets(order):
+        return False
+    order.counts[1] = end
+    find_places(couplings, touched, order)
+    at = 0
+    for i in range(order.order.shape[0] - 2 * apart.beam.shape[0]):
+        for e in range(order.start[i], order.start[i + 1]):
+            apart.place[e] = at
+            at += 8 * order.unknowns[i]
+    apart.end[0] = at
+    if at > apart.kept.shape[0]:
+        return False
+    touched.counts[1] = 1
+    return True
+
+
+@kernel
+def keep_rows(apart, order, store):
+    """Blocks behind the diagonals of eliminated rows."""
+    for i in range(order.order.shape[0]):
+        for e in range(order.start[i], order.start[i + 1]):
+            for c in range(0, 8 * order.unknowns[i], 8):
+                vst(apart.kept, apart.place[e] + c, 0, vld(store, order.upper[e] + c, 0))
+
+
+@kernel
+def put_block(store, at, ends_out, to, size):
+    """A block without what pads its rows."""
+    n = len(size)
+    for i in range(0, 8 * n, 8):
+        for c in range(8):
+            ends_out[to + i + c] = store[at + i + c] if c < n else 0.0
+
+
+@kernel
+def put_ends(apart, order, store, ends_out, size):
+    """Blocks and residuals of the ends of all carriers of a group."""
+    n = len(size)
+    first = apart.row.shape[0] - 2 * apart.beam.shape[0]
+    for k in range(apart.beam.shape[0]):
+        to = (32 * n + 16) * apart.beam[k]
+        for a in range(2):
+            i = order.position[first + 2 * k + a]
+            for b in range(2):
+                at = block_at(order, i, order.position[first + 2 * k + b])
+                put_block(store, at, ends_out, to + 8 * n * (2 * a + b), size)
+            for c in range(8):
+                ends_out[to + 32 * n + 8 * a + c] = -store[order.diagonal[i] + 8 * c + RIGHT] if c < n else 0.0
+
+
+@kernel
+def condense_carriers(all_terms, whole_system, short_order, held, apart, h, x_now, ends_out):
+    """Assemble the terms of a group and eliminate all but the ends; short_order: the same arrays without the ends among the
+    positions; x_now: rows of the last increment. Returns False where there is not enough room, `factors.failed[0]` is 1 then, or no pivot."""
+    terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
+    rows, work, contact, size = system.solver, system.work, system.contact, system.size
+    r, blocks = work.r, work.blocks
+    rows.factors.failed[0] = 0
+    rows.factors.failed[1] = -1
+    n = rows.couplings.diagonal.shape[0]
+    for i in range(r.shape[0]):
+        r[i] = 0.0
+    x = work.line.x
+    for i in range(n):
+        vst(x, 8 * i, 0, vld(x_now, 8 * apart.row[i], 0))
+        if i < n - 2 * apart.beam.shape[0]:
+            vst(r, 8 * i, 0, vzero() - vld(work.f_ext, 8 * apart.row[i], 0))
+    vst(x, 8 * n, 0, vzero())
+    for i in range(blocks.shape[0]):
+        blocks[i] = 0.0
+    assemble.each(terms, system.method, system, h)
+    if contact.full[0] != 0 or not find_order(contact, rows, apart, size):
+        rows.factors.failed[0] = 1
+        return False
+    start_blocks(contact, rows.couplings, rows.order, rows.factors, r, size)
+    put_entries(contact, rows.couplings, rows.touched, rows.factors, size)
+    clear_held_columns(held, rows.touched, rows.factors, n)
+    if not eliminate(rows.couplings, short, rows.factors, contact, system.state.force, size):
+        return False
+    put_ends(apart, rows.order, rows.factors.store, ends_out, size)
+    keep_rows(apart, short, rows.factors.store)
+    return True
+
+
+@kernel
+def recover_carriers(all_terms, whole_system, short_order, apart, x_out):
+    """Increments of a group from those of its ends in rows of x_out, and of its sliders; short_order and factors of the solver:
+    those of what was kept."""
+    terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
+    rows, work, contact, size = system.solver, system.work, system.contact, system.size
+    n = apart.row.shape[0]
+    first = n - 2 * apart.beam.shape[0]
+    for i in range(first, n):
+        for c in range(len(size)):
+            rows.factors.x[8 * rows.order.position[i] + c] = x_out[8 * apart.row[i] + c]
+    substitute(short, rows.factors, size)
+    take_solution(rows.couplings, rows.order, rows.factors, contact, system.state.force, work.line.x, work.y, size)
+    push_increments.each(terms, system)
+    contact.augmented[3] = 0.0
+    take_unknowns.each(terms, system)
+    for i in range(first):
+        for c in range(len(size)):
+            x_out[8 * apart.row[i] + c] = work.line.x[8 * i + c]

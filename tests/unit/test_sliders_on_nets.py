@@ -1,0 +1,186 @@
+"""Sliders on beams of nets, eliminated with their beams: the same increments as the dense border around SuperLU, the same bits on any
+number of threads, and the balances of a conserving step."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_condensed import ROD, grid
+
+import fastbeam as fb
+from fastbeam import carriers
+from fastbeam.kernels import step as kernels
+from fastbeam.newton import Stepper
+
+Array = np.ndarray
+STEP = 2e-3
+PLACES = ((1, 0.4), (1, 0.7), (5, 0.3), (8, 0.0), (11, 0.52))
+
+
+def scene(bodies: bool = True, curve: str = "c1", rate: float = 0.3, hook: str = "", twice: bool = False, free: bool = False,
+          gravity: bool = True, places: Any = PLACES, mass: float = 0.3, **net_options: Any) -> fb.Scene:
+    """Masses on beams of a net, one at an end, and bodies that slide with one point and with two."""
+    net = grid(3, **({"elements": 4} | net_options | ({"clamps": np.zeros(0, int)} if free else {})))
+    flat = bool(net_options.get("flat"))
+    parts: list[Any] = [net]
+    for k, (beam, at) in enumerate(places):
+        bead = fb.PointMass(f"m{k}", mass=mass)
+        parts += [bead, fb.Slider(f"s{k}", bead, net.beam(beam), at=at, rate=rate, curve=curve)]
+        if twice:
+            parts.append(fb.Slider(f"again{k}", bead, net.beam(beam), at=at, rate=rate, curve=curve))
+    for k, (beam, places_of_body) in enumerate(((2, (0.3,)), (5, (0.2, 0.8))) if bodies else ()):
+        start, end = net.nodes[net.edges[beam]]
+        along = (end - start) / np.linalg.norm(end - start)
+        aside = 0.1 * np.array([-along[1], along[0], 0.0]) if flat else np.array([0.0, 0.0, 0.1])
+        place = start + places_of_body[0] * along + aside
+        body = fb.RigidBody(f"g{k}", mass=0.4, inertia=0.004 * np.eye(3), position=tuple(place))
+        parts.append(body)
+        for j, at in enumerate(places_of_body):
+            parts.append(fb.Slider(f"t{k}{j}", body.point(tuple(start + at * along - place)), net.beam(beam), at=at, curve=curve))
+    if hook:
+        # beam 23 ends there
+        block = fb.RigidBody("hook", mass=1.0, inertia=0.01 * np.eye(3), position=tuple(net.nodes[15] + (0.3, 0.0, 0.0)))
+        joint = fb.RigidConnection if hook == "rigid" else fb.BallJoint
+        bead = fb.PointMass("bead", mass=mass)
+        parts += [block, joint(block.point((-0.3, 0.0, 0.0)), net.node(15)), bead,
+                  fb.Slider("near", bead, net.beam(len(net.edges) - 1), at=0.9, curve=curve)]
+    pull = (0.5, -9.81, 0.0) if flat else (0.5, 0.3, -9.81)
+    return fb.Scene(*parts, gravity=pull if gravity else (0, 0, 0), project_velocities=True)
+
+
+CASES: dict[str, dict[str, Any]] = {
+    "linear": {"degree": 1},
+    "quadratic": {"degree": 2},
+    "cubic, own curve": {"degree": 3, "curve": "own"},
+    "ball joints": {"joints": "ball"},
+    "other strains": {"degree": 2, "strain": "green_lagrange"},
+    "one element a beam": {"elements": 1, "curve": "own"},
+    "elements are crossed": {"degree": 2, "rate": 180.0, "curve": "own", "bodies": False, "places": ((1, 0.4), (5, 0.3))},
+    "end on a body": {"hook": "rigid"},
+    "end on a body by a ball": {"hook": "ball", "joints": "ball"},
+    "light": {"mass": 4e-7, "bodies": False},
+    "heavy": {"mass": 4e5, "bodies": False},
+    "in a plane": {"flat": True, "degree": 2},
+    "in a plane, ball joints": {"flat": True, "joints": "ball"},
+}
+
+
+def model_of(some: fb.Scene, **options: Any) -> Any:
+    model = fb.compile_scene(some, condense=True, **options)
+    assert model.carriers is not None and model.columns == 1
+    return model
+
+
+def iterate(stepper: Stepper) -> tuple[Array, ...]:
+    """Unknowns after the second Newton iteration of a step with random forces."""
+    stepper._augment(STEP)
+    stepper.parts.start(STEP)
+    state, work = stepper.core_state, stepper.work
+    state.force[:] = 0.3 * np.random.default_rng(4).standard_normal(state.force.size)
+    for _ in range(2):
+        stepper.parts.assemble(STEP)
+        assert stepper.parts.solve()
+        assert stepper.parts.update() >= 0.0
+    return work.dphi.copy(), work.theta.copy(), work.s_end - state.s, state.force.copy()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_increments_are_those_of_the_dense_border(name: str) -> None:
+    planar = "auto" if "plane" in name else False
+    some = scene(**CASES[name])
+    model = model_of(some, planar=planar)
+    assert model.plain is not None
+    one = Stepper(model, np.ones(1), augmentation=0.0, threads=1)
+    other = Stepper(model.plain(planar=planar), np.ones(1), backend="superlu", augmentation=0.0)
+    assert (one.plane is not None) == ("plane" in name)
+    for kind, a, b in zip(("position", "turn", "slide", "force"), iterate(one), iterate(other)):
+        size = max(np.max(np.abs(b)), 1e-6 if kind != "force" else 0.1)
+        assert np.max(np.abs(a - b)) < (1e-7 if name in ("light", "heavy") else 1e-9) * size, kind
+
+
+def run(model: Any, n: int, **options: Any) -> Stepper:
+    stepper = Stepper(model, np.ones(1), **options)
+    outcome = stepper.advance(0.0, STEP, n)
+    assert (outcome.status, outcome.steps, stepper.linear.fallbacks) == (kernels.OK, n, 0)
+    return stepper
+
+
+def test_steps_are_those_of_the_dense_border() -> None:
+    model = model_of(scene(rate=2.0))
+    one, other = run(model, 20, threads=1), run(model.plain(planar=False), 20, backend="superlu")
+    for name, tolerance in (("q", 1e-10), ("v", 1e-8), ("s", 1e-10), ("force", 1e-6)):
+        a, b = getattr(one.state, name), getattr(other.state, name)
+        assert np.max(np.abs(a - b)) < tolerance * max(1.0, np.max(np.abs(b))), name
+
+
+def test_threads_and_pauses_do_not_change_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(carriers, "LEAST_CARRIERS", 1)
+    model = model_of(scene(rate=2.0))
+    assert model.carriers.group[-1] > 0
+    one, two, pausing = run(model, 10, threads=1), run(model, 10, threads=2), run(model, 4, threads=2)
+    again = Stepper(model, np.ones(1), pausing.copy_state(), memory=pausing.memory, threads=1)
+    assert again.advance(0.0, STEP, 6, 4).status == kernels.OK
+    for other in (two, again):
+        assert all(np.array_equal(a, b) for a, b in zip(one.state, other.state))
+
+
+def test_balances() -> None:
+    model = model_of(scene(rate=2.0, free=True, gravity=False))
+    result = fb.simulate(model, t_end=0.1, step=STEP, observe=("energy", "momentum"), progress=False, threads=1)
+    assert result.info.get("fallbacks", 0) == 0
+    for name in ("total", "lin_mom", "ang_mom"):
+        x = np.asarray(result.series[name]).reshape(len(result.t), -1)
+        assert np.max(np.abs(x - x[0])) < 1e-10 * max(1.0, np.max(np.abs(x))), name
+
+
+def test_dependent_sliders_move_as_with_the_dense_border_and_are_named_without_the_augmented_lagrangian() -> None:
+    model = model_of(scene(twice=True, bodies=False))
+    one, other = run(model, 5, threads=1), run(model.plain(planar=False), 5, backend="superlu")
+    assert np.max(np.abs(one.state.q - other.state.q)) < 1e-9
+    assert np.max(np.abs(one.state.s - other.state.s)) < 1e-9
+    with pytest.raises(fb.ConvergenceError, match="s0|again0"):
+        fb.simulate(model, t_end=STEP, step=STEP, augmentation=0.0, progress=False)
+
+
+def test_a_slider_at_the_end_of_its_beam_ends_the_run() -> None:
+    results = [fb.simulate(fb.compile_scene(scene(rate=8.0, bodies=False, places=((1, 0.9), (5, 0.3))), condense=condense),
+                           t_end=0.1, step=STEP, progress=False) for condense in (True, False)]
+    one, other = (next(x for x in result.events if x["kind"] == "slider_end") for result in results)
+    assert one["time"] == pytest.approx(other["time"], rel=1e-8) and one["slider"] == "s0"
+
+
+def other_scenes() -> dict[str, list[Any]]:
+    """Parts besides a net, with sliders that are no business of one beam alone."""
+    out = {}
+    for kind in ("beam", "two beams", "spring", "pinned"):
+        net = grid(3, elements=4)
+        bead = fb.PointMass("m", mass=0.3)
+        parts = [net, bead, fb.Slider("s", bead, net.beam(1), at=0.4)]
+        if kind == "beam":
+            start = net.nodes[net.edges[5, 0]]
+            place = start + 0.3 * (net.nodes[net.edges[5, 1]] - start)
+            wire = fb.Beam.straight("wire", place, place + (0.0, 0.0, 1.0), section=ROD, elements=2, degree=1)
+            parts += [wire, fb.Slider("on wire", wire.start, net.beam(5), at=0.3 * float(net.lengths[5]))]
+        elif kind == "two beams":
+            places = [net.nodes[net.edges[k]].mean(axis=0) for k in (2, 6)]
+            body = fb.RigidBody("g", mass=0.4, inertia=0.004 * np.eye(3), position=tuple(places[0]))
+            parts += [body, fb.Slider("a", body, net.beam(2), at=0.5 * float(net.lengths[2])),
+                      fb.Slider("b", body.point(tuple(places[1] - places[0])), net.beam(6), at=0.5 * float(net.lengths[6]))]
+        elif kind == "spring":
+            parts.append(fb.Spring(bead, net.node(15), stiffness=10.0))
+        else:
+            parts.append(fb.Pin(net.beam(1).node(2)))
+        out[kind] = parts
+    return out
+
+
+@pytest.mark.parametrize("kind", ["beam", "two beams", "spring", "pinned"])
+def test_what_concerns_more_than_one_beam_keeps_the_dense_border(kind: str) -> None:
+    model = fb.compile_scene(fb.Scene(*other_scenes()[kind], gravity=(0, 0, -9.81), project_velocities=True), condense=True)
+    assert model.carriers is None and model.columns > 1
+
+
+def test_the_report_and_the_supports_know_carriers() -> None:
+    model = model_of(scene())
+    assert "carriers           5 beams with sliders" in str(model)
