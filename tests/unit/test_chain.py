@@ -241,6 +241,7 @@ def random_contact(n_rows: int, sliders: int, rng: np.random.Generator) -> Conta
     # the last entry is one too many: only `entries` of them count
     return Contact(np.zeros((5, 1)), np.zeros((3, 2)), np.full(sliders, count - 1), row, column.reshape(sliders, -1),
                    line.reshape(sliders, -1), corner.reshape(sliders, -1), residual, np.zeros(sliders, np.int64),
+                   np.full(sliders, 3), BORDER * np.arange(sliders), 3 * np.arange(sliders),
                    np.zeros(sliders), np.zeros(sliders), np.zeros(1, np.int64), np.zeros(3))
 
 
