@@ -1,5 +1,5 @@
-"""One Newton iteration of a net of beams with masses, or bodies, that slide on it, next to the same net without: wall time on one and
-on two threads in turn, and the memory that sliders take.
+"""One Newton iteration of a net of beams with masses, or bodies, that slide on it, next to the same net without: wall time on
+one and on two threads in turn, and the memory that sliders take.
 
     python perf/net_sliders.py [--cells 70] [--elements 10] [--degree 1] [--joints rigid] [--sliders 1000] [--a-beam 1] [--bodies]
                                [--curve own] [--threads 1 2] [--repeats 5]
@@ -42,7 +42,8 @@ def sliding(scene: fb.Scene, count: int, a_beam: int, bodies: bool, curve: str) 
         place = start + at / float(net.lengths[beam]) * (net.nodes[net.edges[beam, 1]] - start)
         if bodies:
             body = fb.RigidBody(f"body {k}", mass=0.05, inertia=1e-4 * np.eye(3), position=tuple(place - (0.0, 0.0, 0.1)))
-            parts += [body, fb.Slider(f"slider {k}", body.point((0.0, 0.0, 0.1)), net.beam(beam), at=at, rate=0.5, curve=curve)]
+            parts += [body, fb.Slider(f"slider {k}", body.point((0.0, 0.0, 0.1)), net.beam(beam), at=at, rate=None,
+                                         curve=curve)]
         else:
             mass = fb.PointMass(f"mass {k}", mass=0.05)
             parts += [mass, fb.Slider(f"slider {k}", mass, net.beam(beam), at=at, rate=0.5, curve=curve)]
@@ -88,7 +89,7 @@ def main() -> None:
     # the state before a step and coordinates of all nodes, which one slider asks for, are no memory of a slider
     for name, parts in (("without sliders", []), ("with sliders", more), ("with one", more[:2])):
         begin = time.perf_counter()
-        whole = fb.Scene(*scene.parts, *parts, gravity=(0, 0, -9.81), project_velocities=True)
+        whole = fb.Scene(*scene.parts, *parts, gravity=(0, 0, -9.81), project_velocities=not options.bodies)
         models[name] = fb.compile_scene(whole, planar=False, condense=True)
         print(f"{name}: compiled in {time.perf_counter() - begin:.1f} s, {models[name].n_unknowns} unknowns")
     steppers = {(name, k): Stepper(model, np.ones(1), threads=k) for name, model in models.items()
@@ -107,7 +108,8 @@ def main() -> None:
                 iterations[key] += outcome.iterations
         done += 1
     for key, seconds in best.items():
-        print(f"{key[0]:20s} {key[1]} threads {1e3 * seconds:10.1f} ms an iteration, {iterations[key] / options.repeats:.1f} a step")
+        print(f"{key[0]:20s} {key[1]} threads {1e3 * seconds:10.1f} ms an iteration, "
+              f"{iterations[key] / options.repeats:.1f} a step")
     for k in options.threads:
         ratio = best["with sliders", k] / best["without sliders", k]
         print(f"{k} threads: with over without {ratio:.3f}, "

@@ -35,9 +35,9 @@ class Found:
 
 
 def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
-    """All beams with sliders as carriers; None where one of the sliders does not allow it. Between the ends of its beam nothing but
-    elements, loads and sliders may touch a node, and its point has to be a mass, or belong to a body, that is held by nothing,
-    joined to nothing else, and slides on this beam alone.
+    """All beams with sliders as carriers; None where one of the sliders does not allow it. Between the ends of its beam nothing
+    but elements, loads and sliders may touch a node, and its point has to be a mass, or belong to a body, that is held by
+    nothing, joined to nothing else, and slides on this beam alone.
 
     Parameters
     ----------

@@ -188,8 +188,8 @@ def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> A
 
 
 def _levels(n: int, packers: list[ElementPacker]) -> Array:
-    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 within its condensed beam or an end
-    of it, [N]."""
+    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 where it belongs to a condensed
+    beam, [N]."""
     level = np.zeros(n, np.int8)
     for packer in packers:
         for meta, live in packer.lanes():

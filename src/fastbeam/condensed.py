@@ -113,8 +113,8 @@ def _ties_of_solver(ties: Any, apart: Array) -> Any:
 
 
 class CondensedIteration(Iteration):
-    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and each group of carriers
-    is one.
+    """Of a model with condensed beams; the rest of its elements, bodies and sliders are one more chunk, and each group of
+    carriers is one.
 
     Parameters
     ----------

@@ -40,10 +40,10 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  inner nodes        {model.inner.element.size} of {model.n_nodes} nodes eliminated within their elements")
     if model.substructures is not None:
         carriers = 0 if model.carriers is None else model.carriers.group.size
-        lines.append(f"  condensed beams    {model.substructures.beam.size - carriers} beams or pieces of them condensed to their "
-                     "ends, eight at a time, on several threads")
+        lines.append(f"  condensed beams    {model.substructures.beam.size - carriers} beams or pieces of them condensed to "
+                     "their ends, eight at a time, on several threads")
         if carriers:
-            lines.append(f"  carriers           {_plural(carriers, 'beam')} with sliders eliminated to their ends, on several threads")
+            lines.append(f"  carriers           {_plural(carriers, 'beam')} with sliders eliminated to their ends with them")
     if model.bodies is not None:
         masses = model.bodies.node.size - len(scene.bodies)
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "

@@ -1,5 +1,5 @@
-"""Sliders on beams of nets, eliminated with their beams: the same increments as the dense border around SuperLU, the same bits on any
-number of threads, and the balances of a conserving step."""
+"""Sliders on beams of nets, eliminated with their beams: the same increments as the dense border around SuperLU, the same bits on
+any number of threads, and the balances of a conserving step."""
 from __future__ import annotations
 
 from typing import Any

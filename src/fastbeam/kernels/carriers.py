@@ -1,9 +1,9 @@
 """Beams that carry sliders, eliminated to their ends together with what slides on them, theory.md 9.
 
 Groups of carriers are systems of their own, with the rows of constraint_rows.py: first what slides, then the nodes between the
-ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves of them
-is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries of sliders
-and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
+ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves of
+them is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries of
+sliders and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
 """
 from __future__ import annotations
 
@@ -113,7 +113,8 @@ def put_ends(apart, order, store, ends_out, size):
 @kernel
 def condense_carriers(all_terms, whole_system, short_order, held, apart, h, x_now, ends_out):
     """Assemble the terms of a group and eliminate all but the ends; short_order: the same arrays without the ends among the
-    positions; x_now: rows of the last increment. Returns False where there is not enough room, `factors.failed[0]` is 1 then, or no pivot."""
+    positions; x_now: rows of the last increment. Returns False where there is not enough room, `factors.failed[0]` is 1 then, or
+    no pivot."""
     terms, system, short = in_memory(all_terms), in_memory(whole_system), in_memory(short_order)
     rows, work, contact, size = system.solver, system.work, system.contact, system.size
     r, blocks = work.r, work.blocks
