@@ -4,8 +4,6 @@ from __future__ import annotations
 import numpy as np
 
 import fastbeam as fb
-from fastbeam.kernels import step as kernels
-from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.work import State
 from fastbeam.newton import Stepper
 
@@ -22,10 +20,8 @@ def matrices(model: fb.Model, state: State | None = None) -> tuple[Array, Array,
         stepper = Stepper(model, np.ones(1), state, backend="superlu")
         stepper.state.v[:] = 0.0
         work = stepper.work
-        kernels.start_step(SIX, None, model.ties, model.curves, model.sliders, stepper.contact, model.spinless,
-                           stepper.state, work, h)
-        kernels.assemble_step(SIX, None, model.simo, model.green, None, model.bodies, model.ties, model.held, model.curves,
-                              model.sliders, stepper.contact, None, None, model.pattern.row_of, stepper.state, work, h)
+        stepper.parts.start(h)
+        stepper.parts.assemble(h)
         blocks = work.blocks[:48 * model.pattern.keys.size].reshape(-1, 6, 8)
         return stepper.linear.superlu.matrix(blocks).toarray()
 
