@@ -140,6 +140,24 @@ print(json.dumps([[term.instance_class.__name__ for term in types[0]],
     assert python(code) == [["Inner", "Beams"], ["Space", "Conserving", "NoContact", "Elimination"]]
 
 
+def test_every_kernel_brings_all_implementations_of_generic_functions() -> None:
+    # what is compiled without some of them, as in the second process, would stay on the disk like that
+    code = """
+import gc, json
+from fastbeam.kernels import blocks
+from fastbeam._generic import GenericFunction
+
+def known():
+    return sorted((x.name, len(x.implementations)) for x in gc.get_objects() if isinstance(x, GenericFunction))
+
+alone = known()
+import fastbeam.compile, fastbeam.run, fastbeam.statics
+print(json.dumps([len(alone), alone == known()]))
+"""
+    count, same = python(code)
+    assert count > 50 and same
+
+
 PARTS = SCENE + """
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
