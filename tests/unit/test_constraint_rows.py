@@ -7,7 +7,7 @@ import pytest
 from fastbeam.constraints import couplings_of, with_room
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.constraints import Constraints, fill_constraints, solve_constraints
-from fastbeam.kernels.nodes import Held
+from fastbeam.kernels.nodes import Held, NoHeld
 from fastbeam.kernels.slider import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
@@ -86,14 +86,14 @@ class Saddle:
         blocks = self.rows.factors.store[:8 * k * (pattern.keys.size + 1)].reshape(-1, k, 8)
         blocks[:] = 0.0
         blocks[:-1, :, :k] = self.node_matrix.reshape(n, k, n, k)[pattern.rows, :, pattern.columns]
-        held = None
+        held: Any = NoHeld()
         if self.held:
             fixed = np.flatnonzero(self.mask)
             none = np.zeros(0, np.int64)
             held = Held(fixed, self.mask[fixed], none, none, none, none)
         q = np.zeros(0)
         self.x, self.y = np.zeros((n, 8)), np.zeros(int(self.m.sum()))
-        if not fill_constraints(self.contact, None, None, held, self.rows, self.r.reshape(-1), q, q, self.size):
+        if not fill_constraints(self.contact, self.rows._replace(held=held), self.r.reshape(-1), q, q, self.size):
             return False
         self.first = float(self.contact.augmented[2])
         return bool(solve_constraints(self.contact, self.rows, self.force, self.x.reshape(-1), self.y, self.size))

@@ -576,7 +576,7 @@ def test_steps_that_the_elimination_cannot_take_are_taken_by_superlu(order: int,
 def test_run_in_which_every_step_falls_back_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     def always_singular(*arguments: Any) -> None:
         counts = arguments[-3]
-        counts[:] = newton.SINGULAR, 0, 0, -1
+        counts[:] = newton.SINGULAR, 0, 0, -1, 0
 
     monkeypatch.setattr(newton, "begin_beside", lambda *_: None)
     monkeypatch.setattr(newton.kernels, "run", always_singular)

@@ -141,7 +141,7 @@ def test_the_border_is_the_derivative_of_its_equations(planar: bool) -> None:
     np.testing.assert_allclose(-at.tangent, (up.gap - down.gap) / (2 * h), rtol=0.0, atol=1e-8)
     # as loads on the rows they do the work that they do on the gaps
     q1 = moved(plain, state, int(6 * plain.sliders.point[0]), 1.0)
-    work = contacts.loads(contacts.weights(state.s), force.reshape(-1)).reshape(-1, 8)[plain.pattern.row_of]
+    work = contacts.loads(contacts.weights(state.s), state.q, force.reshape(-1)).reshape(-1, 8)[plain.pattern.row_of]
     first = (q1 - state.q.reshape(-1, 4, 3))[:, 0]
     along = np.sum((first @ axes[:2].T if planar else first) * work[:, :2 if planar else 3])
     gaps = [contact(plain, k, state.s[k], q1, q1)[0] - contact(plain, k, state.s[k], state.q.reshape(-1, 4, 3), q1)[0]
