@@ -65,7 +65,10 @@ def test_shared_forces_do_not_grow_in_small_steps() -> None:
     coarse, fine = (case.run(sliding.AUGMENTATION, parts) for parts in (1, 20))
     size = float(np.max(np.abs(coarse.series["contact_force"])))
     assert fine.info["steps"] == 3000
-    assert np.max(np.abs(fine.series["contact_force"])) < 1.2 * size
+    # how the last row splits a force between sliders that share it is round-off (docs/limits.md); their sum is not
+    assert np.max(np.abs(fine.series["contact_force"][:-1])) < 1.2 * size
+    last = [run.series["contact_force"][-1].sum(axis=0) for run in (coarse, fine)]
+    np.testing.assert_allclose(last[1], last[0], rtol=0.0, atol=0.01 * size)
     assert fine.drift("total") < 1e-13
 
 
