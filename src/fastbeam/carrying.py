@@ -17,7 +17,7 @@ from .kernels.inner import NoInner
 from .kernels.slider import ContactInRows, Sliders, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoTies, System
-from .model import Model
+from .model import Model, aligned
 from .pattern import Pattern, ascending
 
 Array = np.ndarray
@@ -81,15 +81,8 @@ class Workspace:
         """An array of this shape with any numbers."""
         n = int(np.prod(shape))
         if name not in self._arrays or self._arrays[name].size < n:
-            self._arrays[name] = _aligned(n).view(kind)
+            self._arrays[name] = aligned(n).view(kind)
         return self._arrays[name][:n].reshape(shape)
-
-
-def _aligned(n: int) -> Array:
-    """n zeros on a cache line."""
-    raw = np.zeros(n + 8)
-    shift = (-raw.ctypes.data // 8) % 8
-    return raw[shift:shift + n]
 
 
 def _both_ends(nodes: Array) -> Array:
@@ -234,7 +227,7 @@ class Group:
             if not self.rows.factors.failed[0]:
                 return good
             if self.apart.end[0] > self.apart.kept.size:
-                self.apart = self.apart._replace(kept=_aligned(int(self.apart.end[0])))
+                self.apart = self.apart._replace(kept=aligned(int(self.apart.end[0])))
                 continue
             if own["full"][0]:
                 self.entries += max(2, self.entries // 4)

@@ -11,7 +11,7 @@ from .kernels.constraints import Constraints
 from .kernels.inner import Inner, NoInner
 from .kernels.nodes import NoHeld
 from .kernels.terms import NoTies
-from .model import Model
+from .model import Model, aligned
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -75,16 +75,15 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(entries, 6)
     room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
-    factors = Factors(_aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
+    factors = Factors(aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
-    return Constraints(couplings, touching, order, factors, _aligned(int(scale * 512 * size)), *others)
+    return Constraints(couplings, touching, order, factors, aligned(int(scale * 512 * size)), *others)
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:
     """Of the constraints of a model; inner: with the work arrays of a run."""
     n, s = model.pattern.n, model.n_sliders
     held, tied = np.zeros(n, np.int64), np.full(n, -1)
-    row_of = model.pattern.row_of
     if model.held is not None:
         held[model.held.row[model.held.row < n]] = model.held.mask[model.held.row < n]
     if model.ties is not None:
@@ -105,7 +104,6 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     in_force = (np.arange(model.n_constraints) < s).astype(np.int64)
     couplings = couplings_of(model.pattern, len(model.size), 8 * len(model.size) * (model.n_blocks + 1), held, tied, late,
                              model.unknowns, model.forces, in_force)
-    assert row_of.size == model.n_nodes
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)
@@ -118,10 +116,3 @@ def _rows_of(model: Model, node: int) -> Array:
     if model.ties is None:
         return row
     return np.concatenate((row, model.ties.target_row[model.ties.start[node]:model.ties.start[node + 1]]))
-
-
-def _aligned(n: int) -> Array:
-    """n zeros on a cache line."""
-    raw = np.zeros(n + 8)
-    shift = (-raw.ctypes.data // 8) % 8
-    return raw[shift:shift + n]

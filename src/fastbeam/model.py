@@ -304,7 +304,7 @@ class Model:
 
     def scratch(self) -> Array:
         """Scratch of one thread."""
-        return _aligned(self._scratch)
+        return aligned(self._scratch)
 
     def substructure_work(self) -> Substructures | None:
         """The condensed beams with work arrays of one run."""
@@ -328,8 +328,8 @@ class Model:
         return Work(dphi=_padded(self.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
                     u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
                     r=np.zeros(8 * (n + 1)),
-                    blocks=_aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
-                    panel=_aligned(panel), rows=_aligned((dense + 1) * self.width),
+                    blocks=aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
+                    panel=aligned(panel), rows=aligned((dense + 1) * self.width),
                     schur=np.zeros((dense, dense)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
                     keep_force=np.zeros(kept * self.forces.sum()), keep_dphi=np.zeros(kept * self.dim * n),
@@ -382,7 +382,7 @@ class Model:
             return None
         inner = self.inner
         rhs = np.zeros_like(inner.rhs) if isinstance(inner.rhs, np.ndarray) else inner.rhs
-        return inner._replace(store=_aligned(inner.store.size), rhs=rhs,
+        return inner._replace(store=aligned(inner.store.size), rhs=rhs,
                               mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
 
     def load_factors(self, times: Array, steps: Array) -> Array:
@@ -436,7 +436,7 @@ def _padded(n: int) -> Array:
     return np.zeros(n + 8)[:n]
 
 
-def _aligned(n: int) -> Array:
+def aligned(n: int) -> Array:
     """n zeros on a cache line."""
     raw = np.zeros(n + 8)
     shift = (-raw.ctypes.data // 8) % 8
