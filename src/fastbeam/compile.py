@@ -26,6 +26,7 @@ from .pattern import Pattern, ascending, build_pattern, widen
 from .planar import find_plane
 from .report import describe
 from .scene import Beam, RigidBody, Scene
+from .slider_forces import slider_forces_of
 from .substructuring import substructures_of
 from .tables import ElementPacker, Elements, condensed_ends, elements_of, pack_curves, pack_inner, pack_substructures
 
@@ -147,7 +148,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         gravity_time=scene.gravity_time, gravity_weight=weight, constant_load=constant, q0=state.q, v0=state.v, s0=state.s,
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes),
-        load_names=[_timed_by(scene, time) for time in times])
+        load_names=[_timed_by(scene, time) for time in times], slider_forces=slider_forces_of(scene.sliders))
     # the same numbers need no second place
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]

@@ -80,6 +80,8 @@ class Model:
         Names of the joints at a node.
     load_names : list of str
         What each time function belongs to.
+    slider_forces : slider_forces.SliderForces or None
+        Friction, drives and stops of sliders.
     """
 
     scene_name: str
@@ -126,6 +128,7 @@ class Model:
     projected: str = ""
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
+    slider_forces: Any = None
 
     @property
     def held_mask(self) -> Array:
@@ -240,6 +243,9 @@ class Model:
         parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
                   self.v0, self.s0, self.slider_lengths]
+        if self.slider_forces is not None:
+            t = self.slider_forces.tables
+            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -263,7 +269,12 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()))
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()), np.zeros(self.history_size))
+
+    @property
+    def history_size(self) -> int:
+        """Numbers that terms remember of the steps before."""
+        return 0 if self.slider_forces is None else int(self.slider_forces.size)
 
     def state_for(self, names: dict[str, list[Any]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
@@ -332,7 +343,8 @@ class Model:
                     panel=aligned(panel), rows=aligned((dense + 1) * self.width),
                     schur=np.zeros((dense, dense)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.forces.sum()), keep_dphi=np.zeros(kept * self.dim * n),
+                    keep_force=np.zeros(kept * self.forces.sum()),
+                    keep_history=np.zeros(kept * self.history_size), keep_dphi=np.zeros(kept * self.dim * n),
                     keep_theta=np.zeros(kept * theta.size),
                     past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),

@@ -9,12 +9,13 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
+from .kernels.along import HISTORY
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .model import Model, factor_at
-from .result import ResultHeader
+from .result import ALONG, ResultHeader
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
@@ -53,7 +54,10 @@ class Observer:
         self._work = np.zeros(6)
         self._gap = np.zeros(model.n_sliders)
         self._contact = model.contact() if self.slider else None
-        self.scale = {"total": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
+        self.forces = model.slider_forces if self.slider else None
+        self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
+        # what `add_forces` needs of the newest row
+        self._moment: Any = None
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -67,6 +71,10 @@ class Observer:
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
+        if self.forces is not None:
+            out |= dict.fromkeys(ALONG, (s,))
+            if self.energy:
+                out["balance"] = ()
         if self.points:
             out["points"] = (len(self.points), 3)
         return out
@@ -88,6 +96,8 @@ class Observer:
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
+            if model.slider_forces is not None:
+                out["potential"] += model.slider_forces.stop_energy(state.s)
             out["total"] = out["kinetic"] + out["potential"]
             # a total that starts at zero has no scale of its own
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
@@ -97,10 +107,28 @@ class Observer:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
+        if self.forces is not None:
+            tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
+            kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1), rate)
+            sign, lost, work = state.history.reshape(-1, HISTORY).T.copy()
+            self._moment = t, state.s.copy(), rate, sign, tangent
+            out |= {"slide_rate": rate, "friction_loss": lost, "drive_work": work}
+            if self.energy:
+                out["balance"] = out["total"] + float(np.sum(lost)) - float(np.sum(work))
+                self.scale["balance"] = max(self.scale["balance"], self.scale["total"], float(np.sum(lost)),
+                                            float(np.sum(np.abs(work))))
         if self.points:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
         return out
+
+    def add_forces(self, row: dict[str, Any]) -> None:
+        """Forces along the beam on sliders to a row whose contact forces are known by now."""
+        if self.forces is not None:
+            t, s, rate, sign, tangent = self._moment
+            found = self.forces.at_row(t, s, rate, sign, row["contact_force"], tangent)
+            row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
+                    "stop_force": found.stop}
 
     def scales(self, step: float) -> dict[str, float]:
         """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that

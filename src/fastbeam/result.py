@@ -19,11 +19,14 @@ Rows = Mapping[str, Any]
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
+# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "friction_loss", "drive_work")
 # rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
-    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "inner_energy", "iterations", "step_size"), ()),
-    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)), **dict.fromkeys(("gap", "s_slide"), ("sliders",)),
+    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "inner_energy", "iterations",
+                     "step_size"), ()),
+    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)), **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
     **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
@@ -32,6 +35,7 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "momentum": "momenta are 'lin_mom' and 'ang_mom'",
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
+              ("balance", "energy balance", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
               ("gap", "gap of sliders", "m"))
 
@@ -293,8 +297,9 @@ class Result:
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
                "gap": self._series("gap")[:, k]}
-        if "slider_position" in self.series:
-            out["position"] = self.series["slider_position"][:, k]
+        for series, key in (("slider_position", "position"), *((x, x) for x in ALONG)):
+            if series in self.series:
+                out[key] = self.series[series][:, k]
         return out
 
     @checked(name=NAMED)

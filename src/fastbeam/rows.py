@@ -82,6 +82,7 @@ class Rows:
             return
         if self.observer.slider:
             self.pending[1]["contact_force"] = np.asarray(self._force(t, size, after, steps)).reshape(-1, 3)
+            self.observer.add_forces(self.pending[1])
         (time_of_row, row), self.pending = self.pending, None
         self._feed("append", row, time_of_row)
 
