@@ -36,8 +36,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         if tables is not None:
             terms.append(Beams(strains, tables, NoInner() if inner is None else inner))
     held = model.static_held if static else model.held
-    bodies = None if static else model.bodies
-    return (*terms, *(x for x in (bodies, *model.links, model.ties, held) if x is not None))
+    bodies, loads = (None, None) if static else (model.bodies, model.load_work())
+    return (*terms, *(x for x in (loads, bodies, *model.links, model.ties, held) if x is not None))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

@@ -14,6 +14,7 @@ from .errors import SceneError
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
 from .kernels.curves import Curves
+from .kernels.load_work import LoadWork
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
@@ -274,7 +275,26 @@ class Model:
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before."""
+        return self.work_place + self.accounts_loads
+
+    @property
+    def work_place(self) -> int:
+        """Where the work of loads stands among them."""
         return 0 if self.slider_forces is None else int(self.slider_forces.size)
+
+    @property
+    def accounts_loads(self) -> bool:
+        """Whether loads have no potential: they change in time, or are moments."""
+        rows = self.loads.reshape(len(self.loads), -1, 8)
+        return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.size)]))
+
+    def load_work(self) -> LoadWork | None:
+        """The term that keeps account of the work of loads."""
+        if not self.accounts_loads:
+            return None
+        node = np.zeros(self.n_rows, np.int64)
+        node[self.pattern.row_of] = np.arange(self.n_nodes)
+        return LoadWork(node, np.array([self.work_place]))
 
     def state_for(self, names: dict[str, list[Any]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""

@@ -179,7 +179,7 @@ class Stepper:
         rates, contact = np.zeros(model.n_sliders), model.contact()
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
-        self.core_state.history[::HISTORY] = np.where(moving, np.sign(rates), 0.0)
+        self.core_state.history[:HISTORY * model.n_sliders:HISTORY] = np.where(moving, np.sign(rates), 0.0)
 
     @property
     def state(self) -> State:

@@ -55,6 +55,7 @@ class Observer:
         self._gap = np.zeros(model.n_sliders)
         self._contact = model.contact() if self.slider else None
         self.forces = model.slider_forces if self.slider else None
+        self.balance = self.energy and model.history_size > 0
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
@@ -73,8 +74,8 @@ class Observer:
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
         if self.forces is not None:
             out |= dict.fromkeys(ALONG, (s,))
-            if self.energy:
-                out["balance"] = ()
+        if self.balance:
+            out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.points:
             out["points"] = (len(self.points), 3)
         return out
@@ -97,7 +98,7 @@ class Observer:
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             if model.slider_forces is not None:
-                out["potential"] += model.slider_forces.stop_energy(state.s)
+                out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s)))
             out["total"] = out["kinetic"] + out["potential"]
             # a total that starts at zero has no scale of its own
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
@@ -110,17 +111,34 @@ class Observer:
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1), rate)
-            sign, lost, work = state.history.reshape(-1, HISTORY).T.copy()
+            sign, lost, work = state.history[:model.work_place].reshape(-1, HISTORY).T.copy()
             self._moment = t, state.s.copy(), rate, sign, tangent
-            out |= {"slide_rate": rate, "friction_loss": lost, "drive_work": work}
-            if self.energy:
-                out["balance"] = out["total"] + float(np.sum(lost)) - float(np.sum(work))
-                self.scale["balance"] = max(self.scale["balance"], self.scale["total"], float(np.sum(lost)),
-                                            float(np.sum(np.abs(work))))
+            out |= {"slide_rate": rate, "friction_loss": lost, "drive_work": work,
+                    "stop_energy": self.forces.stop_energy(state.s)}
+        if self.balance:
+            self._balance(out, state)
         if self.points:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
         return out
+
+    def _balance(self, out: dict[str, Any], state: State) -> None:
+        """What is stored and was dissipated, less what was put in."""
+        model = self.model
+        stored, sizes = out["total"], [self.scale["total"]]
+        if model.accounts_loads:
+            out["external_work"] = float(state.history[model.work_place])
+            # their potential is in the total as if they were constant
+            stored = out["kinetic"] + out["strain"] - out["external_work"]
+            sizes.append(abs(out["external_work"]))
+        if model.slider_forces is not None:
+            _, lost, work = state.history[:model.work_place].reshape(-1, HISTORY).T
+            if model.accounts_loads:
+                stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
+            stored += float(np.sum(lost)) - float(np.sum(work))
+            sizes += [float(np.sum(np.abs(lost))), float(np.sum(np.abs(work)))]
+        out["balance"] = stored
+        self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any]) -> None:
         """Forces along the beam on sliders to a row whose contact forces are known by now."""
@@ -145,7 +163,7 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             strain = strain_energy(model, model.q0 + off, self._work)
-            rest["total"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
+            rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
     def _motion(self, q: Array, v: Array) -> None:

@@ -445,13 +445,10 @@ class _Run:
 def _conserved(model: Model) -> list[str]:
     """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
     out = ["gap"]
-    timed = any(t is not None for t in model.load_times)
-    moments = bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6])) if len(model.loads) else False
-    forces = model.slider_forces
-    if not timed and not moments:
-        out.append("total" if forces is None else "balance")
-        if forces is not None and not forces.exchanges:
-            out.append("total")
+    if model.history_size:
+        out.append("balance")
+    if not model.accounts_loads and (model.slider_forces is None or not model.slider_forces.exchanges):
+        out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
     if not len(model.loads) and not held:
         out += ["lin_mom", "ang_mom"]

@@ -164,11 +164,11 @@ class SliderForces:
         return float(sum(w * self._value(k, what, t + x * h) for x, w in zip(POINTS, SHARES)))
 
     # --- rows ---------------------------------------------------------------------------------------------------------
-    def stop_energy(self, s: Array) -> float:
-        """Energy that elastic stops store, J."""
+    def stop_energy(self, s: Array) -> Array:
+        """Energy that elastic stops store, J, [S]."""
         t = self.tables
         beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
-        return float(np.sum(0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)))
+        return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
 
     def at_row(self, t: float, s: Array, rate: Array, sign: Array, force: Array, tangent: Array) -> AtRow:
         """Forces along the beam at time t.
