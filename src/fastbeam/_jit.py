@@ -45,8 +45,8 @@ from ._parts import PROGRESS, Part, WholeCompiler, in_haste, is_kept
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "announce_first_use", "begin_beside", "beside", "compile_counts", "compiled_law", "kernel", "link_library",
-           "one_variant", "work", "written_in"]
+__all__ = ["ABSENT", "KERNELS", "announce_first_use", "begin_beside", "beside", "compile_counts", "compiled_law", "kernel",
+           "link_library", "one_variant", "work", "written_in"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 DIGEST = 16  # bytes of a checksum

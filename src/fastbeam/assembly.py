@@ -28,7 +28,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
-        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_lengths,
+        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_limits,
                              NoForceAlong() if along is None else along))
     if inner is not None:
         terms.append(inner)

@@ -166,7 +166,7 @@ class Group:
             augmented=np.zeros(4))
         known = model.sliders
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
-                          model.slider_lengths[self.sliders], NoForceAlong())
+                          model.slider_limits[self.sliders], NoForceAlong())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         self.terms = (sliding, *elements, self.bodies, *ties, self.held)
         self._make_room()

@@ -273,6 +273,12 @@ class Model:
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()), np.zeros(self.history_size))
 
     @property
+    def slider_limits(self) -> Array:
+        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]."""
+        ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)
+        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
+
+    @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before."""
         return self.work_place + self.accounts_loads
@@ -285,7 +291,7 @@ class Model:
     @property
     def accounts_loads(self) -> bool:
         """Whether loads have no potential: they change in time, or are moments."""
-        rows = self.loads.reshape(len(self.loads), -1, 8)
+        rows = self.loads.reshape(len(self.loads), self.n_nodes + 1, 8)
         return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.size)]))
 
     def load_work(self) -> LoadWork | None:

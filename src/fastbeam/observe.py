@@ -9,7 +9,7 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
-from .kernels.along import HISTORY
+from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, STOP_LOSS
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
@@ -110,11 +110,12 @@ class Observer:
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
-            kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1), rate)
-            sign, lost, work = state.history[:model.work_place].reshape(-1, HISTORY).T.copy()
-            self._moment = t, state.s.copy(), rate, sign, tangent
-            out |= {"slide_rate": rate, "friction_loss": lost, "drive_work": work,
-                    "stop_energy": self.forces.stop_energy(state.s)}
+            kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
+                                  rate)
+            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            self._moment = t, state.s.copy(), rate, history, tangent
+            out |= {"slide_rate": rate, "friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": self.forces.stop_energy(state.s)}
         if self.balance:
             self._balance(out, state)
         if self.points:
@@ -132,19 +133,18 @@ class Observer:
             stored = out["kinetic"] + out["strain"] - out["external_work"]
             sizes.append(abs(out["external_work"]))
         if model.slider_forces is not None:
-            _, lost, work = state.history[:model.work_place].reshape(-1, HISTORY).T
+            history = state.history[:model.work_place].reshape(-1, HISTORY)
             if model.accounts_loads:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
-            stored += float(np.sum(lost)) - float(np.sum(work))
-            sizes += [float(np.sum(np.abs(lost))), float(np.sum(np.abs(work)))]
+            stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
+            sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any]) -> None:
         """Forces along the beam on sliders to a row whose contact forces are known by now."""
         if self.forces is not None:
-            t, s, rate, sign, tangent = self._moment
-            found = self.forces.at_row(t, s, rate, sign, row["contact_force"], tangent)
+            found = self.forces.at_row(*self._moment, row["contact_force"])
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
                     "stop_force": found.stop}
 
@@ -215,6 +215,23 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
         energy_of(model.links, q, SPACE, work)
         total += work[0]
     return float(total)
+
+
+def conserved(model: Model) -> list[str]:
+    """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
+    out = ["gap"]
+    if model.history_size:
+        out.append("balance")
+    if not model.accounts_loads and (model.slider_forces is None or not model.slider_forces.exchanges):
+        out.append("total")
+    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
+    if not len(model.loads) and not held:
+        out += ["lin_mom", "ang_mom"]
+    return out
+
+
+def _tied_rows(model: Model) -> Array:
+    return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
 
 
 def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:

@@ -20,13 +20,15 @@ Rows = Mapping[str, Any]
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
 # series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "friction_loss", "drive_work", "stop_energy")
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "friction_loss", "drive_work",
+         "stop_energy", "stop_loss")
 # rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
                      "iterations", "step_size"), ()),
-    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)), **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
+    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
+    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
     **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
@@ -320,7 +322,8 @@ class Result:
             loads = self._series("potential") - energies["strain"] - energies["gravity"] - stops
             if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(self._series("potential")), initial=0.0)):
                 energies["loads"] = loads
-        for series, noun, sign in (("friction_loss", "friction", 1.0), ("drive_work", "drive", -1.0)):
+        accounts = ("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("drive_work", "drive", -1.0)
+        for series, noun, sign in accounts:
             for k, name in enumerate(self.names.get("sliders", []) if series in self.series else []):
                 if np.any(self.series[series][:, k]):
                     energies[f"{noun} of slider {name!r}"] = sign * self.series[series][:, k]

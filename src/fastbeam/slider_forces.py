@@ -8,7 +8,7 @@ import numpy as np
 
 from ._jit import compiled_law
 from .errors import SceneError
-from .kernels.along import CONTROL, FORCE, HISTORY, INCREMENT, LAW, NO_DRIVE, POSITION, Along
+from .kernels.along import AGAINST, CONTROL, FORCE, HISTORY, INCREMENT, LAW, NO_DRIVE, POSITION, SIGN, Along
 from .scene import Drive, Slider
 from .scene.checks import called
 from .scene.sliding import FORWARD, SHORT
@@ -48,7 +48,8 @@ class SliderForces:
         n = len(sliders)
         self._laws: dict[int, Any] = {}
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
-                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n), np.zeros(n))
+                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
+                            np.zeros(n, np.int64))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
 
@@ -57,9 +58,8 @@ class SliderForces:
         if friction is not None:
             t.friction[k], t.viscous[k], t.smoothing[k] = friction.coefficient, friction.viscous, friction.smoothing or 0.0
         t.stops[k, :2] = -np.inf, np.inf
-        if stops is not None:
-            t.stops[k] = (-np.inf if stops.start is None else stops.start, np.inf if stops.end is None else stops.end,
-                          stops.stiffness)
+        if stops is not None and stops.stiffness is not None:
+            t.stops[k] = *stops.between, stops.stiffness
         t.drive[k] = NO_DRIVE
         if drive is None:
             return
@@ -94,7 +94,8 @@ class SliderForces:
     def dissipates(self) -> bool:
         """Whether something takes energy away."""
         t = self.tables
-        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, 1] > 0.0) or self._laws)
+        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, 1] > 0.0) or self._laws
+                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
 
     @property
     def exchanges(self) -> bool:
@@ -109,7 +110,7 @@ class SliderForces:
     def work(self) -> Along:
         """The tables with arrays of one run."""
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("given", "clock", "sign", "rest", "needed")})
+                                       ("given", "clock", "sign", "rest", "needed", "against")})
 
     # --- what drives are given ----------------------------------------------------------------------------------------
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
@@ -163,6 +164,22 @@ class SliderForces:
             return self._value(k, what, t)
         return float(sum(w * self._value(k, what, t + x * h) for x, w in zip(POINTS, SHARES)))
 
+    # --- rigid stops --------------------------------------------------------------------------------------------------
+    def limits(self, ends: Array) -> Array:
+        """Arc lengths between which sliders may go: `ends` [S, 2] of their beams, or rigid stops."""
+        out = ends.copy()
+        for k, slider in enumerate(self.sliders):
+            if slider.stops is not None and slider.stops.is_rigid:
+                out[k] = np.clip(slider.stops.between, *ends[k])
+        return out
+
+    def restitution(self, k: int, at_end: bool) -> float | None:
+        """Of the rigid stop of slider k at its end or start; None where it has none there."""
+        stops = self.sliders[k].stops
+        if stops is None or not stops.is_rigid or (stops.end if at_end else stops.start) is None:
+            return None
+        return stops.restitution or 0.0
+
     # --- rows ---------------------------------------------------------------------------------------------------------
     def stop_energy(self, s: Array) -> Array:
         """Energy that elastic stops store, J, [S]."""
@@ -170,7 +187,7 @@ class SliderForces:
         beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
         return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
 
-    def at_row(self, t: float, s: Array, rate: Array, sign: Array, force: Array, tangent: Array) -> AtRow:
+    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array) -> AtRow:
         """Forces along the beam at time t.
 
         Parameters
@@ -178,17 +195,18 @@ class SliderForces:
         t : float
         s, rate : float64 [S]
             Places, m, and velocities ds/dt, m/s.
-        sign : float64 [S]
-            Of the velocity, 0 where a slider sticks.
-        force, tangent : float64 [S, 3]
-            Contact forces, N; derivatives of the curves by s.
+        history : float64 [S, 5]
+            Of the state.
+        tangent, force : float64 [S, 3]
+            Derivatives of the curves by s; contact forces, N.
         """
-        table = self.tables
+        table, sign = self.tables, history[:, SIGN]
         along = np.sum(force * tangent, axis=1)
         long = np.linalg.norm(tangent, axis=1)
         across = np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) * long
         stiff = table.stops[:, 2]
-        stop = np.where(stiff > 0.0, stiff * (np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)), 0.0)
+        beyond = np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)
+        stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
         drive = np.zeros(len(s))
         prescribed = np.isin(table.drive, (POSITION, INCREMENT))
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
@@ -200,6 +218,10 @@ class SliderForces:
         sticks = (table.friction > 0.0) & ~smooth & ~prescribed & (sign == 0.0)
         friction = np.where(sticks, along - stop - drive, friction)
         drive = np.where(prescribed, along - stop - friction, drive)
+        # against a rigid stop friction gives what it can
+        against = history[:, AGAINST] != 0.0
+        friction = np.where(against, np.clip(along - drive, -table.friction * across, table.friction * across), friction)
+        stop = np.where(against, along - drive - friction, stop)
         return AtRow(along, friction, drive, stop)
 
     def _drive_at(self, k: int, t: float, s: float, rate: float) -> float:

@@ -10,14 +10,14 @@ energy in, as where the velocity is turned around within a step, is refused: the
 """
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .._jit import kernel
 from .algebra import call_law, dot
 from .curves import find_element, point_on_curve, step_basis
-from .kinds import dim, position, vector, zero_vector
+from .kinds import position, vector
 from .slider import (SlidingLaw, account_along, begin_along, end_iteration_along, is_settled_along, mean_tangent, nodes_under,
                      pass_along, sliding_law)
 from .terms import put_loads, spread_nodes
@@ -25,8 +25,10 @@ from .terms import put_loads, spread_nodes
 # kinds of drives
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
-# away; work of its drive, J
-HISTORY = 3
+# away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
+# impacts, J
+HISTORY = 5
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS = range(HISTORY)
 
 
 class Along(NamedTuple):
@@ -45,6 +47,7 @@ class Along(NamedTuple):
     sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
     rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
+    against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
 
 
 class DriveSchedule(NamedTuple):
@@ -168,14 +171,17 @@ def hold(along, contact, k, way, force):
 
 @kernel
 def sign_of_velocity(along, k, needed, most, ds):
-    """-1, 0 or 1 for the velocity at the end of the step, from what friction has to give, the most that it can, and the
-    increment of s of this iteration."""
+    """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
+    friction can, and the increment of s of this iteration."""
     sign = along.sign[k]
     if along.clock[2] != 0.0:
         return sign
     if sign == 0:
-        if abs(needed) > most:
-            sign = -1 if needed > 0.0 else 1
+        # a rigid stop pushes only
+        back = needed > most and along.against[k] >= 0
+        forth = needed < -most and along.against[k] <= 0
+        if back or forth:
+            sign = -1 if back else 1
             # backward in time a velocity has the other sign
             return sign if along.clock[0] > 0.0 else -sign
         return sign
@@ -193,11 +199,11 @@ def slide_with_forces(along, term, system, k, force, tangent):
         return hold(along, contact, k, s1 - prescribed_end(along, k, s0), force)
     other = other_forces(along, k, s0, s1)
     mu = along.friction[k]
-    if mu == 0.0:
+    if mu == 0.0 and along.against[k] == 0:
         return SlidingLaw(force, tangent, -other.value, -other.slope)
     across = across_of(force, tangent)
     most = mu * np.sqrt(dot(across, across) * dot(tangent, tangent))
-    if along.smoothing[k] > 0.0:
+    if along.smoothing[k] > 0.0 and along.against[k] == 0:
         factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
         return rub(factor * mu, force, tangent, -other.value, most * slope - other.slope)
@@ -213,14 +219,16 @@ def slide_with_forces(along, term, system, k, force, tangent):
 @kernel
 def begin_forces(along, term, system, h):
     """Velocities along the beams tell which sliders may come to rest."""
-    state, size = system.state, system.size
+    state = system.state
     along.clock[0] = h
     along.clock[2] = 1.0
     for k in range(state.s.shape[0]):
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
-        elif along.friction[k] > 0.0 and along.smoothing[k] == 0.0:
-            sign = int(state.history[HISTORY * k])
+            continue
+        along.against[k] = int(state.history[HISTORY * k + AGAINST])
+        if along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
+            sign = int(state.history[HISTORY * k + SIGN])
             along.sign[k] = sign
             along.rest[k] = 0.0
             if sign != 0:
@@ -252,7 +260,7 @@ def friction_takes_energy(along, term, system):
     """False where Coulomb friction put energy in; there the sign of the increment of s is to decide."""
     settled = True
     for k in range(along.sign.shape[0]):
-        if along.friction[k] > 0.0 and along.smoothing[k] == 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
+        if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
             ds = system.work.s_end[k] - system.state.s[k]
             force = -1.0 * along.sign[k] if along.sign[k] != 0 else along.needed[k]
             if force * ds > 0.0 and not is_prescribed(along, k):
@@ -296,6 +304,9 @@ def account_slider(along, system, k, force, tangent):
     else:
         drive = drive_force(along, k, s0, s1).value
         friction = total - stop - drive
-        state.history[place] = along.sign[k]
-    state.history[place + 1] -= friction * ds
-    state.history[place + 2] += drive * ds
+        if mu > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
+            state.history[place + SIGN] = along.sign[k]
+        if along.sign[k] != 0:
+            state.history[place + AGAINST] = 0.0
+    state.history[place + FRICTION_LOSS] -= friction * ds
+    state.history[place + DRIVE_WORK] += drive * ds

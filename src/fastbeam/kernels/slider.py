@@ -45,7 +45,7 @@ class Sliding(NamedTuple):
     curves: Curves
     sliders: Sliders
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
-    lengths: np.ndarray     # float64 [S]: arc length where the beam of each slider ends
+    limits: np.ndarray      # float64 [S, 2]: arc lengths between which each slider may go, those of its beam or of rigid stops
     along: Any              # along.Along or NoForceAlong
 
 
@@ -439,11 +439,12 @@ def account_sliding(term, system, h):
 @within_limits.register(Sliding)
 @kernel
 def sliders_are_within(term, system, counts_out):
-    """False where a slider is beyond the end of its beam, but for the last digits; its number goes to counts_out."""
+    """False where a slider is beyond the end of its beam or a rigid stop, but for the last digits; its number goes to
+    counts_out."""
     s = system.state.s
     for k in range(s.shape[0]):
-        slack = END_SLACK * term.lengths[k]
-        if not (s[k] >= -slack and s[k] <= term.lengths[k] + slack):
+        slack = END_SLACK * term.limits[k, 1]
+        if not (s[k] >= term.limits[k, 0] - slack and s[k] <= term.limits[k, 1] + slack):
             counts_out[3] = k
             return False
     return True

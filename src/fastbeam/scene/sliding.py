@@ -22,8 +22,8 @@ SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
 class Friction:
     """Friction of a slider: `Slider(..., friction=0.3)` is the short form of `friction=Friction(0.3)`.
 
-    Coulomb's law with stick and slip: a slider that sticks does not creep, one that slides feels coefficient x contact force across
-    the beam, against its velocity (theory.md 5.6). It has no regularisation parameter.
+    Coulomb's law with stick and slip: a slider that sticks does not creep, one that slides feels coefficient x contact force
+    across the beam, against its velocity (theory.md 5.6). It has no regularisation parameter.
 
     Parameters
     ----------
@@ -138,8 +138,8 @@ class Drive:
                                  "damping= for a controller that follows both")
             if self.limit is not None:
                 raise SceneError("drive: limit= bounds the force of a controller; give stiffness= or damping= too")
-        elif self.stiffness > 0.0 and self.position is None or self.damping > 0.0 and self.speed is None and self.position is None:
-            raise SceneError("drive: a controller with stiffness= needs position=, one with damping= speed= or position=")
+        elif self.stiffness > 0.0 and self.position is None:
+            raise SceneError("drive: a controller with stiffness= needs position=")
 
     @property
     def is_controlled(self) -> bool:
@@ -174,17 +174,24 @@ class Drive:
         return self.force is None and not self.is_controlled
 
 
-@checked(start=Number(least=0.0, unit="m"), end=Number(least=0.0, unit="m"), stiffness=Number(above=0.0, unit="N/m"))
+@checked(start=Number(least=0.0, unit="m"), end=Number(least=0.0, unit="m"), stiffness=Number(above=0.0, unit="N/m"),
+         restitution=Number(least=0.0, most=1.0))
 @dataclass(frozen=True)
 class Stops:
-    """Elastic stops of a slider: springs between the arc lengths `start` and `end` and the point once it is beyond them.
+    """Stops of a slider, elastic with `stiffness`, else rigid.
+
+    An elastic stop is a spring between the arc length and the point once it is beyond it. At a rigid one the step ends where it
+    is met, and the velocity along the beam jumps to -restitution times what it was; the loss is in the balance. A slider that
+    comes to rest against a stop stays there until something pulls it away.
 
     Parameters
     ----------
     start, end : float or None
         Arc lengths, m; None: no stop there.
-    stiffness : float
+    stiffness : float, optional
         N/m, > 0.
+    restitution : float, optional
+        Of rigid stops, from 0 (default: it does not bounce) to 1 (without loss).
 
     Raises
     ------
@@ -197,9 +204,22 @@ class Stops:
     start: float | None = None
     end: float | None = None
     _: KW_ONLY
-    stiffness: float
+    stiffness: float | None = None
+    restitution: float | None = None
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether velocities jump there."""
+        return self.stiffness is None
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """Both arc lengths; infinite where there is none."""
+        return -np.inf if self.start is None else self.start, np.inf if self.end is None else self.end
 
     def __post_init__(self) -> None:
+        if self.stiffness is not None and self.restitution is not None:
+            raise SceneError("stops: give stiffness= for elastic stops or restitution= for rigid ones, not both")
         if self.start is None and self.end is None:
             raise SceneError("stops: give start=, end= or both, arc lengths in m")
         if self.start is not None and self.end is not None and not self.start < self.end:
@@ -234,6 +254,6 @@ class SomeStops:
 
     def __call__(self, value: Any) -> Stops:
         if not isinstance(value, Stops):
-            hint = "; a pair of arc lengths needs a stiffness: fb.Stops(a, b, stiffness=...)" if numbers(value) is not None else ""
+            hint = "; write fb.Stops(start, end)" if numbers(value) is not None else ""
             raise Refusal(f"must be Stops, got {shown(value)}{hint}")
         return value
