@@ -43,7 +43,7 @@ class Along(NamedTuple):
     law: np.ndarray         # int64 [S]: address of a compiled function of (t, s, ds/dt) that returns a force, N
     given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
-    clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; 1 in the first iteration
+    clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; 2 in the first iteration, 1 after it, then 0
     sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
     rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
@@ -174,7 +174,7 @@ def sign_of_velocity(along, k, needed, most, ds):
     """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
     friction can, and the increment of s of this iteration."""
     sign = along.sign[k]
-    if along.clock[2] != 0.0:
+    if along.clock[2] == 2.0:
         return sign
     if sign == 0:
         # a rigid stop pushes only
@@ -221,7 +221,7 @@ def begin_forces(along, term, system, h):
     """Velocities along the beams tell which sliders may come to rest."""
     state = system.state
     along.clock[0] = h
-    along.clock[2] = 1.0
+    along.clock[2] = 2.0
     for k in range(state.s.shape[0]):
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
@@ -250,15 +250,16 @@ def sliding_rate(term, system, k):
 
 @end_iteration_along.register(Along)
 @kernel
-def end_first_iteration(along):
-    along.clock[2] = 0.0
+def count_iterations(along):
+    along.clock[2] = max(along.clock[2] - 1.0, 0.0)
 
 
 @is_settled_along.register(Along)
 @kernel
 def friction_takes_energy(along, term, system):
-    """False where Coulomb friction put energy in; there the sign of the increment of s is to decide."""
-    settled = True
+    """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s is
+    to decide."""
+    settled = along.clock[2] == 0.0
     for k in range(along.sign.shape[0]):
         if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
             ds = system.work.s_end[k] - system.state.s[k]
