@@ -137,7 +137,7 @@ class Stepper:
                                    symmetric=symmetric)
         self.alpha = empty_rates(method, model.n_nodes)
         self._static = static
-        self.along = None if core.slider_forces is None or static else core.slider_forces.work()
+        self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self._check_forces(compared)
         self.terms = terms_of(core, self.inner, static, self.along)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
