@@ -3,6 +3,9 @@
 Equilibrium holds at the end of the step, so the element kernel runs with both configurations equal and returns half the
 tangent of these equations; residual and border columns are halved with it. A node turns by a rotation vector psi,
 d_n+1 = exp(psi) d_n; its Cayley vector 2 tan(|psi|/2) psi/|psi| lets the conserving step and this one share all updates.
+
+Arrays: q, q_end, q_mid_out, q_end_out, u_out, v_out [12 N]; dphi, theta [3 N]; blocks_out [48 (blocks + 1)], blocks of 6 rows of
+8; scratch [*].
 """
 from __future__ import annotations
 

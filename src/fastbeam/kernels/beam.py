@@ -10,6 +10,9 @@ With both ends equal the same kernel is statics; its tangent is then half the st
 The loop over groups, inertia and projection are those of nodes in space and in a plane; points and pairs of nodes in a plane are
 in planar_beam.py. layout.py says where the tables of a group and its scratch have what. Groups that are equal share their tables;
 reference strains, 6 or 3 per point, stand apart.
+
+Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], numbers of a
+group in lanes: layout.py has their places; r_out [8 (rows + 1)]; blocks_out [8 n (blocks + 1)], n unknowns a node.
 """
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian."""
+"""The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian.
+
+Arrays: r, x_out [8 (rows + 1)]; panel, panel_out [rows, n, width] flat, n unknowns a node; force [*], forces of all constraints;
+of the border of m = 7 S unknowns, 5 in a plane, rows [m + 1, width] flat, schur, a [m, m], y, y_out [m].
+"""
 from __future__ import annotations
 
 from .._jit import kernel

@@ -4,6 +4,9 @@ Groups of carriers are systems of their own, with the rows of constraint_rows.py
 ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves of
 them is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries of
 sliders and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
+
+Arrays: x_now, x_out [8 (rows + 1)] by rows of the scene; store [*] as `Factors.store`; ends_out [B, 32 n + 16] flat as
+`Substructures.ends`.
 """
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ class Apart(NamedTuple):
 
     row: np.ndarray     # int64 [n]: row of the residual; ends last, start and end of every carrier in turn
     beam: np.ndarray    # int64 [K]: place of every carrier in `Substructures.ends`
-    kept: np.ndarray    # float64: blocks behind the diagonal of all eliminated rows, in turn
+    kept: np.ndarray    # float64 [*]: blocks behind the diagonal of all eliminated rows, in turn
     place: np.ndarray   # int32 [*]: where each of them begins
     end: np.ndarray     # int64 [1]: where they end
 

@@ -5,6 +5,8 @@ the length of the tuple `size`. The order and the fill come from the compiler of
 is no fill beyond the elements.
 Right-hand sides are one of three types: `RightSides`, side by side in a panel; `OneSide`, which goes along in the columns that
 pad the blocks; `NoSide`.
+
+Arrays: blocks [8 n (blocks + 1)]; pivots [n rows], of each row those of its diagonal block; panel [rows, n, width] flat.
 """
 from __future__ import annotations
 
@@ -35,12 +37,12 @@ class Elimination(NamedTuple):
     upper: np.ndarray         # int64 [m]: block (i, j)
     lower: np.ndarray         # int64 [m]: block (j, i)
     target_start: np.ndarray  # int64 [n]: where the targets of row i begin
-    target: np.ndarray        # int64: blocks (j, k) for all j, k of row i, row by row
+    target: np.ndarray        # int64 [*]: blocks (j, k) for all j, k of row i, row by row
 
 
 @one_variant
 def exchange_rows(pivots, p, x, o, stride, size):
-    """The row exchanges of a factored diagonal block, on n rows of 8 at o, `stride` apart."""
+    """The row exchanges of a factored diagonal block on n rows of 8 in x [*], from o on and `stride` doubles apart."""
     for k in range(len(size)):
         m = pivots[p + k]
         if m != k:
@@ -330,7 +332,7 @@ def solve(plan, blocks, pivots, panel, width, size):
 
 @kernel
 def multiply(rows, columns, blocks, x, y_out):
-    """y += A x for a list of 6 x 6 blocks: rows, columns int64 [n_blocks]; x, y [n, 8]."""
+    """y += A x for a list of K blocks of 6 x 6: rows, columns [K] and blocks [48 K]; x, y_out [8 n]."""
     for k in range(rows.shape[0]):
         yo = 8 * rows[k]
         xo = 8 * columns[k]

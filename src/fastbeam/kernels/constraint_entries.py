@@ -4,6 +4,9 @@ Of a constraint with columns C and lines L on the inner nodes of an element, whi
 (kernels/inner.py), there remains at the others j and between constraints k, l
 
     C_i <- K_ii^-1 C_i,   C_j -= K_ji C_i,   L_j -= L_i U_ij,   D_kl -= L_ki C_il,   r_k -= L_ki y_i
+
+Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the constraints of one element, rows of 8; r, rhs, x_out
+[8 (rows + 1)]; y [7 S], unknowns of all constraints; q_mid, q_end [12 N], in a plane [4 N]; scratch [*].
 """
 from __future__ import annotations
 
@@ -22,14 +25,14 @@ from .ties import Ties, tie_arm
 
 @kernel
 def add_column(store, to, column, at, n):
-    """A column of an entry, n rows of 8, to a block."""
+    """A column of an entry, n rows of 8 in column [*] from `at` on, to a block."""
     for c in range(0, 8 * n, 8):
         vst(store, to + c, 0, vld(store, to + c, 0) + vld(column, at + c, 0))
 
 
 @kernel
 def add_line(store, to, line, at, n, m):
-    """A line of an entry, transposed, to a block of m rows."""
+    """A line of an entry, n rows of 8 in line [*] from `at` on, transposed to a block of m rows."""
     for a in range(m):
         for c in range(n):
             store[to + 8 * a + c] += line[at + 8 * c + a]

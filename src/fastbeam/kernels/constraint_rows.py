@@ -6,6 +6,8 @@ element.
 
 Rows are those of the n nodes, then those of the constraints; a position is the place of a row in the elimination. Blocks are rows
 of 8 doubles in one array, `store`: those that are assembled, then those of constraints and fill.
+
+Arrays: seen, came, queue [N + 1], rows of `Order.work`.
 """
 from __future__ import annotations
 
@@ -25,14 +27,14 @@ class Couplings(NamedTuple):
     """Constant: what couples n rows of nodes without constraints, and S constraints."""
 
     start: np.ndarray       # int32 [n + 1]: range of a row in the next three
-    near: np.ndarray        # int32: rows that it is coupled with
-    block: np.ndarray       # int32: where block (row, near) begins in store
-    back: np.ndarray        # int32: where block (near, row) begins
+    near: np.ndarray        # int32 [*]: rows that it is coupled with
+    block: np.ndarray       # int32 [*]: where block (row, near) begins in store
+    back: np.ndarray        # int32 [*]: where block (near, row) begins
     diagonal: np.ndarray    # int32 [n]
     held: np.ndarray        # int32 [n]: bit c set, unknown c of the row is held
     tied: np.ndarray        # int32 [n]: the tied node that has the row, or -1
     late_start: np.ndarray  # int64 [S + 1]
-    late: np.ndarray        # int64: rows that a constraint need not wait for
+    late: np.ndarray        # int64 [*]: rows that a constraint need not wait for
     unknowns: np.ndarray    # int64 [S]: forces, then others, at most 7
     forces: np.ndarray      # int64 [S]: number of forces; as many equations come first, gaps
     in_force: np.ndarray    # int64 [S]: number of the next equations, in the unit of a force
@@ -79,7 +81,7 @@ class Order(NamedTuple):
     upper: np.ndarray       # int32 [M]: where block (position, column) begins
     lower: np.ndarray       # int32 [M]: where block (column, position) begins
     target_start: np.ndarray  # int32 [N + 1]
-    target: np.ndarray      # int32: where the products of a row belong, all pairs of its columns row by row
+    target: np.ndarray      # int32 [*]: where the products of a row belong, all pairs of its columns row by row
     work: np.ndarray        # int32 [6, N + 1]
     counts: np.ndarray      # int32 [2]: entries; where the blocks in use end in store
 

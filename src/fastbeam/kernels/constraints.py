@@ -1,4 +1,8 @@
-"""Nodes and constraints solved together, theory.md 9: how a step fills, solves and closes its equations with sliders as rows."""
+"""Nodes and constraints solved together, theory.md 9: how a step fills, solves and closes its equations with sliders as rows.
+
+Arrays: r, x_out [8 (rows + 1)]; q_mid, q_end [12 N], in a plane [4 N]; force [*], forces of all constraints one after the other;
+y_out [7 S], their unknowns.
+"""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -28,7 +32,7 @@ class Constraints(NamedTuple):
     touched: Touched
     order: Order
     factors: Factors
-    buffer: np.ndarray      # float64: columns and lines of the constraints of an element
+    buffer: np.ndarray      # float64 [*]: columns and lines of the constraints of an element
     inner: Any              # inner.Inner or NoInner
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
     held: Any               # nodes.Held or NoHeld

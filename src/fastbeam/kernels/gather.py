@@ -1,4 +1,7 @@
-"""Coordinates of eight nodes of a group of elements into lanes: middle and end of a step, and where the last increment led."""
+"""Coordinates of eight nodes of a group of elements into lanes: middle and end of a step, and where the last increment led.
+
+Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; off [3 N], in a plane [2 N].
+"""
 from __future__ import annotations
 
 from .._generic import generic

@@ -1,6 +1,9 @@
 """Strain set (2.1) of theory.md in the element loops: all strains are quadratic forms.
 
 Loads, stores and zeros are those of `algebra.WIDTH` lanes.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
+directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 

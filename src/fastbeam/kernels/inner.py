@@ -7,6 +7,9 @@ of 8 elements and inner node i, in turn, with the others j behind it (later inne
 
 and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Scenes with sliders keep the factors and K_ji
 too: columns of their borders take the same way, one element at a time, eight columns at once.
+
+Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; store [*] as `Inner.store`; r, r_out, rhs, x,
+x_out, loads [8 (rows + 1)]; panel [rows, n, width] flat.
 """
 from __future__ import annotations
 
@@ -36,11 +39,11 @@ class NoColumns(NamedTuple):
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes."""
 
-    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of
+    store: np.ndarray     # float64 [*]: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of
     #                       every other, then y_i
     rhs: np.ndarray | NoColumns  # float64 [8 (N + 1)]: y_i by rows
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
-    rows: np.ndarray      # int64: rows of the nodes of every element, first to last
+    rows: np.ndarray      # int64 [*]: rows of the nodes of every element, first to last
     element: np.ndarray   # int64 [inner nodes]: element of every row from the first inner row on
     mark: np.ndarray      # int64 [E]: elements that a slider touches, in use
     found: np.ndarray     # int64 [E]: list of those
@@ -72,14 +75,14 @@ class Short(NamedTuple):
 class WithColumns(NamedTuple):
     """Factors, then U_ij, K_ji of every other node; y_i by rows."""
 
-    r: np.ndarray
-    rhs: np.ndarray
+    r: np.ndarray      # float64 [8 rows]
+    rhs: np.ndarray    # float64 [8 rows]: takes y_i
 
 
 class Condensed(NamedTuple):
     """U_ij of every other node; y_i by rows. Nothing but loads acts on the nodes."""
 
-    loads: np.ndarray
+    loads: np.ndarray  # float64 [8 rows]
     x: np.ndarray      # float64 [8 rows]: takes y_i
 
 
@@ -322,7 +325,7 @@ def put_inner_rhs(inner, panel, width, size):
 
 @kernel
 def take_scaled(source, offset, factor, target, to, n):
-    """factor times n lanes."""
+    """factor times n lanes, from source [*] to target [*]."""
     for c in range(0, 8 * n, 8):
         vst(target, to + c, 0, factor * vld(source, offset + c, 0))
 

@@ -2,6 +2,8 @@
 
 A joint has some forces and as many gaps, functions of the positions of two nodes a and b. Of a ball joint they are vectors: the
 factor of the unit matrix says what a node adds, a number. Of a distance joint there is one: a vector says it.
+
+Arrays: q_mid, q_end [12 N], in a plane [4 N].
 """
 from __future__ import annotations
 

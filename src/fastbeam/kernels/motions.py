@@ -1,6 +1,8 @@
 """How nodes move in what the element loops evaluate, by method: a named tuple of arrays for each.
 
 `method` is a named tuple without items, by which the operations below choose: that of terms.py, or `AtEnd` for generalised alpha.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -38,8 +40,8 @@ class ToEnd(NamedTuple):
     """The end of a step of generalised alpha."""
 
     method: Any
-    q: np.ndarray
-    dphi: np.ndarray
+    q: np.ndarray          # float64 [12 N]: at the start of the step
+    dphi: np.ndarray       # float64 [3 N]
     u: np.ndarray          # float64 [12 N]: second rates at the end
     spin_rate: np.ndarray  # float64 [18 N]: derivatives of those of d2, d3 by the spins
     line: Line
@@ -50,8 +52,8 @@ class Resting(NamedTuple):
     """A shape with given second rates."""
 
     method: Any
-    q: np.ndarray
-    u: np.ndarray
+    q: np.ndarray          # float64 [12 N]
+    u: np.ndarray          # float64 [12 N]: second rates
     line: Line
     rate: float            # 0
 
@@ -60,7 +62,7 @@ class Still(NamedTuple):
     """A shape in equilibrium."""
 
     method: Any
-    q: np.ndarray
+    q: np.ndarray          # float64 [12 N], in a plane [4 N]
     line: Line
     rate: float            # 0
 

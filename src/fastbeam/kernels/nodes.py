@@ -3,6 +3,10 @@
 A step is described by the increments `dphi` of the positions and the Cayley vectors `theta` of the triads, d_n+1 = cay(theta) d_n
 (theory.md (4.2)); increments dq of all 12 coordinates of a node follow from them wherever they are needed. Velocities and inertia
 forces are formed from dq, never from differences of large coordinates, so round-off stays relative to the motion.
+
+Arrays: q, v, u, q_mid, q_end, q_mid_out, q_end_out, u_out [12 N]; dphi, theta [3 N]; row_of, spinless, held_theta [N]; x, r,
+r_out [8 (rows + 1)]; blocks, blocks_out [48 (blocks + 1)], blocks of 6 rows of 8, in a plane 3; panel [rows, n, width] flat; s,
+s_end [S]; force [3 S], in a plane [2 S]; past [*] as in `remember`; scratch [NODES_SCRATCH].
 """
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Energies and momenta of a state; run only when somebody asks for them."""
+"""Energies and momenta of a state; run only when somebody asks for them.
+
+Arrays: q, v, p, p_out [12 N]; s, gap_out [S]; tab [*] as `ElementTables.tab`; e, work [6]; of_elements [24 groups]; out [9].
+"""
 from __future__ import annotations
 
 from .._jit import kernel

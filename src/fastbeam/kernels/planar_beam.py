@@ -9,6 +9,9 @@ J u, u turned by a right angle, the third is the constant normal. The strains th
 where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
 director, columns with the spin at the end. Values stay in registers, so here shapes and strains are vectors and not offsets;
 loads, stores and zeros are those of `algebra.WIDTH` lanes.
+
+Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
+lanes: layout.py has their places.
 """
 from __future__ import annotations
 

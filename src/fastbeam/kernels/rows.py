@@ -1,6 +1,8 @@
 """Rows of numbers, of nodes or unknowns: from memory into lanes and back, eight at a time, by transpositions in registers.
 
 Most are, like kernels/algebra.py, lowered straight to LLVM; loads and stores are unchecked, offsets count doubles.
+
+Arrays: of any length: source, target, x [*].
 """
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Stresses multiply derivatives of quadratic forms, theory.md (4.7): those of the axial strain and the shears, the moments times c,
 that of the directors' lengths. Loads, stores and zeros are those of `algebra.WIDTH` lanes.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
+directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 

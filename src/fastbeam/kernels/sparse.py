@@ -1,6 +1,9 @@
 """MKL's PARDISO called from compiled code, so that a net of beams runs its time loop there too; every residual is checked.
 
 The symbol `pardiso` is resolved when a kernel that uses it is loaded: `linsolve.load_mkl` has to run before.
+
+Arrays: b, x, r, r_out, out, room [m, n rows], m right-hand sides; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; data
+[n n blocks].
 """
 from __future__ import annotations
 
@@ -39,8 +42,9 @@ class PardisoTables(NamedTuple):
     perm: np.ndarray      # int32 [rows]
     indptr: np.ndarray    # int32 [rows + 1]
     indices: np.ndarray   # int32 [blocks]
-    block: np.ndarray     # int64 [blocks]: number of every block of the structure in the matrix, and of the one on the other side
-    mirror: np.ndarray    # of the diagonal where the mean of both counts, else the same
+    block: np.ndarray     # int64 [blocks]: number of every block of the structure in the matrix
+    mirror: np.ndarray    # int64 [blocks]: where the mean of both sides of the diagonal counts that of the block on the other
+    #                       side, else the same
     data: np.ndarray      # float64 [n n blocks]
     b: np.ndarray         # float64 [m, n rows]
     x: np.ndarray         # float64 [m, n rows]

@@ -2,6 +2,9 @@
 
 The loop goes over the terms of a scene (terms.py). The method, the kind of nodes, contact and solver are types, which decide what
 is called when the loop is compiled.
+
+Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [max_iterations]; counts_out [4 or 5]; mean_force_out [2, 3 S];
+vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
 """
 from __future__ import annotations
 

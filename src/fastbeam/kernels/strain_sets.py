@@ -1,6 +1,9 @@
 """The two strain sets as types, and what the element loops ask of a set: strains, what multiplies their derivatives, stiffness.
 
 Implementations are in simo_reissner.py, green_lagrange.py and planar_beam.py. Offsets in scratch are those of layout.py.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
+directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 

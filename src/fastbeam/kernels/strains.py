@@ -2,6 +2,9 @@
 (4.6)). Loads, stores and zeros are those of `algebra.WIDTH` lanes; offsets are those of the first of them.
 
 What differs between the strain sets is in simo_reissner.py and green_lagrange.py, what between methods here.
+
+Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
+lanes: layout.py has their places.
 """
 from __future__ import annotations
 

@@ -9,6 +9,9 @@ next node e, with what the elements behind c left (S) and the present element (K
 and the four blocks and two residuals of the ends are what the solver sees. Recovered in reverse: x_c = y - U x_e - P x_o.
 Threads take groups of beams; each writes what belongs to its beams only, and what ends add to a block or row is summed up in a
 fixed order. Increments are added along with the groups, whose arrays are still in the cache then.
+
+Arrays: scratch [*], numbers of a group in lanes: layout.py has their places, behind them those of the ends; store [*] as
+`Substructures.store`; x_out, r_out [8 (rows + 1)]; blocks_out [8 n (blocks + 1)]; nodes [*], row_of [N].
 """
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ class Substructures(NamedTuple):
     row_term: np.ndarray    # int64 [2 B]: 2 beam + (0: start, 1: end)
     counts: np.ndarray      # int64 [3]: first row of their interior nodes, which are the last rows; groups with strain set (2.2),
     #                         then with (2.1)
-    store: np.ndarray       # float64: U and P of every interior node, lanes last
+    store: np.ndarray       # float64 [*]: U and P of every interior node, lanes last
     ends: np.ndarray        # float64 [B, 32 n + 16]: four blocks and two residuals, rows padded to 8
     state: np.ndarray       # float64 [G]: 0 where an elimination failed
 

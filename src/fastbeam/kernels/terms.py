@@ -7,6 +7,10 @@ it. `System` holds what all terms share.
 
 Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
 and held unknowns.
+
+Arrays: q, q_mid, q_end [12 N], in a plane [4 N]; dphi, theta, off_out [3 N], in a plane dphi, off_out [2 N], theta [N]; row_of,
+spinless [N]; r [8 (rows + 1)]; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; scratch [*]; counts_out [4 or 5]; out
+[1].
 """
 from __future__ import annotations
 

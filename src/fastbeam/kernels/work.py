@@ -1,4 +1,7 @@
-"""The arrays of a run: its state, and everything a step writes."""
+"""The arrays of a run: its state, and everything a step writes.
+
+Arrays: of any length: x, y_out [*].
+"""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -40,7 +43,7 @@ class Work(NamedTuple):
     rows: np.ndarray      # float64 [7 S + 1, width] flat, 5 in a plane
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
-    scratch: np.ndarray   # float64
+    scratch: np.ndarray   # float64 [*]
     keep_q: np.ndarray    # float64 [12 N]: state before the step; the arrays keep_* are empty where
     #                       a failed step does not change it
     keep_v: np.ndarray    # float64 [12 N]
@@ -51,7 +54,7 @@ class Work(NamedTuple):
     keep_theta: np.ndarray  # float64 [3 N]
     past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of steps, nodes.remember; the newest of nodes
     #                       are their increments
-    keep_past: np.ndarray
+    keep_past: np.ndarray  # float64 [*], as past
     line: Line
 
 
