@@ -1,6 +1,6 @@
 """The scene compiler: turns nouns into constant tables and a plan of the work that is present.
 
-Whatever a scene lacks gets no table, no rows, no unknowns and, because its argument is None, no compiled code.
+What a scene lacks has no table, no rows and no unknowns, and no code is compiled for it.
 """
 from __future__ import annotations
 

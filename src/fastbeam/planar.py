@@ -373,7 +373,8 @@ def _link(table: Any, ties: PlanarTies | None) -> Any:
 
 
 def _held(held: Held | None) -> Held | None:
-    """Positions are held whole. Of a triad only what is held whole counts: single spins are those of beams about their axes."""
+    """What is held in the plane: a position where all three of its components are held, a turn where all three spins are. A
+    single held spin is that of a beam about its own axis in statics, which does not exist in the plane."""
     if held is None:
         return None
 

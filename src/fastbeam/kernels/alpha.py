@@ -198,7 +198,7 @@ def advance_alpha(size, alpha, state, work, h, first, last, scratch):
 @weigh_residual.register(Alpha)
 @kernel
 def halve_residual(alpha, system):
-    """Half the equations, like the tangent; inner nodes store the solution of the whole ones."""
+    """Half the residual, because the element loop returns half the tangent; solutions stored of inner nodes are whole ones."""
     halve(system.work.r)
 
 

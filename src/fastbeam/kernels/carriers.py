@@ -81,7 +81,7 @@ def find_order(contact, rows, apart, size):
 
 @kernel
 def keep_rows(apart, order, store):
-    """Blocks behind the diagonals of eliminated rows."""
+    """Keep the upper blocks of eliminated rows, which the substitution needs."""
     for i in range(order.order.shape[0]):
         for e in range(order.start[i], order.start[i + 1]):
             for c in range(0, 8 * order.unknowns[i], 8):
@@ -90,7 +90,7 @@ def keep_rows(apart, order, store):
 
 @kernel
 def put_block(store, at, ends_out, to, size):
-    """A block without what pads its rows."""
+    """Copy a block, with zeros in the columns that pad its rows."""
     n = len(size)
     for i in range(0, 8 * n, 8):
         for c in range(8):

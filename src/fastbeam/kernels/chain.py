@@ -20,7 +20,7 @@ from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
 from .rows import flush_column, flush_rows
 
-# row k: 1 in the columns right of k, 0 in the two that pad a row
+# row k of this mask: 1 in the columns right of k, 0 in the others and in the two that pad a row
 RIGHT_OF = (np.triu(np.ones((8, 8)), 1) * (np.arange(8) < 6)).reshape(-1)
 # pivots without exchange are good between these shares of their diagonal entries
 LOW, HIGH = 1e-6, 1e3
@@ -59,7 +59,7 @@ def exchange_and_factor(blocks, d, pivots, p, size):
     n = len(size)
     smallest = np.inf
     for i in range(n):
-        # the last pad of a row carries its size through the exchanges
+        # the last padding column holds the largest entry of a row, so that it is exchanged with the row
         for j in range(n, 8):
             blocks[d + 8 * i + j] = 0.0
         blocks[d + 8 * i + 7] = largest_of_row(blocks, d + 8 * i)
@@ -111,7 +111,8 @@ def subtract_product(blocks, k, panel, row, target, width, size):
 
 @kernel
 def take_beside(blocks, d, panel, o, pivots, p, size):
-    """Add to a single right-hand side what stands beside the diagonal block, and exchange its rows as those of the block."""
+    """Add to a single right-hand side its part in the column that pads the diagonal block, where products with earlier rows have
+    been subtracted, and exchange its rows as those of the block."""
     n = len(size)
     for c in range(n):
         panel[o + c] += blocks[d + 8 * c + n]
@@ -225,7 +226,7 @@ def subtract_nothing(sides, plan, blocks, j, r, size):
 @subtract_row.register(OneSide)
 @written_in
 def subtract_one(sides, plan, blocks, j, r, size):
-    """That of the first upper block came with its product."""
+    """The first upper block holds the right-hand side in its padding, so the product of blocks has subtracted that already."""
     n = len(size)
     first = plan.start[r]
     if j > first:

@@ -92,7 +92,8 @@ def gather_job(contact, inner, touched, j, buffer, at, size):
 
 @written_in
 def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, size):
-    """What inner node i of the element leaves between its constraints; its columns are solved, its y stands at y."""
+    """D_kl -= L_ki C_il and r_k -= L_ki y_i for inner node i of the element, whose columns are solved; y: where y_i stands in
+    rhs."""
     n = len(size)
     store = factors.store
     room = 16 * n * nodes
@@ -158,8 +159,8 @@ def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size)
 
 @generic
 def pass_on(ties, e, q_mid, q_end, buffer, column, line, m, store, to_column, to_line):
-    """What a node carries, m columns and lines in buffer, goes along entry e of its ties into blocks of the target: forces to its
-    position, or with the moment of an arm."""
+    """Add the m columns and lines of a tied node, in buffer, to blocks of the target of entry e of its ties: the transposed map
+    of the tie, a force on the position or with the moment of an arm."""
 
 
 @pass_on.register(Ties)
@@ -281,8 +282,8 @@ def start_inner(inner, x_out, size):
 
 @kernel
 def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
-    """Take from the rows of inner nodes what the solved unknowns of constraints move them, K_ii^-1 C_i y and what earlier nodes
-    pass on."""
+    """Subtract from the rows of inner nodes what the solved unknowns y of constraints contribute: K_ii^-1 C_i y, and what is
+    passed on from inner nodes before them."""
     n = len(size)
     block = 8 * n * n
     for f in range(touched.counts[0]):
@@ -320,7 +321,8 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
 
 @kernel
 def recover_inner_rows(tables, inner, x_out, scratch, size):
-    """Increments of all inner nodes of elements with one strain set from those of the end nodes and what stands in their rows."""
+    """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what `start_inner` and
+    `add_inner` left in their rows."""
     n = len(size)
     block = 8 * n * n
     for k in range(tables.meta.shape[0]):

@@ -22,7 +22,8 @@ from .constraint_blocks import (column_on_slider, column_slider_on_node, column_
                                 subtract_slider_on_node, subtract_slider_on_slider)
 from .kinds import dim
 
-# pivots of a node over the largest entry of their rows; pivots of a constraint, with the augmented Lagrangian and without
+# least pivots that count as none: of a node, next to the largest entry of the row; of a constraint, with the augmented Lagrangian
+# and without
 LEAST_NODE, LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-14, 1e-7
 RIGHT = 7     # column of the right-hand side
 

@@ -95,7 +95,7 @@ def step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
             s = s0 + x * (s1 - s0)
             add_basis(curves, c, e0, s, 1, w, w * x, table, basis, 3)
         return
-    # crossing element ends: N[a,b] = 1/(b - a) int_a^b N' ds, one Gauss rule a piece
+    # a step that crosses element ends: N[a,b] = 1/(b - a) int_a^b N' ds, a Gauss rule on the part of each element, (5.3)
     a_ = min(s0, s1)
     b_ = max(s0, s1)
     o = curves.meta[c, 2]

@@ -25,7 +25,7 @@ from .layout import FACTORS, LIST, NODES
 from .rows import copy_lanes, gather_lanes, put_rows, scatter_rows
 from .work import halve
 
-PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
+PIVOT = 1e-13        # a pivot below this share of its diagonal entry counts as zero
 
 
 class NoInner(NamedTuple):
@@ -33,7 +33,7 @@ class NoInner(NamedTuple):
 
 
 class NoColumns(NamedTuple):
-    """In place of `Inner.rhs` in a scene without sliders, where no columns follow."""
+    """In place of `Inner.rhs` in a scene without sliders, which have no border columns to eliminate."""
 
 
 class Inner(NamedTuple):
@@ -135,13 +135,13 @@ def keep_columns(rhs, r):
 
 @generic
 def take_loads(keep, tables, at, scratch, ro, spare, size):
-    """What else acts on 8 nodes, into their rows at ro."""
+    """Add what loads and sliders do to 8 nodes to their residual at ro."""
 
 
 @generic
 def place(keep, store, d, scratch, spare, block):
-    """Where the elimination of a node puts what is kept, from d on in `store`: (array and offset of its factors, offset of U_ij
-    of the first other node, distance of the others)."""
+    """Where the elimination of a node keeps its results, from d on in `store`: (array and offset of the factors of K_ii, offset
+    of U_ij of the first other node j, distance to the next)."""
 
 
 @generic
@@ -157,7 +157,7 @@ def keep_solution(keep, scratch, y, tables, at, store, d, size):
 @take_loads.register(object)
 @written_in
 def take_rows(keep, tables, at, scratch, ro, spare, size):
-    """The residual goes to its rows and comes back with what loads and sliders put there."""
+    """Add the residual at ro to its rows, where loads and sliders have put theirs, and fetch the sum."""
     scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, size)
     gather_lanes(keep.r, tables.rows, at, 8, scratch, ro, size)
 
@@ -216,7 +216,7 @@ def keep_in_rows(keep, scratch, y, tables, at, store, d, size):
 # --- elimination --------------------------------------------------------------------------------------------------------
 @kernel
 def subtract_loads(loads, tables, at, scratch, ro, spare, size):
-    """Take the loads of 8 nodes from their rows at ro."""
+    """Subtract the loads of 8 nodes from their residual at ro."""
     gather_lanes(loads, tables.rows, at, 8, scratch, spare, size)
     for c in range(0, 8 * len(size), 8):
         vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) - vld(scratch, spare + c, 0))
@@ -224,9 +224,9 @@ def subtract_loads(loads, tables, at, scratch, ro, spare, size):
 
 @kernel
 def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, spare, size):
-    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Returns False, and stops, where a pivot is none.
+    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Returns False, and stops, where a pivot counts as zero.
 
-    store takes what `keep` says, from io on; factors that are not kept take the room of a block at `spare` in scratch.
+    store takes what `keep` says, from io on; factors that are not kept go to scratch, a block at `spare`.
     LU and triangular solutions: explicit inverses would be faster and are not accurate enough, because on slender beams the soft
     directions of the others' stiffness are small differences.
     """
@@ -240,7 +240,7 @@ def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, spare, siz
         lu, lo, u0, step = place.call(keep, store, d, scratch, spare, block)
         if not lu_lanes(scratch, diagonal, lu, lo, PIVOT, size):
             return False
-        y = diagonal     # the block is done with, its room takes y
+        y = diagonal     # the diagonal block is needed no more, y takes its place
         solve_lanes(lu, lo, scratch, ro + 8 * n * i, 8, scratch, y, 8, size)
         # others: i + 1 .. nn - 1, then 0
         for m in range(nn - i):

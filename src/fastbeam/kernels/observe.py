@@ -81,7 +81,7 @@ def shape_at_point(tables, no, lane, to, nn, q):
 
 @kernel
 def energy_at_point(tab, co, e0, e):
-    """(E - E0) C (E - E0) and the axial force for strains e; less E0 they stand there afterwards."""
+    """(E - E0) C (E - E0) and the axial force for strains e, from which E0 is subtracted in place."""
     for i in range(6):
         e[i] -= tab[e0 + 8 * i]
     energy = 0.0

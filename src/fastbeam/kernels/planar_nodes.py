@@ -82,7 +82,7 @@ def planar_update(row_of, x, first, last, theta, dphi):
         add2(dphi, 2 * i, 1, ld2(x, o, 1))
         for c in range(2):
             z = x[o + c]
-            if abs(z) > largest or z != z:  # NaN stays: nothing is larger
+            if abs(z) > largest or z != z:  # NaN counts as larger than any number
                 largest = abs(z)
         t = 1.0 + 0.25 * theta[i] * theta[i]
         p = t * x[o + 2]

@@ -18,9 +18,9 @@ _PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
 ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
 # of a matrix whose last unknowns only take a Schur complement: forward and backward substitution
 FORWARD, BACKWARD = 331, 333
-# where a solution ends
+# phases of `go_on` at which a solution ends
 DONE, FAILED = 0, -2
-# its kinds of matrices: with symmetric structure; symmetric, of which it knows the blocks on and above the diagonal
+# matrix types of PARDISO: structurally symmetric; symmetric, where only the blocks on and above the diagonal are stored
 UNSYMMETRIC, SYMMETRIC = 11, -2
 # relative residual above which a solution is refined once, and above which it is not accepted
 REFINE_AT, REFUSE_AT = 1e-12, 1e-8
@@ -132,7 +132,7 @@ def distance(t, x, b, r, room, size):
 
 @kernel
 def begin_step(t):
-    """Factors of earlier steps do not count: a run goes on with the same bits from any step."""
+    """Forget factors of earlier steps, so that a run that goes on from a checkpoint has the same bits."""
     t.counts[3] = 0
 
 
