@@ -2,6 +2,11 @@
 
 Offsets count doubles; one number of each of the 8 elements takes 8 of them. Offsets that depend on the numbers of nodes and
 quadrature points of an element are in `Layout`, the others are constants of this file.
+
+Kernels call a layout `at`, and offsets by a letter and o: no, bo of the list of nodes and of blocks of a group; to the table of
+a point; qo, uo, fo coordinates, second rates and forces of a node; lo what `gather_line` gathers; po the scratch of a point; zo
+or z the vectors (phi', d_i, d_i') there, eo strains or forms, so stresses, ao a shape; ro residual, ko a block of the tangent;
+io, d what is stored of inner nodes, xo and xi increments.
 """
 from __future__ import annotations
 
