@@ -145,7 +145,7 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
 
 @kernel
 def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
-    """Derivative of the curve under every slider by s [S, 3], and ds/dt [S] (theory.md 5.4)."""
+    """Derivative by s of the curve under every slider, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md 5.4)."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element(curves, c, s[k], contact.element[k])
