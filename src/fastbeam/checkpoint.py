@@ -285,7 +285,7 @@ class Clock:
 
 
 def _unclear(a: float, b: float, step: float) -> float:
-    """Share of a step below which differences between times mean nothing."""
+    """Share of a step below which differences between times a and b are round-off."""
     return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
 
 

@@ -1,6 +1,6 @@
 """The scene compiler: turns nouns into constant tables and a plan of the work that is present.
 
-Whatever a scene lacks gets no table, no rows, no unknowns and, because its argument is None, no compiled code.
+What a scene lacks has no table, no rows and no unknowns, and no code is compiled for it.
 """
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length, n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=projected, joints=_joint_names(scene, nodes),
         load_names=[_timed_by(scene, time) for time in times], slider_forces=slider_forces_of(scene.sliders))
-    # the same numbers need no second place
+    # positions and triads of the node list are views of q0: the same numbers, stored once
     coordinates = model.q0.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     if planar:
@@ -160,7 +160,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
         raise SceneError(f"compile_scene: {scene.label} does not stay in a plane: {model.not_planar}; use planar='auto'")
     model.asked_for_plane = planar is True
     model.text = describe(scene, model)
-    # the scene as it is now: parts may be added to it later
+    # a copy of the scene, because the user may add parts to it before other models of it are compiled
     as_compiled = copy(scene)
     as_compiled.parts = list(scene.parts)
     model.massless = tuple(beam.label for beam in scene.beams if _is_massless(scene, beam))

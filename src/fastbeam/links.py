@@ -43,7 +43,7 @@ class Ends:
     distance : float64 [L]
         Of both ends at t = 0, m.
     round_off : float
-        Distances below are none, m.
+        Distances below this count as zero, m.
     first : int64 [1]
         Number of the first among all constraints.
     ties

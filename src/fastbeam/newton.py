@@ -30,7 +30,7 @@ from .starting import own_state
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
 AUGMENTATION = 1e7
-# a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
+# a force moves nothing where the compliance of the parts that it joins is below this share of h^2/(mass of the scene)
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
 BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
