@@ -19,8 +19,8 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
 
     Of all jumps of velocities that connections, supports and sliders allow, the one of least kinetic energy with which the
     velocity of k along its beam is -restitution times the one before: the impulse of the contact alone. Sliders whose motion is
-    prescribed, and those at rest against a stop, keep their velocities along the beam. The energy that is lost goes to the history
-    of the slider.
+    prescribed, and those at rest against a stop, keep their velocities along the beam. The energy that is lost goes to the
+    history of the slider.
 
     Parameters
     ----------

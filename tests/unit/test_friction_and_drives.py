@@ -27,7 +27,8 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "drive as a number": (lambda: slider(drive=1.0), ("drive", "fb.Drive(speed=")),
     "stops as a pair": (lambda: slider(stops=(0.2, 0.8)), ("stops", "fb.Stops(start, end)")),
     "stops beyond the beam": (lambda: slider(stops=fb.Stops(0.2, 1.8)), ("end=1.8 m lies beyond", "0 to 1 m")),
-    "stops that exclude the start": (lambda: slider(stops=fb.Stops(0.6, 0.8)), ("exclude its place at=0.5", "start between them")),
+    "stops that exclude the start": (lambda: slider(stops=fb.Stops(0.6, 0.8)),
+                                     ("exclude its place at=0.5", "start between them")),
     "stops the wrong way round": (lambda: fb.Stops(0.8, 0.2), ("start must lie before end",)),
     "no stop": (lambda: fb.Stops(), ("give start=, end= or both",)),
     "elastic and rigid": (lambda: fb.Stops(0.1, 0.2, stiffness=1.0, restitution=0.5), ("not both",)),
@@ -72,7 +73,8 @@ def test_a_scene_without_forces_along_beams_has_none_of_their_arrays() -> None:
     plain = fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider()))
     assert plain.slider_forces is None and plain.state().history.size == 0
     result = fb.simulate(plain, t_end=0.01, step=1e-3, progress=False)
-    assert "friction_loss" not in result.series and "balance" not in result.series and result.info["conserved"] == ["gap", "total"]
+    assert "friction_loss" not in result.series and "balance" not in result.series
+    assert result.info["conserved"] == ["gap", "total"]
 
 
 def test_results_with_forces_are_written_and_read(tmp_path: Any) -> None:

@@ -47,8 +47,8 @@ class Along(NamedTuple):
     law: np.ndarray         # int64 [S]: address of a compiled function of (t, s, ds/dt) that returns a force, N
     given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
-    clock: np.ndarray       # float64 [4]: size of the step, s; time of its middle, s; 2 in the first iteration, 1 after it, then 0;
-    #                         mass of the scene, kg
+    clock: np.ndarray       # float64 [4]: size of the step, s; time of its middle, s; 2 in the first iteration, 1 after it, then
+    #                         0; mass of the scene, kg
     sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
     rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
     flips: np.ndarray       # int64 [S]: how often an iteration of this step has changed the sign
@@ -276,8 +276,8 @@ def count_iterations(along):
 @is_settled_along.register(Along)
 @kernel
 def friction_takes_energy(along, term, system):
-    """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s is
-    to decide."""
+    """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s
+    is to decide."""
     settled = along.clock[2] == 0.0
     for k in range(along.sign.shape[0]):
         if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
