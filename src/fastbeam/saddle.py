@@ -187,8 +187,16 @@ class Saddle:
     def stiffened(self, by: float) -> Saddle:
         """The same with this much on the diagonal of the coordinates, in scaled rows."""
         from scipy import sparse
-        more = np.where(self.multiplier, 0.0, by / (self.row * self.column))
-        return Saddle(self.matrix + sparse.diags(more), self.multiplier, self._factors, self.measured_in)
+        row, column = self.scales if self.measured_in is None else self.measured_in
+        more = np.where(self.multiplier, 0.0, by / (row * column))
+        n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
+        at = np.flatnonzero(indices == np.repeat(np.arange(n), np.diff(indptr)))
+        if not np.array_equal(indices[at][~self.multiplier[indices[at]]], np.flatnonzero(~self.multiplier)):
+            return Saddle(self.matrix + sparse.diags(more), self.multiplier, self._factors, self.measured_in)
+        data = self.matrix.data.copy()
+        data[at] += more[indices[at]]
+        stiff = sparse.csr_matrix((data, indices, indptr), shape=self.matrix.shape)
+        return Saddle(stiff, self.multiplier, self._factors, self.measured_in)
 
     def solve(self, right: Array) -> Array | None:
         """x [n] with matrix x = right [n]. None where nothing acceptable is found."""

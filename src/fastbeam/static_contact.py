@@ -42,12 +42,12 @@ class Weights(NamedTuple):
     """Of all sliders at their places: maps from the positions of all nodes, and from the rates of the coordinates of those nodes
     that take part, once tied ones have theirs from their targets."""
 
-    gap: Any               # sparse [3 S, 12 N]
-    tangent: Any           # sparse [3 S, 12 N]
-    second: Any            # sparse [3 S, 12 N]: second derivatives of the curves
-    gap_by_nodes: Any      # sparse [3 S, 12 T]
-    tangent_by_nodes: Any  # sparse [3 S, 12 T]
-    nodes: Array           # int64 [T]
+    gap: Any      # sparse [3 S, 12 N]
+    tangent: Any  # sparse [3 S, 12 N]
+    second: Any   # sparse [3 S, 12 N]: second derivatives of the curves
+    by_nodes: Any  # sparse [6 S, 12 T]: gaps, then tangents
+    nodes: Array  # int64 [T]
+    by_unknowns: tuple[Any, Any] | None  # derivatives by the unknowns of the rows, where they do not depend on the shape
 
 
 class StaticContacts:
@@ -114,8 +114,22 @@ class StaticContacts:
             k, nodes, values = (np.concatenate(x) for x in zip(nothing, *part))
             out.append(sparse.csr_matrix((np.repeat(values, 3), ((3 * k[:, None] + c).reshape(-1),
                                                                  (12 * nodes[:, None] + c).reshape(-1))), (3 * s.size, 12 * n)))
-        untied, nodes = _reduced(sparse.vstack(out[:2], format="csr") @ self._ties)
-        return Weights(*out, untied[:3 * s.size], untied[3 * s.size:], nodes)
+        by_nodes, nodes = _reduced(sparse.vstack(out[:2], format="csr") @ self._ties)
+        # where no triad takes part nothing depends on the shape
+        fixed = not np.any(by_nodes.indices % 12 >= 3)
+        found = Weights(*out, by_nodes, nodes, None)
+        return found._replace(by_unknowns=self._by_unknowns(found, self.model.q0)) if fixed else found
+
+    def _by_unknowns(self, weights: Weights, q: Array) -> tuple[Any, Any]:
+        """Derivatives of gaps and of tangents by the unknowns of the rows, sparse [d S, m]; q [12 N]."""
+        from scipy import sparse
+        both = weights.by_nodes @ self._rates(q, weights.nodes)
+        n = both.shape[0] // 2
+        gradient, turn = both[:n], both[n:]
+        if self.axes is not None:
+            within = sparse.kron(sparse.eye(n // 3), self.axes[:2], format="csr")
+            gradient, turn = within @ gradient, within @ turn
+        return gradient, turn
 
     def _rates(self, q: Array, nodes: Array) -> Any:
         """Unknowns of the rows -> rates of the coordinates of some nodes [T], sparse [12 T, m]; q [12 N]."""
@@ -126,12 +140,9 @@ class StaticContacts:
         """At coordinates q [12 N] and forces of all constraints."""
         from scipy import sparse
         gap, tangent, second = ((w @ q).reshape(-1, 3) for w in weights[:3])
-        rates = self._rates(q, weights.nodes)
-        gradient, turn = weights.gap_by_nodes @ rates, weights.tangent_by_nodes @ rates
+        gradient, turn = weights.by_unknowns or self._by_unknowns(weights, q)
         if self.axes is not None:
             gap, tangent, second = (x @ self.axes[:2].T for x in (gap, tangent, second))
-            within = sparse.kron(sparse.eye(len(gap)), self.axes[:2], format="csr")
-            gradient, turn = within @ gradient, within @ turn
         s, d = gap.shape
         f = force[:s * d].reshape(s, d)
         pick = sparse.csr_matrix((force[:s * d], (np.repeat(np.arange(s), d), np.arange(s * d))), shape=(s, s * d))
