@@ -31,7 +31,7 @@ from .pattern import Pattern
 Array = np.ndarray
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Model:
     """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
 
@@ -58,6 +58,10 @@ class Model:
     q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
     length : float
         Size of the scene, m.
+    softest : float
+        EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion and
+        bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
+        their square, bends a beam more than they do.
     numbers : numbering.NodeList
         Finds the global number of a node of the scene.
     size : tuple
@@ -111,6 +115,7 @@ class Model:
     s0: Array
     slider_lengths: Array
     length: float
+    softest: float
     n_blocks: int
     names: dict[str, list[Any]]
     labels: list[str]
@@ -190,20 +195,6 @@ class Model:
     def past_size(self) -> int:
         """Numbers that a run keeps of the last two steps for the first guess of the next, besides the increments of the last."""
         return 5 + len(self.size) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
-
-    @cached_property
-    def softest(self) -> float:
-        """EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion
-        and bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
-        their square, bends a beam more than they do."""
-        out = np.inf
-        for tables in (self.simo, self.green):
-            if tables is not None:
-                stiff = tables.tab[np.unique(tables.meta[:, 2])[:, None, None] + 56 * np.arange(6)[:, None] + np.arange(8)]
-                long, bend = stiff[:, :3].max(axis=1), stiff[:, 3:]
-                bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
-                out = min(out, float(np.min(bend / (long * self.length**2))))
-        return out
 
     @property
     def n_unknowns(self) -> int:
