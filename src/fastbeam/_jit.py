@@ -45,8 +45,8 @@ from ._parts import PROGRESS, Part, WholeCompiler, in_haste, is_kept
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "announce_first_use", "begin_beside", "beside", "compile_counts", "kernel", "link_library",
-           "one_variant", "work", "written_in"]
+__all__ = ["ABSENT", "KERNELS", "announce_first_use", "begin_beside", "beside", "compile_counts", "compiled_law", "kernel",
+           "link_library", "one_variant", "work", "written_in"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 DIGEST = 16  # bytes of a checksum
@@ -316,6 +316,11 @@ def work(source: BinaryIO) -> None:
         for module, name, arguments in jobs:
             getattr(importlib.import_module(module), name).part.compile(arguments)
             print(flush=True)
+
+
+def compiled_law(function: Callable[..., float]) -> Any:
+    """A function of three numbers as machine code that kernels call by its `.address`; it lives as long as this object."""
+    return numba.cfunc("float64(float64, float64, float64)")(function)
 
 
 def link_library(path: str) -> None:

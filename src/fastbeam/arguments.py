@@ -39,8 +39,8 @@ ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "ten
         "filename": "file", "path": "file", "restart": "start", "initial_state": "start", "load_steps": "load_step",
         "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name"}
 # what is not there at all: docs/limits.md
-ABSENT = ("damping", "friction", "mu", "spring", "motor", "drive", "contact", "restitution", "follower", "drag",
-          "plasticity", "prestress", "stops", "gpu", "axes", "dofs")
+ABSENT = ("damping", "mu", "spring", "motor", "contact", "restitution", "follower", "drag", "plasticity", "prestress", "gpu",
+          "axes", "dofs")
 
 
 class Refusal(ValueError):

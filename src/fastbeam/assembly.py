@@ -3,16 +3,17 @@ from __future__ import annotations
 
 from typing import Any
 
+from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
-from .kernels.slider import Contact, Sliding
+from .kernels.slider import Contact, NoForceAlong, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.work import State, Work
 from .model import Model
 
 
-def terms_of(model: Model, inner: Inner | None, static: bool = False) -> tuple[Any, ...]:
+def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None) -> tuple[Any, ...]:
     """All that acts in a model, in the order of kernels/terms.py.
 
     Parameters
@@ -22,18 +23,21 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False) -> tuple[A
         Eliminated nodes with the work arrays of this run.
     static : bool
         Only what has a part in statics.
+    along : Along, optional
+        Forces along the beam on sliders, with the work arrays of this run.
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
-        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_lengths))
+        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_limits,
+                             NoForceAlong() if along is None else along))
     if inner is not None:
         terms.append(inner)
     for strains, tables in ((SIMO_REISSNER, model.simo), (GREEN_LAGRANGE, model.green)):
         if tables is not None:
             terms.append(Beams(strains, tables, NoInner() if inner is None else inner))
     held = model.static_held if static else model.held
-    bodies = None if static else model.bodies
-    return (*terms, *(x for x in (bodies, *model.links, model.ties, held) if x is not None))
+    bodies, loads = (None, None) if static else (model.bodies, model.load_work())
+    return (*terms, *(x for x in (loads, bodies, *model.links, model.ties, held) if x is not None))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

@@ -37,7 +37,7 @@ class Found:
 def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
     """All beams with sliders as carriers; None where one of the sliders does not allow it. Between the ends of its beam nothing
     but elements, loads and sliders may touch a node, and its point has to be a mass, or belong to a body, that is held by
-    nothing, joined to nothing else, and slides on this beam alone.
+    nothing, joined to nothing else, and slides on this beam alone, without friction, drives and stops.
 
     Parameters
     ----------
@@ -49,7 +49,8 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     beam_of: dict[int, int] = {}
     for k, slider in enumerate(scene.sliders):
         first = nodes.start(slider.beam)
-        if isinstance(slider.point.owner, Beam) or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:
+        forced = slider.friction is not None or slider.drive is not None or slider.stops is not None
+        if forced or isinstance(slider.point.owner, Beam) or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:
             return None
         beams[first] = slider.beam
         sliders.setdefault(first, []).append(k)

@@ -14,7 +14,7 @@ from .kernels.carriers import Apart
 from .kernels.constraints import Constraints
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
-from .kernels.slider import ContactInRows, Sliders, Sliding
+from .kernels.slider import ContactInRows, NoForceAlong, Sliders, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoTies, System
 from .model import Model, aligned
@@ -166,7 +166,7 @@ class Group:
             augmented=np.zeros(4))
         known = model.sliders
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
-                          model.slider_lengths[self.sliders])
+                          model.slider_limits[self.sliders], NoForceAlong())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         self.terms = (sliding, *elements, self.bodies, *ties, self.held)
         self._make_room()

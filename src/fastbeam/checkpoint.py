@@ -2,7 +2,7 @@
 
     fastbeam-checkpoint 1 <newline>
     one line of JSON: sizes, times, name and fingerprint of the model
-    float64, little endian: q, v, s, force, mean_force, memory
+    float64, little endian: q, v, s, force, history, mean_force, memory
     sha256 of everything before
 
 Reading one executes nothing and allocates no more than the file is long.
@@ -30,7 +30,7 @@ from .places import check_new, check_regular
 
 Array = np.ndarray
 MAGIC = b"fastbeam-checkpoint "
-VERSION = 2
+VERSION = 3
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
 ARRAYS = (*State._fields, "mean_force", "memory")

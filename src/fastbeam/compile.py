@@ -33,6 +33,7 @@ from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
 from .scene import Beam, RigidBody, Scene
+from .slider_forces import slider_forces_of
 from .tables import pack_curves, pack_inner, pack_substructures
 from .unpacked import Unpacked, unpack
 
@@ -158,7 +159,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
-        joints=_joint_names(scene, nodes), load_names=unpacked.loads.names)
+        joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
+        slider_forces=slider_forces_of(scene.sliders))
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

@@ -186,11 +186,13 @@ class CondensedIteration(Iteration):
     def keep(self) -> None:
         state, work = self.owner.core_state, self.owner.work
         self._copy((state.q, work.keep_q), (state.v, work.keep_v), (state.s, work.keep_s), (state.force, work.keep_force),
+                   (state.history, work.keep_history),
                    (work.dphi, work.keep_dphi), (work.theta, work.keep_theta), (work.past, work.keep_past))
 
     def restore(self) -> None:
         state, work = self.owner.core_state, self.owner.work
         self._copy((work.keep_q, state.q), (work.keep_v, state.v), (work.keep_s, state.s), (work.keep_force, state.force),
+                   (work.keep_history, state.history),
                    (work.keep_dphi, work.dphi), (work.keep_theta, work.theta), (work.keep_past, work.past))
 
     def start(self, h: float) -> None:
@@ -206,6 +208,7 @@ class CondensedIteration(Iteration):
 
     def finish(self, h: float) -> None:
         state, work = self.owner.core_state, self.owner.work
+        step.account_all(self.owner.terms, self.owner.system, h)
         work.past[-1] = work.line.use[2]
         nodes.remember(state.s, work.s_end, state.force, self.owner.core.dim, h, work.past)
         self._advance(h)

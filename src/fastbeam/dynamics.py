@@ -80,23 +80,24 @@ def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
-    """Shorten a step in which sliders leave their beams so that it ends where the first of them meets its end. The step size is
-    free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where it stands at the end
-    already."""
+    """Shorten a step in which sliders leave their beams, or pass rigid stops, so that it ends where the first of them meets its
+    end. The step size is free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where
+    it stands at the end already."""
     start = stepper.save()
-    lengths = stepper.model.slider_lengths
+    lengths, (low_end, high_end) = stepper.model.slider_lengths, stepper.model.slider_limits.T
+    slack = END_SLACK * high_end
     leaving: dict[int, float] = {}
 
     def room() -> float:
         """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
         beyond the end."""
         s = stepper.work.s_end
-        for k in np.flatnonzero(~((s >= -END_SLACK * lengths) & (s <= (1.0 + END_SLACK) * lengths))):
-            leaving.setdefault(int(k), 0.0 if s[k] < 0.0 else 1.0)
+        for k in np.flatnonzero(~((s >= low_end - slack) & (s <= high_end + slack))):
+            leaving.setdefault(int(k), 0.0 if s[k] < low_end[k] else 1.0)
         return way(s)[0]
 
     def way(s: Array) -> tuple[float, int]:
-        return min((float(1.0 - s[k] / lengths[k] if end else s[k] / lengths[k]), k) for k, end in leaving.items())
+        return min((float((high_end[k] - s[k] if end else s[k] - low_end[k]) / lengths[k]), k) for k, end in leaving.items())
 
     high, f_high = 1.0, room()
     low, reached = 0.0, start

@@ -14,6 +14,7 @@ from .errors import SceneError
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
 from .kernels.curves import Curves
+from .kernels.load_work import LoadWork
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
@@ -84,6 +85,8 @@ class Model:
         Names of the joints at a node.
     load_names : list of str
         What each time function belongs to.
+    slider_forces : slider_forces.SliderForces or None
+        Friction, drives and stops of sliders.
     """
 
     scene_name: str
@@ -131,6 +134,7 @@ class Model:
     projected: str = ""
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
+    slider_forces: Any = None
 
     @property
     def held_mask(self) -> Array:
@@ -231,6 +235,9 @@ class Model:
         parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
                   self.v0, self.s0, self.slider_lengths]
+        if self.slider_forces is not None:
+            t = self.slider_forces.tables
+            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -254,7 +261,37 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()))
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()), np.zeros(self.history_size))
+
+    @property
+    def slider_limits(self) -> Array:
+        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]."""
+        ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)
+        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
+
+    @property
+    def history_size(self) -> int:
+        """Numbers that terms remember of the steps before."""
+        return self.work_place + self.accounts_loads
+
+    @property
+    def work_place(self) -> int:
+        """Where the work of loads stands among them."""
+        return 0 if self.slider_forces is None else int(self.slider_forces.size)
+
+    @property
+    def accounts_loads(self) -> bool:
+        """Whether loads have no potential: they change in time, or are moments."""
+        rows = self.loads.reshape(len(self.loads), self.n_nodes + 1, 8)
+        return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.size)]))
+
+    def load_work(self) -> LoadWork | None:
+        """The term that keeps account of the work of loads."""
+        if not self.accounts_loads:
+            return None
+        node = np.zeros(self.n_rows, np.int64)
+        node[self.pattern.row_of] = np.arange(self.n_nodes)
+        return LoadWork(node, np.array([self.work_place]))
 
     def state_for(self, names: dict[str, list[Any]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
@@ -323,7 +360,8 @@ class Model:
                     panel=aligned(panel), rows=aligned((dense + 1) * self.width),
                     schur=np.zeros((dense, dense)), y=np.zeros(border),
                     scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.forces.sum()), keep_dphi=np.zeros(kept * self.dim * n),
+                    keep_force=np.zeros(kept * self.forces.sum()),
+                    keep_history=np.zeros(kept * self.history_size), keep_dphi=np.zeros(kept * self.dim * n),
                     keep_theta=np.zeros(kept * theta.size),
                     past=np.zeros(self.past_size),
                     keep_past=np.zeros(kept * self.past_size),

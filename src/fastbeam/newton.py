@@ -16,7 +16,9 @@ from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .kernels import step as kernels
+from .kernels.along import HISTORY, DriveSchedule, put_drives
 from .kernels.constraints import Constraints
+from .kernels.observe import slider_motion
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
 from .kernels.work import State
@@ -135,7 +137,9 @@ class Stepper:
                                    symmetric=symmetric)
         self.alpha = empty_rates(method, model.n_nodes)
         self._static = static
-        self.terms = terms_of(core, self.inner, static)
+        self.along = None if core.slider_forces is None or static else core.slider_forces.work()
+        self._check_forces(compared)
+        self.terms = terms_of(core, self.inner, static, self.along)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._spare: Stepper | None = None
@@ -156,6 +160,26 @@ class Stepper:
                 start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
         if memory is not None:
             self.memory = memory
+        elif self.along is not None:
+            self._start_sliding()
+
+    def _check_forces(self, compared: bool) -> None:
+        """Refuse what forces along beams on sliders do not go together with."""
+        if self.along is None:
+            return
+        if compared:
+            raise SceneError(f"method {self.method.name!r} has no friction, drives and stops of sliders; use the default method")
+        if self.weights.size > 1 and self.core.slider_forces.dissipates:
+            raise SceneError("order=4 has a step backward in time, in which friction, damping, forces of (t, s, rate) and rigid "
+                             "stops would put energy in; use order=2")
+
+    def _start_sliding(self) -> None:
+        """Signs of the velocities of sliders with Coulomb friction, where no run before has left them."""
+        model, state = self.model, self.state
+        rates, contact = np.zeros(model.n_sliders), model.contact()
+        slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
+        moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
+        self.core_state.history[:HISTORY * model.n_sliders:HISTORY] = np.where(moving, np.sign(rates), 0.0)
 
     @property
     def state(self) -> State:
@@ -298,12 +322,13 @@ class Stepper:
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
+        drives = self._drives(t, h, n, done)
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
-                kernels.run(*self._loop(loads, factors, h, n, counts, sizes, force))
+                kernels.run(*self._loop(loads, factors, drives, h, n, counts, sizes, force))
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
-            result = self._python_run(factors if self._timed else None, h, n)
+            result = self._python_run(factors if self._timed else None, h, n, drives)
         reached = result.steps
         if self.rows is not None and self.rows.factors.failed[0]:
             # what the step has done does not count: rows of a run do not depend on when there was room
@@ -324,24 +349,36 @@ class Stepper:
         if self.pivots_everywhere or self._border_size > LARGEST_BORDER:
             return result
         self.spare._augment(h)
-        pivoting = self.spare._python_run(factors[reached * self.weights.size:] if self._timed else None, h, 1)
+        at = reached * self.weights.size
+        pivoting = self.spare._python_run(factors[at:] if self._timed else None, h, 1, tuple(x[at:] for x in drives))
         if pivoting.status not in (OK, SLIDER_END):
             return result
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
-    def _loop(self, loads: Array | None, factors: Array, h: float, n: int, counts: Array, sizes: Array,
+    def _drives(self, t: float, h: float, n: int, done: int) -> tuple[Array, ...]:
+        """What drives are given in n steps, as `SliderForces.schedule`; empty where nothing depends on time."""
+        if self.along is None or not self.core.slider_forces.timed:
+            return ()
+        ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
+        starts = t + h * (np.arange(done, done + n)[:, None] + ends)
+        return self.core.slider_forces.schedule(starts.reshape(-1), np.tile(self.weights * h, n))
+
+    def _loop(self, loads: Array | None, factors: Array, drives: tuple[Array, ...], h: float, n: int, counts: Array, sizes: Array,
               force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
         terms = self.terms if loads is None else (Loads(loads, factors), *self.terms)
+        if drives:
+            terms = (DriveSchedule(self.along, *drives), *terms)
         return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
         if self.linear.is_compiled and self.core.substructures is None:
             empty = np.zeros(0)
-            begin_beside(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors, 1.0, 1,
-                                                 np.zeros(0, np.int64), empty, np.zeros((0, 0))))
+            begin_beside(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
+                                                 self._drives(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
+                                                 np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
         return force if self.plane is None else self.plane.forces(force)
@@ -352,7 +389,7 @@ class Stepper:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
-    def _python_run(self, factors: Array | None, h: float, n: int) -> Outcome:
+    def _python_run(self, factors: Array | None, h: float, n: int, drives: tuple[Array, ...] = ()) -> Outcome:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, model.dim * model.n_sliders))
@@ -365,6 +402,8 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
+                if drives:
+                    put_drives(DriveSchedule(self.along, *drives), None, k * self.weights.size + m)
                 status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
                 if status == LEFT:

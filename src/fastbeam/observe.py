@@ -9,12 +9,13 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
+from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, STOP_LOSS
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .model import Model, factor_at
-from .result import ResultHeader
+from .result import ALONG, ResultHeader
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
@@ -53,7 +54,11 @@ class Observer:
         self._work = np.zeros(6)
         self._gap = np.zeros(model.n_sliders)
         self._contact = model.contact() if self.slider else None
-        self.scale = {"total": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
+        self.forces = model.slider_forces if self.slider else None
+        self.balance = self.energy and model.history_size > 0
+        self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
+        # what `add_forces` needs of the newest row
+        self._moment: Any = None
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -67,6 +72,10 @@ class Observer:
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
+        if self.forces is not None:
+            out |= dict.fromkeys(ALONG, (s,))
+        if self.balance:
+            out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.points:
             out["points"] = (len(self.points), 3)
         return out
@@ -88,6 +97,8 @@ class Observer:
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
+            if model.slider_forces is not None:
+                out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s)))
             out["total"] = out["kinetic"] + out["potential"]
             # a total that starts at zero has no scale of its own
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
@@ -97,10 +108,45 @@ class Observer:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
+        if self.forces is not None:
+            tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
+            kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
+                                  rate)
+            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            self._moment = t, state.s.copy(), rate, history, tangent
+            out |= {"slide_rate": rate, "friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": self.forces.stop_energy(state.s)}
+        if self.balance:
+            self._balance(out, state)
         if self.points:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
         return out
+
+    def _balance(self, out: dict[str, Any], state: State) -> None:
+        """What is stored and was dissipated, less what was put in."""
+        model = self.model
+        stored, sizes = out["total"], [self.scale["total"]]
+        if model.accounts_loads:
+            out["external_work"] = float(state.history[model.work_place])
+            # their potential is in the total as if they were constant
+            stored = out["kinetic"] + out["strain"] - out["external_work"]
+            sizes.append(abs(out["external_work"]))
+        if model.slider_forces is not None:
+            history = state.history[:model.work_place].reshape(-1, HISTORY)
+            if model.accounts_loads:
+                stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
+            stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
+            sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
+        out["balance"] = stored
+        self.scale["balance"] = max(self.scale["balance"], *sizes)
+
+    def add_forces(self, row: dict[str, Any]) -> None:
+        """Forces along the beam on sliders to a row whose contact forces are known by now."""
+        if self.forces is not None:
+            found = self.forces.at_row(*self._moment, row["contact_force"])
+            row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
+                    "stop_force": found.stop}
 
     def scales(self, step: float) -> dict[str, float]:
         """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
@@ -117,7 +163,7 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             strain = strain_energy(model, model.q0 + off, self._work)
-            rest["total"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
+            rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
     def _motion(self, q: Array, v: Array) -> None:
@@ -169,6 +215,23 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
         energy_of(model.links, q, SPACE, work)
         total += work[0]
     return float(total)
+
+
+def conserved(model: Model) -> list[str]:
+    """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
+    out = ["gap"]
+    if model.history_size:
+        out.append("balance")
+    if not model.accounts_loads and (model.slider_forces is None or not model.slider_forces.exchanges):
+        out.append("total")
+    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
+    if not len(model.loads) and not held:
+        out += ["lin_mom", "ang_mom"]
+    return out
+
+
+def _tied_rows(model: Model) -> Array:
+    return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
 
 
 def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:

@@ -79,13 +79,14 @@ class Plane:
         q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
         vectors = 3 * self.vectors
         force = _complex(state.force[:vectors].reshape(-1, 3), self.axes)
-        return State(_numbers(q), _numbers(v), state.s.copy(), np.concatenate((_numbers(force), state.force[vectors:])))
+        return State(_numbers(q), _numbers(v), state.s.copy(), np.concatenate((_numbers(force), state.force[vectors:])),
+                     state.history.copy())
 
     def expand(self, flat: State) -> State:
         """Coordinates in space."""
         vectors = 2 * self.vectors
         force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:]))
-        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force)
+        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force, flat.history.copy())
 
     def _within(self, x: Array) -> Array:
         """[12 N] from [4 N], without what points along the normal."""

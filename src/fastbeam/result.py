@@ -19,11 +19,16 @@ Rows = Mapping[str, Any]
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
+# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "friction_loss", "drive_work",
+         "stop_energy", "stop_loss")
 # rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
-    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "inner_energy", "iterations", "step_size"), ()),
-    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)), **dict.fromkeys(("gap", "s_slide"), ("sliders",)),
+    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
+                     "iterations", "step_size"), ()),
+    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
+    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
     **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
@@ -32,6 +37,7 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "momentum": "momenta are 'lin_mom' and 'ang_mom'",
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
+              ("balance", "energy balance", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
               ("gap", "gap of sliders", "m"))
 
@@ -293,9 +299,36 @@ class Result:
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
                "gap": self._series("gap")[:, k]}
-        if "slider_position" in self.series:
-            out["position"] = self.series["slider_position"][:, k]
+        for series, key in (("slider_position", "position"), *((x, x) for x in ALONG)):
+            if series in self.series:
+                out[key] = self.series[series][:, k]
         return out
+
+    @checked()
+    def balance(self) -> dict[str, np.ndarray]:
+        """Energies of all parts over time, [n] each, J: what is stored ('kinetic', 'strain', 'stops', 'gravity'), what was taken
+        away ('friction of slider ...'), and with a minus what was put in ('drive of slider ...', 'loads'); 'sum' is constant.
+
+        Where loads change in time or are moments, 'loads' is their work and that of gravity since the start.
+        """
+        energies = {name: np.asarray(self._series(name)) for name in ("kinetic", "strain")}
+        stops = self.series["stop_energy"].sum(axis=1) if "stop_energy" in self.series else np.zeros(len(self.t))
+        if np.any(stops):
+            energies["stops"] = stops
+        if "external_work" in self.series:
+            energies["loads"] = -self.series["external_work"]
+        else:
+            energies["gravity"] = self._series("gravity")
+            loads = self._series("potential") - energies["strain"] - energies["gravity"] - stops
+            if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(self._series("potential")), initial=0.0)):
+                energies["loads"] = loads
+        accounts = ("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("drive_work", "drive", -1.0)
+        for series, noun, sign in accounts:
+            for k, name in enumerate(self.names.get("sliders", []) if series in self.series else []):
+                if np.any(self.series[series][:, k]):
+                    energies[f"{noun} of slider {name!r}"] = sign * self.series[series][:, k]
+        energies["sum"] = np.sum(list(energies.values()), axis=0)
+        return energies
 
     @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:

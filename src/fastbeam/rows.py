@@ -75,6 +75,14 @@ class Rows:
             self._feed("snapshot", t, q[:, 0], q[:, 1:])
             self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 
+    def reopen(self, t: float) -> None:
+        """Take the present state for the waiting row of this time; steps ahead tell its forces."""
+        if self.pending is not None:
+            row = self.pending[1]
+            self.pending = (t, {**row, **self.observer.row(t, self.stepper.state)})
+        if self.forces is not None:
+            self.first_force = self.forces.first(self.clock)
+
     def close(self, t: float = 0.0, size: float = 0.0, after: Array | None = None, steps: int = 0) -> None:
         """Finish the waiting row, now that so many steps of this size, with mean forces `after` in the first, led to time t; or
         that the run ends."""
@@ -82,6 +90,7 @@ class Rows:
             return
         if self.observer.slider:
             self.pending[1]["contact_force"] = np.asarray(self._force(t, size, after, steps)).reshape(-1, 3)
+            self.observer.add_forces(self.pending[1])
         (time_of_row, row), self.pending = self.pending, None
         self._feed("append", row, time_of_row)
 

@@ -15,6 +15,7 @@ from .callback import Callback
 from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
+from .impacts import strike
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .interrupt import Calls, Interrupts
 from .kernels.step import OK, SLIDER_END
@@ -22,7 +23,7 @@ from .kernels.work import State
 from .methods import choose_method
 from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
-from .observe import OBSERVED, POINTS, Observer
+from .observe import OBSERVED, POINTS, Observer, conserved
 from .progress import Progress
 from .resolution import Resolution
 from .result import Result
@@ -191,7 +192,7 @@ class _Run:
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
-            "conserved": _conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
+            "conserved": conserved(model), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
         at_end = stepper.method.at_end
         if observer.slider:
             self.info["contact_force"] = AT_END if at_end else AT_ROWS
@@ -205,6 +206,9 @@ class _Run:
         self.notes: list[tuple[str, str]] = []
         self.interrupts = Interrupts()
         self.calls = Calls(stepper, self.interrupts)
+        # times of the last impacts by slider and end
+        self.impacts: dict[tuple[int, str], float] = {}
+        self.n_impacts = 0
         # whether the clock lags behind the state
         self.between = False
         self.resolution: Resolution | None = None
@@ -407,8 +411,12 @@ class _Run:
                 reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
             if outcome.status == SLIDER_END:
-                yield from self.end_of_beam(reached, outcome, size)
-                return
+                goes_on = yield from self.end_of_beam(reached, outcome, size)
+                if not goes_on:
+                    return
+                t = clock.now
+                left, last = clock.plan(self.t_end) if self.control is None and t < self.t_end else (0, 0.0)
+                continue
             if outcome.status != OK:
                 failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
                 if outcome.steps:
@@ -423,7 +431,7 @@ class _Run:
                 every *= 2
 
     def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
-        """Finish at the end of the beam that a slider reached."""
+        """A step to the end of the beam, or the rigid stop, that a slider reached; whether the run goes on behind it."""
         outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
         if outcome.steps:
             yield t, outcome, h, True
@@ -435,28 +443,35 @@ class _Run:
             yield t, final, last, True
         self.between = False
         s = float(self.stepper.state.s[slider])
-        length = float(self.model.slider_lengths[slider])
-        end = "start" if s < 0.5 * length else "end"
+        low, high = self.model.slider_limits[slider]
+        end = "start" if s < 0.5 * (low + high) else "end"
         name = self.model.names["sliders"][slider]
+        forces = self.model.slider_forces
+        restitution = None if forces is None else forces.restitution(slider, end == "end")
+        if restitution is not None:
+            self.impact(slider, t, end, restitution)
+            return True
         self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
                     "text": f"slider {name!r} reached the {end} of its beam at t = {t:.6g} s; the run ends here"})
+        return False
 
-
-def _conserved(model: Model) -> list[str]:
-    """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
-    out = ["gap"]
-    timed = any(t is not None for t in model.load_times)
-    moments = bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6])) if len(model.loads) else False
-    if not timed and not moments:
-        out.append("total")
-    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
-    if not len(model.loads) and not held:
-        out += ["lin_mom", "ang_mom"]
-    return out
-
-
-def _tied_rows(model: Model) -> Array:
-    return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
+    def impact(self, slider: int, t: float, end: str, restitution: float) -> None:
+        """A slider has met a rigid stop: go on with the velocities behind that. Of two impacts within a step the second does not
+        bounce."""
+        stepper, clock = self.stepper, self.clock
+        if t - self.impacts.get((slider, end), -np.inf) < self.step:
+            restitution = 0.0
+        self.impacts[slider, end] = t
+        stepper.set_state(strike(self.model, stepper.copy_state(), slider, end == "end", restitution))
+        clock.origin, clock.done, clock.now, clock.on_grid = t, 0, t, True
+        clock.before = clock.before_size = None
+        # the row of this time is that behind the impact
+        self.rows.reopen(t)
+        if self.n_impacts < MOST_NAMED:
+            name = self.model.names["sliders"][slider]
+            self.event({"kind": "impact", "time": t, "slider": name, "end": end,
+                        "text": f"slider {name!r} met its stop at the {end} at t = {t:.6g} s"})
+        self.n_impacts += 1
 
 
 @cache

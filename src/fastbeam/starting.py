@@ -238,7 +238,7 @@ def _mended(model: Model, state: State) -> State:
     if model.n_constraints:
         mass = (lift.T @ inertia @ lift).tocsr()
         found = nearest(mass, (across @ lift).tocsr(), np.zeros(across.shape[0]), found, free % 6 >= 3)
-    return State(q.reshape(-1), lift @ found, s, state.force.copy())
+    return State(q.reshape(-1), lift @ found, s, state.force.copy(), state.history.copy())
 
 
 def _lift(model: Model, q: Array) -> tuple[Any, Array]:

@@ -433,3 +433,13 @@ def root(tc, x):
         square_root = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.sqrt.v8f64")
         return b.call(square_root, [positive])
     return vec(x), codegen
+
+
+@intrinsic
+def call_law(tc, address, t, s, rate):
+    """The value of a compiled function of three numbers at this address."""
+    def codegen(ctx, b, sig, args):
+        kind = ir.FunctionType(_DOUBLE, [_DOUBLE] * 3)
+        values = [ctx.cast(b, x, kind_of, f8) for x, kind_of in zip(args[1:], sig.args[1:])]
+        return b.call(b.inttoptr(args[0], kind.as_pointer()), values)
+    return f8(address, t, s, rate), codegen

@@ -4,7 +4,7 @@ from __future__ import annotations
 from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, zero3
 from .curves import find_element, point_on_curve
-from .kinds import SPACE
+from .kinds import SPACE, put
 from .layout import CONSTANTS, LIST, NODES, NODE_TABLE, POINTS, REFERENCE, layout
 from .strain_sets import strains_of_state
 
@@ -138,3 +138,15 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
         e = find_element(curves, c, s[k], contact.element[k])
         gap = ld3(q, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], q, e, contact, 0, SPACE)
         gap_out[k] = dot(gap, gap)**0.5
+
+
+@kernel
+def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
+    """Derivative of the curve under every slider by s [S, 3], and ds/dt [S] (theory.md 5.4)."""
+    for k in range(sliders.curve.shape[0]):
+        c = sliders.curve[k]
+        e = find_element(curves, c, s[k], contact.element[k])
+        tangent = point_on_curve(curves, c, s[k], q, e, contact, 1, SPACE)
+        relative = ld3(v, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], v, e, contact, 0, SPACE)
+        put(tangent_out, 3 * k, 1, tangent)
+        rate_out[k] = dot(relative, tangent) / dot(tangent, tangent)

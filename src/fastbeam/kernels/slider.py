@@ -10,8 +10,8 @@ frame turns with the curve under the contact, theta = sum_A N_A,mean theta_A: it
     gap         phi_S - sum_A N_A(s) phi_A = 0 at n+1                                                                     (5.4)
 
 Each slider is a border of 7 on the matrix of the nodes: F (3), s, and g_mean (3), which keeps the frame's moment from coupling
-nodes that no element joins; in a plane of 5, with a Cayley number for the frame. The compared methods have sliders without a
-frame, theory.md (7.1).
+nodes that no element joins; in a plane of 5, with a Cayley number for the frame. Friction, drives and stops change the sliding
+equation (along.py).
 """
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
-from .alpha import Alpha
-from .curves import Curves, add_basis, find_element, point_on_curve, step_basis
+from .curves import Curves, find_element, point_on_curve, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
                     vector, zero_spin, zero_vector)
-from .terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns, within_limits
+from .terms import Conserving, NoTies, account, assemble, first_guess, is_settled, take_unknowns, within_limits
 
 
 END_SLACK = 1e-12
@@ -46,7 +45,12 @@ class Sliding(NamedTuple):
     curves: Curves
     sliders: Sliders
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
-    lengths: np.ndarray     # float64 [S]: arc length where the beam of each slider ends
+    limits: np.ndarray      # float64 [S, 2]: arc lengths between which each slider may go, those of its beam or of rigid stops
+    along: Any              # along.Along or NoForceAlong
+
+
+class NoForceAlong(NamedTuple):
+    """Of sliders without friction, drives and stops."""
 
 
 class Contact(NamedTuple):
@@ -77,6 +81,70 @@ class ContactInRows(Contact):
 
 class ContactOfCarriers(Contact):
     """The same, without entries, where all sliders are eliminated with their beams (carriers.py)."""
+
+
+class SlidingLaw(NamedTuple):
+    """Sliding equation (5.3) of one slider, force . T + rest = 0, with T of the step."""
+
+    force: Any      # the contact force; with friction also what changes with T
+    tangent: Any    # derivative of the equation by the contact force: T, with friction also what changes with the force
+    rest: float     # minus the forces along the beam
+    slope: float    # derivative of what is not force . T by s at the end of the step
+
+
+@generic
+def sliding_law(along, term, system, k, force, tangent):
+    """The `SlidingLaw` of slider k for its contact force and the tangent T of the step."""
+
+
+@generic
+def begin_along(along, term, system, h):
+    """Forces along the beam: after the first guess of a step of size h."""
+
+
+@generic
+def end_iteration_along(along):
+    """After the sliders were assembled."""
+
+
+@generic
+def is_settled_along(along, term, system):
+    """Whether forces along the beam are those of the step, when Newton's method has converged."""
+
+
+@generic
+def account_along(along, term, system):
+    """Work of forces along the beam in a converged step."""
+
+
+@sliding_law.register(NoForceAlong)
+@kernel
+def slide_freely(along, term, system, k, force, tangent):
+    return SlidingLaw(force, tangent, 0.0, 0.0)
+
+
+@begin_along.register(NoForceAlong)
+@kernel
+def begin_no_force(along, term, system, h):
+    pass
+
+
+@end_iteration_along.register(NoForceAlong)
+@kernel
+def end_no_force(along):
+    pass
+
+
+@is_settled_along.register(NoForceAlong)
+@kernel
+def no_force_is_settled(along, term, system):
+    return True
+
+
+@account_along.register(NoForceAlong)
+@kernel
+def account_no_force(along, term, system):
+    pass
 
 
 @generic
@@ -231,7 +299,7 @@ def pass_along(basis, base, lo, hi, system, spin_root):
 
 
 @kernel
-def put_curve(term, system, k, base, lo, hi, way, slide):
+def put_curve(term, system, k, base, lo, hi, way, law, slide):
     """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean; `slide`
     times N[s_n, s_n+1] is the derivative of the sliding equation by a position."""
     work, contact, size, row_of = system.work, system.contact, system.size, system.row_of
@@ -240,7 +308,7 @@ def put_curve(term, system, k, base, lo, hi, way, slide):
     f = vector(system.state.force, contact.first_force[k], 1, size)
     g_mean = position(work.q_mid, term.sliders.point[k], size) - way.mean
     moment = cross_product.call(g_mean, f)
-    across = cross_product.call(f, way.t1 - way.t0)
+    across = cross_product.call(law.force, way.t1 - way.t0)
     for a in range(lo, hi):
         weights = Weights(0.5 * (basis[0, a] + basis[1, a]), basis[1, a], 0.5 * basis[2, a])
         node = base + a
@@ -272,11 +340,13 @@ def add_slider(term, system, k):
     step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
     f = vector(state.force, contact.first_force[k], 1, size)
     way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
-    turned = spin_cross.call(way.turn, f)
-    slide = 0.5 * f + 0.25 * turned
-    back = 0.5 * f - 0.25 * turned
+    jump = way.t1 - way.t0
+    law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way))
+    turned = spin_cross.call(way.turn, law.force)
+    slide = 0.5 * law.force + 0.25 * turned
+    back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
-    put_curve(term, system, k, base, lo, hi, way, slide)
+    put_curve(term, system, k, base, lo, hi, way, law, slide)
     # -F on the point
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
@@ -286,12 +356,19 @@ def add_slider(term, system, k):
     corner = contact.corner[k]
     for i in range(64):
         corner[i] = 0.0
-    jump = way.t1 - way.t0
     put(corner, d, 8, -1.0 * way.end_s)
-    put(corner, 8 * d, 1, 0.5 * (way.t0 + way.t1) - 0.25 * spin_cross.call(way.turn, jump))
-    corner[9 * d] = dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, f), jump)
+    put(corner, 8 * d, 1, law.tangent)
+    corner[9 * d] = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, law.force), jump)
+                     + law.slope)
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
-    put_residual(contact, k, position(work.q_end, point, size) - way.end, dot(slide, way.t1) + dot(back, way.t0), size)
+    put_residual(contact, k, position(work.q_end, point, size) - way.end,
+                 dot(slide, way.t1) + dot(back, way.t0) + law.rest, size)
+
+
+@kernel
+def mean_tangent(way):
+    """T of (5.3): F . T = F . (T_n + T_n+1)/2 + 1/4 (theta x F) . (T_n+1 - T_n)."""
+    return 0.5 * (way.t0 + way.t1) - 0.25 * spin_cross.call(way.turn, way.t1 - way.t0)
 
 
 @kernel
@@ -306,53 +383,6 @@ def put_residual(contact, k, gap, sliding, size):
         residual[i] = 0.0
 
 
-@kernel
-def add_plain_slider(term, system, k, share):
-    """A slider of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
-    step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
-    then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
-    curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
-    d = dim(size)
-    near = 0.5 / share    # derivative of the instant's s and q by those of the end
-    c = term.sliders.curve[k]
-    base = curves.meta[c, 0]
-    e0 = find_element(curves, c, state.s[k], contact.element[k])
-    e1 = find_element(curves, c, work.s_end[k], e0)
-    si = state.s[k] + near * (work.s_end[k] - state.s[k])
-    ei = find_element(curves, c, si, e0)
-    lo, hi = nodes_under(curves, c, ei, e1)
-    basis = contact.basis
-    for j in range(5):
-        for a in range(lo, hi):
-            basis[j, a] = 0.0
-    add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
-    add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
-    add_basis(curves, c, e1, work.s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
-    f = vector(state.force, contact.first_force[k], 1, size)
-    contact.entries[k] = 0
-    end = zero_vector(size); end_s = zero_vector(size); tangent = zero_vector(size); bend = zero_vector(size)
-    for a in range(lo, hi):
-        node = base + a
-        x = position(work.q_end, node, size)
-        end += basis[3, a] * x; end_s += basis[4, a] * x
-        x = position(work.q_mid, node, size)
-        tangent += basis[1, a] * x; bend += basis[2, a] * x
-        add_to(work.r, 8 * system.row_of[node], 1, basis[0, a] * f)
-        weights = Weights(share * basis[0, a], basis[3, a], 0.5 * basis[1, a])
-        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, a]) * f, size)
-    point = term.sliders.point[k]
-    add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
-    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0), f,
-                         zero_vector(size), size)
-    corner = contact.corner[k]
-    for i in range(64):
-        corner[i] = 0.0
-    put(corner, d, 8, -1.0 * end_s)
-    put(corner, 8 * d, 1, tangent)
-    corner[9 * d] = near * dot(f, bend)
-    put_residual(contact, k, position(work.q_end, point, size) - end, dot(f, tangent), size)
-
-
 # --- as a term of a step ------------------------------------------------------------------------------------------------
 @first_guess.register(Sliding)
 @kernel
@@ -360,6 +390,7 @@ def predict_sliding(term, system, h, c):
     state, work = system.state, system.work
     predict_sliders(term.curves, term.sliders, system.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
                     state.force, system.size)
+    begin_along.call(term.along, term, system, h)
 
 
 @assemble.register(Sliding, Conserving)
@@ -367,20 +398,7 @@ def predict_sliding(term, system, h, c):
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
         add_slider(term, system, k)
-
-
-@assemble.register(Sliding, Midpoint)
-@kernel
-def assemble_sliding_midpoint(term, method, system, h):
-    for k in range(term.sliders.curve.shape[0]):
-        add_plain_slider(term, system, k, 1.0)
-
-
-@assemble.register(Sliding, Alpha)
-@kernel
-def assemble_sliding_at_end(term, method, system, h):
-    for k in range(term.sliders.curve.shape[0]):
-        add_plain_slider(term, system, k, 0.5)
+    end_iteration_along.call(term.along)
 
 
 @take_unknowns.register(Sliding)
@@ -409,17 +427,24 @@ def gaps_are_closed(term, system):
             reach = max(reach, abs(q[p + c]))
         if not contact.remaining[k] <= 1e-15 * (system.length + reach):
             return False
-    return True
+    return is_settled_along.call(term.along, term, system)
+
+
+@account.register(Sliding)
+@kernel
+def account_sliding(term, system, h):
+    account_along.call(term.along, term, system)
 
 
 @within_limits.register(Sliding)
 @kernel
 def sliders_are_within(term, system, counts_out):
-    """False where a slider is beyond the end of its beam, but for the last digits; its number goes to counts_out."""
+    """False where a slider is beyond the end of its beam or a rigid stop, but for the last digits; its number goes to
+    counts_out."""
     s = system.state.s
     for k in range(s.shape[0]):
-        slack = END_SLACK * term.lengths[k]
-        if not (s[k] >= -slack and s[k] <= term.lengths[k] + slack):
+        slack = END_SLACK * term.limits[k, 1]
+        if not (s[k] >= term.limits[k, 0] - slack and s[k] <= term.limits[k, 1] + slack):
             counts_out[3] = k
             return False
     return True

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._generic import RecordType, in_memory, item_type
 from .._jit import beside, kernel
-from . import beams, constraints, slider, tied  # noqa: F401  all terms
+from . import along, beams, compared_sliders, constraints, load_work, slider, tied  # noqa: F401  all terms
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor
 from .kinds import dim
@@ -17,7 +17,7 @@ from .nodes import extrapolation, remember
 from .slider import Contact, ContactOfCarriers
 from .sparse import PardisoTables, solve_sparse
 from .sparse import begin_step as begin_pardiso_step
-from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, advance_nodes, assemble, begin_contact,
+from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, account, advance_nodes, assemble, begin_contact,
                     begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess,
                     follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
                     push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, take_unknowns,
@@ -288,6 +288,7 @@ def keep_state(system):
     keep(state.v, work.keep_v)
     keep(state.s, work.keep_s)
     keep(state.force, work.keep_force)
+    keep(state.history, work.keep_history)
     keep(work.dphi, work.keep_dphi)
     keep(work.theta, work.keep_theta)
     keep(work.past, work.keep_past)
@@ -302,6 +303,7 @@ def restore_state(system):
     copy(work.keep_v, state.v)
     copy(work.keep_s, state.s)
     copy(work.keep_force, state.force)
+    copy(work.keep_history, state.history)
     copy(work.keep_dphi, work.dphi)
     copy(work.keep_theta, work.theta)
     copy(work.keep_past, work.past)
@@ -311,6 +313,7 @@ def restore_state(system):
 def finish_step(terms, system, h):
     """Accept a converged step."""
     state, work = system.state, system.work
+    account.each(terms, system, h)
     work.past[work.past.shape[0] - 1] = work.line.use[2]
     remember(state.s, work.s_end, state.force, dim(system.size), h, work.past)
     advance_nodes.call(system.size, system.method, state, work, h, 0, system.row_of.shape[0], work.scratch)
@@ -483,6 +486,11 @@ def finish(terms, system, h):
 @kernel
 def energy_of(terms, q, size, out):
     potential_energy.each(in_memory(terms), q, size, out)
+
+
+@kernel
+def account_all(terms, system, h):
+    account.each(in_memory(terms), in_memory(system), h)
 
 
 @kernel

@@ -129,6 +129,11 @@ def follow_nodes(term, system):
 
 
 @generic
+def account(term, system, h):
+    """A step of size h has converged, the state is still the one before: add work to `State.history`."""
+
+
+@generic
 def accept(term, method, system):
     """A step has converged."""
 

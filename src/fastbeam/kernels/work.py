@@ -46,6 +46,7 @@ class Work(NamedTuple):
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
+    keep_history: np.ndarray
     keep_dphi: np.ndarray  # float64 [3 N]
     keep_theta: np.ndarray  # float64 [3 N]
     past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of steps, nodes.remember; the newest of nodes
@@ -61,6 +62,7 @@ class State(NamedTuple):
     v: np.ndarray         # float64 [12 N]
     s: np.ndarray         # float64 [S]
     force: np.ndarray     # float64 [3 S]
+    history: np.ndarray = np.zeros(0)  # float64: what terms remember of the steps before, as work done (along.py)
 
 
 @kernel

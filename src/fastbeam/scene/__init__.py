@@ -10,10 +10,11 @@ from fastbeam.scene.parts import (
 )
 from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
+from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "FittedCurve", "Helix", "InitialVelocity", "Load",
-    "Net", "NetBeam", "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Slider",
-    "Spring", "StraightLine",
+    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
+    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion",
+    "Scene", "Section", "Slider", "Spring", "Stops", "StraightLine",
 ]

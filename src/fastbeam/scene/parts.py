@@ -14,6 +14,7 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, Field, FieldLike, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
+from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops
 
 ZERO = (0.0, 0.0, 0.0)
 CURVES = ("own", "c1")
@@ -414,10 +415,11 @@ class RigidMotion:
     about: Array = ZERO
 
 
-@checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES))
+@checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
+         drive=ADrive(), stops=SomeStops())
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """Lets a point slide without friction along a beam (theory.md 5).
+    """Lets a point slide along a beam (theory.md 5), without friction where none is given.
 
     Parameters
     ----------
@@ -434,6 +436,12 @@ class Slider:
         The beam's interpolation with slope corrections that make its tangent continuous (theory.md 3.2), or its own, whose
         tangent jumps at the ends of Lagrange elements: a step of order 4 loses its order there. B-splines are smooth, both are
         the same.
+    friction : float or Friction, optional
+        Coefficient of Coulomb friction, or more of it.
+    drive : Drive, optional
+        Prescribed motion along the beam, force or controller. Where the motion is prescribed, it gives the rate, too.
+    stops : Stops, optional
+        Elastic stops.
 
     Raises
     ------
@@ -450,6 +458,9 @@ class Slider:
     at: float
     rate: float | None = None
     curve: str = "c1"
+    friction: Friction | None = None
+    drive: Drive | None = None
+    stops: Stops | None = None
 
     def __post_init__(self) -> None:
         beam, at = self.beam, self.at
@@ -457,3 +468,21 @@ class Slider:
         if -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
             at = min(max(at, 0.0), beam.length)
         checks.fill(self, at=at)
+        self._check_forces(checks.label(self.kind, self.name))
+
+    def _check_forces(self, who: str) -> None:
+        """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
+        stops, drive = self.stops, self.drive
+        if stops is not None:
+            for what, end in (("start", stops.start), ("end", stops.end)):
+                if end is not None and end > self.beam.length:
+                    raise SceneError(f"{who}: stops: {what}={end:.6g} m lies beyond {self.beam.label} (0 to "
+                                     f"{self.beam.length:.6g} m)")
+            if not (stops.start or 0.0) <= self.at <= (self.beam.length if stops.end is None else stops.end):
+                raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
+                                 "between them")
+        if drive is not None and drive.is_prescribed:
+            rate = drive.initial_rate(who)
+            if self.rate is not None and abs(rate - self.rate) > 1e-6 * max(abs(rate), abs(self.rate)):
+                raise SceneError(f"{who}: rate={self.rate:.6g} m/s, but its drive begins with {rate:.6g} m/s; leave rate out")
+            checks.fill(self, rate=rate)

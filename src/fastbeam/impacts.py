@@ -1,0 +1,66 @@
+"""Impacts of sliders on rigid stops: velocities that jump, theory.md 5.6."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .kernels.along import AGAINST, HISTORY, INCREMENT, POSITION, SIGN, STOP_LOSS
+from .kernels.work import State
+from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, velocity_map
+from .model import Model
+from .nearest import nearest
+
+Array = np.ndarray
+
+
+def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
+    """The state after slider k has met a rigid stop.
+
+    Of all jumps of velocities that connections, supports and sliders allow, the one of least kinetic energy with which the
+    velocity of k along its beam is -restitution times the one before: the impulse of the contact alone. Sliders whose motion is
+    prescribed, and those at rest against a stop, keep their velocities along the beam. The energy that is lost goes to the history
+    of the slider.
+
+    Parameters
+    ----------
+    model : Model
+        With tables in space.
+    state : State
+        With sliding points on their curves.
+    k : int
+    at_end : bool
+        Whether the stop is the one towards the end of the beam.
+    restitution : float
+    """
+    from scipy import sparse
+    history = state.history.copy()
+    own = history[:model.work_place].reshape(-1, HISTORY)
+    matrix, tangents, _ = gap_rates(model, state)
+    rates = np.array([float((matrix[3 * j:3 * j + 3] @ state.v) @ x / (x @ x)) for j, x in enumerate(tangents)])
+    given = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0)
+    given[k] = True
+    jump = np.zeros(rates.size)
+    jump[k] = -(1.0 + restitution) * rates[k]
+    rows: list[Any] = []
+    right: list[Array] = []
+    for j, tangent in enumerate(tangents):
+        lead = np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
+        rows.append(sparse.csr_matrix(lead) @ matrix[3 * j:3 * j + 3])
+        right.append(lead @ (jump[j] * tangent))
+    rows.append(matrix[3 * len(tangents):])
+    right.append(np.zeros(matrix.shape[0] - 3 * len(tangents)))
+    free = free_unknowns(model)
+    lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
+    inertia = mass_map(model)
+    mass = (lift.T @ inertia @ lift).tocsr()
+    change = lift @ nearest(mass, (sparse.vstack(rows) @ lift).tocsr(), np.concatenate(right), np.zeros(free.size), free % 6 >= 3)
+    found = state.v + change
+    own[k, STOP_LOSS] -= float(change @ (inertia @ (state.v + 0.5 * change)))
+    after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
+    own[:, SIGN] = np.where(given, own[:, SIGN], np.where(np.abs(after) > 1e-9 * np.max(np.abs(found)), np.sign(after),
+                                                          own[:, SIGN]))
+    own[k, SIGN] = -np.sign(rates[k])
+    if restitution * abs(rates[k]) == 0.0:
+        own[k, SIGN], own[k, AGAINST] = 0.0, 1.0 if at_end else -1.0
+    return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history)

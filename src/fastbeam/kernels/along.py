@@ -1,0 +1,312 @@
+"""Forces along the beam on sliders, theory.md 5.6: friction, drives and elastic stops, as the right-hand side of (5.3).
+
+    sliding     F . T = Q,   T of the step, Q the force along the beam on the sliding point; its work in the step is Q Ds
+
+Q is a function of s_n, s_n+1 and the size of the step: of drives, elastic stops, viscous and smoothed friction. Coulomb friction
+takes |Q| <= mu |F_across| |T|, and its sign is that of the velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the
+velocity there is zero, Ds = h ds/dt_n / 2 takes the place of (5.3); a slider that sticks has ds/dt_n = 0, so it stays where it is
+to the last bit. Which of the three holds is decided anew in every iteration (a semismooth Newton method). A force that would put
+energy in, as where the velocity is turned around within a step, is refused: then the sign of the increment of s decides.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .algebra import call_law, dot
+from .curves import find_element, point_on_curve, step_basis
+from .kinds import position, vector
+from .slider import (SlidingLaw, account_along, begin_along, end_iteration_along, is_settled_along, mean_tangent, nodes_under,
+                     pass_along, sliding_law)
+from .terms import put_loads, spread_nodes
+
+# kinds of drives
+NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
+# numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
+# away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
+# impacts, J
+HISTORY = 5
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS = range(HISTORY)
+
+
+class Along(NamedTuple):
+    """Forces along the beam on S sliders, and what a run keeps of them."""
+
+    friction: np.ndarray    # float64 [S]: coefficient of Coulomb friction
+    viscous: np.ndarray     # float64 [S]: N s/m
+    smoothing: np.ndarray   # float64 [S]: m/s, friction is mu N tanh(velocity/smoothing); 0: Coulomb's law
+    stops: np.ndarray       # float64 [S, 3]: arc lengths where elastic stops begin, m; their stiffness, N/m
+    drive: np.ndarray       # int64 [S]: NO_DRIVE, POSITION, INCREMENT, FORCE, LAW or CONTROL
+    gains: np.ndarray       # float64 [S, 3]: of a controller, N/m, N s/m and the largest force, N
+    law: np.ndarray         # int64 [S]: address of a compiled function of (t, s, ds/dt) that returns a force, N
+    given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
+    #                         N; or of a controller s in the middle, m, and ds/dt, m/s
+    clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; 1 in the first iteration
+    sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
+    rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
+    needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
+    against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
+
+
+class DriveSchedule(NamedTuple):
+    """What drives are given in every substep, in the tuple of terms ahead of the sliders."""
+
+    along: Along
+    given: np.ndarray       # float64 [substeps, S, 2]
+    middle: np.ndarray      # float64 [substeps]: times of their middle, s
+
+
+@put_loads.register(DriveSchedule)
+@kernel
+def put_drives(term, system, k):
+    along = term.along
+    for i in range(along.given.shape[0]):
+        along.given[i, 0] = term.given[k, i, 0]
+        along.given[i, 1] = term.given[k, i, 1]
+    along.clock[1] = term.middle[k]
+
+
+class Force(NamedTuple):
+    """A force along the beam and its derivative by s at the end of the step."""
+
+    value: float
+    slope: float
+
+
+@kernel
+def stop_force(along, k, s0, s1):
+    """Elastic stops: minus the divided difference of their energy."""
+    stiffness = along.stops[k, 2]
+    if not stiffness > 0.0:
+        return Force(0.0, 0.0)
+    value = 0.0
+    slope = 0.0
+    for end in range(2):
+        sign = 1.0 if end else -1.0
+        p0 = max(sign * (s0 - along.stops[k, end]), 0.0)
+        p1 = max(sign * (s1 - along.stops[k, end]), 0.0)
+        if p0 > 0.0 and p1 > 0.0:
+            value -= 0.5 * sign * stiffness * (p0 + p1)
+            slope -= 0.5 * stiffness
+        elif p0 > 0.0 or p1 > 0.0:
+            along_end = sign * (s1 - s0)
+            share = (p1 - p0) / along_end
+            value -= 0.5 * sign * stiffness * share * (p0 + p1)
+            slope -= 0.5 * stiffness * (2.0 * p1 - share * (p0 + p1)) / along_end
+    return Force(value, slope)
+
+
+@kernel
+def drive_force(along, k, s0, s1):
+    """Of a drive that does not prescribe the motion."""
+    kind = along.drive[k]
+    h = along.clock[0]
+    if kind == FORCE:
+        return Force(along.given[k, 0], 0.0)
+    if kind == LAW:
+        t = along.clock[1]
+        step = 1e-6 * (abs(s1 - s0) + 1e-3 * abs(s1) + 1e-9)
+        middle = 0.5 * (s0 + s1)
+        rate = (s1 - s0) / h
+        slope = (call_law(along.law[k], t, middle + 0.5 * step, rate + step / h)
+                 - call_law(along.law[k], t, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
+        return Force(call_law(along.law[k], t, middle, rate), slope)
+    if kind == CONTROL:
+        force = (along.gains[k, 0] * (along.given[k, 0] - 0.5 * (s0 + s1))
+                 + along.gains[k, 1] * (along.given[k, 1] - (s1 - s0) / h))
+        limit = along.gains[k, 2]
+        if abs(force) > limit:
+            return Force(limit if force > 0.0 else -limit, 0.0)
+        return Force(force, -0.5 * along.gains[k, 0] - along.gains[k, 1] / h)
+    return Force(0.0, 0.0)
+
+
+@kernel
+def other_forces(along, k, s0, s1):
+    """Everything but Coulomb friction and drives that prescribe the motion."""
+    stop = stop_force(along, k, s0, s1)
+    drive = drive_force(along, k, s0, s1)
+    viscous = along.viscous[k] / along.clock[0]
+    return Force(stop.value + drive.value - viscous * (s1 - s0), stop.slope + drive.slope - viscous)
+
+
+@kernel
+def is_prescribed(along, k):
+    return along.drive[k] == POSITION or along.drive[k] == INCREMENT
+
+
+@kernel
+def prescribed_end(along, k, s0):
+    """s at the end of the step of a slider whose motion is prescribed."""
+    return along.given[k, 0] if along.drive[k] == POSITION else s0 + along.given[k, 0]
+
+
+@kernel
+def across_of(force, tangent):
+    """The part of the contact force across the beam."""
+    return force - (dot(force, tangent) / dot(tangent, tangent)) * tangent
+
+
+@kernel
+def rub(factor, force, tangent, rest, slope):
+    """The law with friction -factor |F_across| |T|, one that keeps `factor` constant."""
+    across = across_of(force, tangent)
+    normal = np.sqrt(dot(across, across))
+    if not normal > 0.0:
+        return SlidingLaw(force, tangent, rest, slope)
+    long = np.sqrt(dot(tangent, tangent))
+    part = dot(force, tangent) / (long * long)
+    by_tangent = (factor * normal / long) * tangent - (factor * part * long / normal) * across
+    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, rest, slope)
+
+
+@kernel
+def hold(along, contact, k, way, force):
+    """The law of a slider whose increment of s is given: so much of it is missing."""
+    unit = 1.0 / contact.compliance[k] if contact.compliance[k] > 0.0 else 1.0
+    return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit)
+
+
+@kernel
+def sign_of_velocity(along, k, needed, most, ds):
+    """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
+    friction can, and the increment of s of this iteration."""
+    sign = along.sign[k]
+    if along.clock[2] != 0.0:
+        return sign
+    if sign == 0:
+        # a rigid stop pushes only
+        back = needed > most and along.against[k] >= 0
+        forth = needed < -most and along.against[k] <= 0
+        if back or forth:
+            sign = -1 if back else 1
+            # backward in time a velocity has the other sign
+            return sign if along.clock[0] > 0.0 else -sign
+        return sign
+    if sign * (ds - along.rest[k]) * along.clock[0] < 0.0:
+        return 0
+    return sign
+
+
+@sliding_law.register(Along)
+@kernel
+def slide_with_forces(along, term, system, k, force, tangent):
+    s0, s1 = system.state.s[k], system.work.s_end[k]
+    contact = system.contact
+    if is_prescribed(along, k):
+        return hold(along, contact, k, s1 - prescribed_end(along, k, s0), force)
+    other = other_forces(along, k, s0, s1)
+    mu = along.friction[k]
+    if mu == 0.0 and along.against[k] == 0:
+        return SlidingLaw(force, tangent, -other.value, -other.slope)
+    across = across_of(force, tangent)
+    most = mu * np.sqrt(dot(across, across) * dot(tangent, tangent))
+    if along.smoothing[k] > 0.0 and along.against[k] == 0:
+        factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
+        slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
+        return rub(factor * mu, force, tangent, -other.value, most * slope - other.slope)
+    along.needed[k] = dot(force, tangent) - other.value
+    sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
+    along.sign[k] = sign
+    if sign == 0:
+        return hold(along, contact, k, s1 - s0 - along.rest[k], force)
+    return rub(sign * mu, force, tangent, -other.value, -other.slope)
+
+
+@begin_along.register(Along)
+@kernel
+def begin_forces(along, term, system, h):
+    """Velocities along the beams tell which sliders may come to rest."""
+    state = system.state
+    along.clock[0] = h
+    along.clock[2] = 1.0
+    for k in range(state.s.shape[0]):
+        if is_prescribed(along, k):
+            system.work.s_end[k] = prescribed_end(along, k, state.s[k])
+            continue
+        along.against[k] = int(state.history[HISTORY * k + AGAINST])
+        if along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
+            sign = int(state.history[HISTORY * k + SIGN])
+            along.sign[k] = sign
+            along.rest[k] = 0.0
+            if sign != 0:
+                along.rest[k] = 0.5 * h * sliding_rate(term, system, k)
+            else:
+                system.work.s_end[k] = state.s[k]
+
+
+@kernel
+def sliding_rate(term, system, k):
+    """ds/dt at the start of the step, theory.md 5.4."""
+    curves, sliders, state, contact, size = term.curves, term.sliders, system.state, system.contact, system.size
+    b = sliders.curve[k]
+    e = find_element(curves, b, state.s[k], contact.element[k])
+    tangent = point_on_curve(curves, b, state.s[k], state.q, e, contact, 1, size)
+    relative = position(state.v, sliders.point[k], size) - point_on_curve(curves, b, state.s[k], state.v, e, contact, 0, size)
+    return dot(relative, tangent) / dot(tangent, tangent)
+
+
+@end_iteration_along.register(Along)
+@kernel
+def end_first_iteration(along):
+    along.clock[2] = 0.0
+
+
+@is_settled_along.register(Along)
+@kernel
+def friction_takes_energy(along, term, system):
+    """False where Coulomb friction put energy in; there the sign of the increment of s is to decide."""
+    settled = True
+    for k in range(along.sign.shape[0]):
+        if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
+            ds = system.work.s_end[k] - system.state.s[k]
+            force = -1.0 * along.sign[k] if along.sign[k] != 0 else along.needed[k]
+            if force * ds > 0.0 and not is_prescribed(along, k):
+                along.rest[k] = 0.0
+                settled = False
+    return settled
+
+
+@account_along.register(Along)
+@kernel
+def account_forces(along, term, system):
+    """Work of friction and drives, from the converged step."""
+    state, work, contact, size = system.state, system.work, system.contact, system.size
+    spread_nodes.call(size, system.method, state, work, along.clock[0], 0, system.row_of.shape[0])
+    curves = term.curves
+    for k in range(state.s.shape[0]):
+        c = term.sliders.curve[k]
+        e0 = find_element(curves, c, state.s[k], contact.element[k])
+        e1 = find_element(curves, c, work.s_end[k], e0)
+        lo, hi = nodes_under(curves, c, e0, e1)
+        step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
+        way = pass_along(contact.basis, curves.meta[c, 0], lo, hi, system, term.sliders.spin_root)
+        account_slider(along, system, k, vector(state.force, contact.first_force[k], 1, size), mean_tangent(way))
+
+
+@kernel
+def account_slider(along, system, k, force, tangent):
+    state = system.state
+    s0, s1 = state.s[k], system.work.s_end[k]
+    ds = s1 - s0
+    total = dot(force, tangent)
+    stop = stop_force(along, k, s0, s1).value
+    mu = along.friction[k]
+    across = across_of(force, tangent)
+    most = mu * np.sqrt(dot(across, across) * dot(tangent, tangent))
+    place = HISTORY * k
+    if is_prescribed(along, k):
+        sign = np.tanh(ds / (along.clock[0] * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
+        friction = -along.viscous[k] / along.clock[0] * ds - most * sign
+        drive = total - stop - friction
+    else:
+        drive = drive_force(along, k, s0, s1).value
+        friction = total - stop - drive
+        if mu > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
+            state.history[place + SIGN] = along.sign[k]
+        if along.sign[k] != 0:
+            state.history[place + AGAINST] = 0.0
+    state.history[place + FRICTION_LOSS] -= friction * ds
+    state.history[place + DRIVE_WORK] += drive * ds

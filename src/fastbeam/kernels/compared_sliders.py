@@ -1,0 +1,71 @@
+"""Sliders of the methods that the conserving step is compared with, theory.md (7.1): without a frame."""
+from __future__ import annotations
+
+from .._jit import kernel
+from .algebra import dot
+from .alpha import Alpha
+from .curves import add_basis, find_element
+from .kinds import add_to, dim, position, put, vector, zero_vector
+from .slider import Sliding, Weights, nodes_under, put_residual, put_translation
+from .terms import Midpoint, assemble
+
+
+@kernel
+def add_plain_slider(term, system, k, share):
+    """A slider of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
+    step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
+    then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
+    curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
+    d = dim(size)
+    near = 0.5 / share    # derivative of the instant's s and q by those of the end
+    c = term.sliders.curve[k]
+    base = curves.meta[c, 0]
+    e0 = find_element(curves, c, state.s[k], contact.element[k])
+    e1 = find_element(curves, c, work.s_end[k], e0)
+    si = state.s[k] + near * (work.s_end[k] - state.s[k])
+    ei = find_element(curves, c, si, e0)
+    lo, hi = nodes_under(curves, c, ei, e1)
+    basis = contact.basis
+    for j in range(5):
+        for a in range(lo, hi):
+            basis[j, a] = 0.0
+    add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
+    add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
+    add_basis(curves, c, e1, work.s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
+    f = vector(state.force, contact.first_force[k], 1, size)
+    contact.entries[k] = 0
+    end = zero_vector(size); end_s = zero_vector(size); tangent = zero_vector(size); bend = zero_vector(size)
+    for a in range(lo, hi):
+        node = base + a
+        x = position(work.q_end, node, size)
+        end += basis[3, a] * x; end_s += basis[4, a] * x
+        x = position(work.q_mid, node, size)
+        tangent += basis[1, a] * x; bend += basis[2, a] * x
+        add_to(work.r, 8 * system.row_of[node], 1, basis[0, a] * f)
+        weights = Weights(share * basis[0, a], basis[3, a], 0.5 * basis[1, a])
+        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, a]) * f, size)
+    point = term.sliders.point[k]
+    add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0), f,
+                         zero_vector(size), size)
+    corner = contact.corner[k]
+    for i in range(64):
+        corner[i] = 0.0
+    put(corner, d, 8, -1.0 * end_s)
+    put(corner, 8 * d, 1, tangent)
+    corner[9 * d] = near * dot(f, bend)
+    put_residual(contact, k, position(work.q_end, point, size) - end, dot(f, tangent), size)
+
+
+@assemble.register(Sliding, Midpoint)
+@kernel
+def assemble_sliding_midpoint(term, method, system, h):
+    for k in range(term.sliders.curve.shape[0]):
+        add_plain_slider(term, system, k, 1.0)
+
+
+@assemble.register(Sliding, Alpha)
+@kernel
+def assemble_sliding_at_end(term, method, system, h):
+    for k in range(term.sliders.curve.shape[0]):
+        add_plain_slider(term, system, k, 0.5)

@@ -1,0 +1,259 @@
+"""What acts along the beam on a slider: friction, drives and stops."""
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Number, Refusal, checked, numbers, real, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene.checks import Factor, called
+
+NOT_NEGATIVE = Number(least=0.0)
+# derivative from values at steps of SHORT s from now on, of fourth order
+SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
+
+
+@checked(coefficient=NOT_NEGATIVE, viscous=Number(least=0.0, unit="N s/m"), smoothing=Number(above=0.0, unit="m/s"))
+@dataclass(frozen=True)
+class Friction:
+    """Friction of a slider: `Slider(..., friction=0.3)` is the short form of `friction=Friction(0.3)`.
+
+    Coulomb's law with stick and slip: a slider that sticks does not creep, one that slides feels coefficient x contact force
+    across the beam, against its velocity (theory.md 5.6). It has no regularisation parameter.
+
+    Parameters
+    ----------
+    coefficient : float
+        Of Coulomb friction, >= 0; static and kinetic.
+    viscous : float
+        Force against the motion per velocity, N s/m, >= 0.
+    smoothing : float, optional
+        m/s, > 0: friction coefficient x force x tanh(velocity/smoothing) in the place of Coulomb's law. Such a slider creeps.
+
+    Raises
+    ------
+    SceneError
+        A number is out of range.
+    """
+
+    kind: ClassVar[str] = "friction"
+
+    coefficient: float = 0.0
+    _: KW_ONLY
+    viscous: float = 0.0
+    smoothing: float | None = None
+
+
+@dataclass(frozen=True)
+class OfTime:
+    """A number, or a function of time."""
+
+    unit: str
+
+    def __call__(self, value: Any) -> Any:
+        if callable(value):
+            return Factor()(value)
+        try:
+            return Number(unit=self.unit)(value)
+        except Refusal as refusal:
+            raise Refusal(f"{refusal} (or a function of t)") from None
+
+
+@dataclass(frozen=True)
+class DrivingForce:
+    """A number, a function of time, or one of (t, s, ds/dt) that numba can compile."""
+
+    def __call__(self, value: Any) -> Any:
+        if not callable(value):
+            return OfTime("N")(value)
+        if isinstance(value, type):
+            raise Refusal(f"must be a number, a function of t or one of (t, s, rate), got {shown(value)}")
+        n = _arguments(value)
+        if n not in (1, 3):
+            raise Refusal(f"must take one argument (t) or three (t, s, rate), this function takes {n}")
+        if n == 1:
+            return Factor()(value)
+        try:
+            found = real(value(0.0, 0.0, 0.0))
+        except Exception as error:
+            raise Refusal(f"must not fail, at t = 0, s = 0, rate = 0 it raises {type(error).__name__}: {error}"[:200]) from error
+        if found is None or not np.isfinite(found):
+            raise Refusal("must return a finite number at t = 0, s = 0, rate = 0")
+        return value
+
+
+def _arguments(function: Callable[..., Any]) -> int:
+    """Number of arguments that a function needs, -1 where that cannot be told."""
+    try:
+        kinds = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return 1
+    known = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(x.kind in known and x.default is inspect.Parameter.empty for x in kinds)
+
+
+@checked(position=OfTime("m"), speed=OfTime("m/s"), force=DrivingForce(), stiffness=Number(least=0.0, unit="N/m"),
+         damping=Number(least=0.0, unit="N s/m"), limit=Number(above=0.0, unit="N"))
+@dataclass(frozen=True)
+class Drive:
+    """What drives a slider along its beam; positive forces and speeds point in the direction of growing s.
+
+    Drive(position=f)     the place on the beam is s = f(t), m: prescribed, whatever force that takes
+    Drive(speed=v)        ds/dt = v, a number or a function of t, m/s: prescribed
+    Drive(force=F)        a force along the beam, N: a number, a function of t, or one of (t, s, rate), which numba compiles
+    Drive(position=f, speed=v, stiffness=k, damping=d, limit=F)     a controller: the force k (f(t) - s) + d (v(t) - ds/dt), at
+                          most F; either part may be left out
+
+    The force acts between the sliding point and the beam. `result.slider(name)` holds it and its work.
+
+    Raises
+    ------
+    SceneError
+        Nothing is given, or what is given contradicts each other.
+    """
+
+    kind: ClassVar[str] = "drive"
+
+    _: KW_ONLY
+    position: Any = None
+    speed: Any = None
+    force: Any = None
+    stiffness: float = 0.0
+    damping: float = 0.0
+    limit: float | None = None
+
+    def __post_init__(self) -> None:
+        given = [x for x in ("position", "speed", "force") if getattr(self, x) is not None]
+        if not given:
+            raise SceneError("drive: give position=, speed= or force=")
+        if "force" in given and (len(given) > 1 or self.is_controlled):
+            raise SceneError("drive: force= stands alone; a controller follows position= or speed= with stiffness= and damping=")
+        if not self.is_controlled:
+            if len(given) > 1:
+                raise SceneError("drive: position= and speed= both prescribe the motion; give one of them, or stiffness= and "
+                                 "damping= for a controller that follows both")
+            if self.limit is not None:
+                raise SceneError("drive: limit= bounds the force of a controller; give stiffness= or damping= too")
+        elif self.stiffness > 0.0 and self.position is None:
+            raise SceneError("drive: a controller with stiffness= needs position=")
+
+    @property
+    def is_controlled(self) -> bool:
+        """Whether it is a controller."""
+        return self.stiffness > 0.0 or self.damping > 0.0
+
+    def initial_rate(self, who: str) -> float:
+        """ds/dt at t = 0 of a prescribed motion, m/s; who: in messages."""
+        value, what = (self.speed, "speed") if self.position is None else (self.position, "position")
+        if not callable(value):
+            return float(value) if what == "speed" else 0.0
+        found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
+        if any(x is None or not np.isfinite(x) for x in found):
+            raise SceneError(f"{who}: {what}(t) of its drive must return finite numbers")
+        if what == "speed":
+            return float(found[0])
+        return float(np.dot(FORWARD, found)) / SHORT
+
+    @property
+    def takes_state(self) -> bool:
+        """Whether the force is a function of (t, s, rate)."""
+        return callable(self.force) and _arguments(self.force) == 3
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether it depends on time."""
+        return any(callable(x) for x in (self.position, self.speed, self.force)) or self.speed is not None
+
+    @property
+    def is_prescribed(self) -> bool:
+        """Whether the motion is given and the force found."""
+        return self.force is None and not self.is_controlled
+
+
+@checked(start=Number(least=0.0, unit="m"), end=Number(least=0.0, unit="m"), stiffness=Number(above=0.0, unit="N/m"),
+         restitution=Number(least=0.0, most=1.0))
+@dataclass(frozen=True)
+class Stops:
+    """Stops of a slider, elastic with `stiffness`, else rigid.
+
+    An elastic stop is a spring between the arc length and the point once it is beyond it. At a rigid one the step ends where it
+    is met, and the velocity along the beam jumps to -restitution times what it was; the loss is in the balance. A slider that
+    comes to rest against a stop stays there until something pulls it away.
+
+    Parameters
+    ----------
+    start, end : float or None
+        Arc lengths, m; None: no stop there.
+    stiffness : float, optional
+        N/m, > 0.
+    restitution : float, optional
+        Of rigid stops, from 0 (default: it does not bounce) to 1 (without loss).
+
+    Raises
+    ------
+    SceneError
+        No stop is given, `start` does not lie before `end`, or a number is out of range.
+    """
+
+    kind: ClassVar[str] = "stops"
+
+    start: float | None = None
+    end: float | None = None
+    _: KW_ONLY
+    stiffness: float | None = None
+    restitution: float | None = None
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether velocities jump there."""
+        return self.stiffness is None
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """Both arc lengths; infinite where there is none."""
+        return -np.inf if self.start is None else self.start, np.inf if self.end is None else self.end
+
+    def __post_init__(self) -> None:
+        if self.stiffness is not None and self.restitution is not None:
+            raise SceneError("stops: give stiffness= for elastic stops or restitution= for rigid ones, not both")
+        if self.start is None and self.end is None:
+            raise SceneError("stops: give start=, end= or both, arc lengths in m")
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            raise SceneError(f"stops: start must lie before end, got {self.start:.6g} and {self.end:.6g} m")
+
+
+@dataclass(frozen=True)
+class AFriction:
+    """A coefficient, or a Friction."""
+
+    def __call__(self, value: Any) -> Friction:
+        if isinstance(value, Friction):
+            return value
+        if real(value) is None:
+            raise Refusal(f"must be a coefficient >= 0 or a Friction, got {shown(value)}")
+        return Friction(NOT_NEGATIVE(value))
+
+
+@dataclass(frozen=True)
+class ADrive:
+    """A Drive."""
+
+    def __call__(self, value: Any) -> Drive:
+        if not isinstance(value, Drive):
+            raise Refusal(f"must be a Drive, as in drive=fb.Drive(speed=0.5), got {shown(value)}")
+        return value
+
+
+@dataclass(frozen=True)
+class SomeStops:
+    """Stops."""
+
+    def __call__(self, value: Any) -> Stops:
+        if not isinstance(value, Stops):
+            hint = "; write fb.Stops(start, end)" if numbers(value) is not None else ""
+            raise Refusal(f"must be Stops, got {shown(value)}{hint}")
+        return value

@@ -1,0 +1,254 @@
+"""Friction, drives and stops of sliders as tables, what drives are given in every step, and their forces at rows."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ._jit import compiled_law
+from .errors import SceneError
+from .kernels.along import AGAINST, CONTROL, FORCE, HISTORY, INCREMENT, LAW, NO_DRIVE, POSITION, SIGN, Along
+from .scene import Drive, Slider
+from .scene.checks import called
+from .scene.sliding import FORWARD, SHORT
+
+Array = np.ndarray
+# three Gauss points: smooth forces are exact to order 6, and a step stays symmetric in time
+POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
+# a prescribed position may be so far from the place of the slider at the start, of the length of the beam
+AT_START = 1e-9
+
+
+@dataclass
+class AtRow:
+    """Forces along the beam at one time, N, on the sliding points in the direction of growing s; all [S]."""
+
+    along: Array
+    friction: Array
+    drive: Array
+    stop: Array
+
+
+class SliderForces:
+    """Forces along the beam on all sliders of a scene, of which one at least has some.
+
+    Parameters
+    ----------
+    sliders : list of Slider
+
+    Raises
+    ------
+    SceneError
+        A function of a drive cannot be compiled.
+    """
+
+    def __init__(self, sliders: list[Slider]) -> None:
+        self.sliders = sliders
+        n = len(sliders)
+        self._laws: dict[int, Any] = {}
+        self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
+                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
+                            np.zeros(n, np.int64))
+        for k, slider in enumerate(sliders):
+            self._fill(k, slider)
+
+    def _fill(self, k: int, slider: Slider) -> None:
+        t, friction, drive, stops = self.tables, slider.friction, slider.drive, slider.stops
+        if friction is not None:
+            t.friction[k], t.viscous[k], t.smoothing[k] = friction.coefficient, friction.viscous, friction.smoothing or 0.0
+        t.stops[k, :2] = -np.inf, np.inf
+        if stops is not None and stops.stiffness is not None:
+            t.stops[k] = *stops.between, stops.stiffness
+        t.drive[k] = NO_DRIVE
+        if drive is None:
+            return
+        if drive.is_controlled:
+            t.drive[k] = CONTROL
+            t.gains[k] = drive.stiffness, drive.damping, np.inf if drive.limit is None else drive.limit
+        elif drive.is_prescribed:
+            t.drive[k] = POSITION if drive.position is not None else INCREMENT
+        elif callable(drive.force) and drive.takes_state:
+            t.drive[k] = LAW
+            try:
+                self._laws[k] = compiled_law(drive.force)
+            except Exception as error:
+                raise SceneError(f"slider {slider.name!r}: force(t, s, rate) cannot be compiled by numba "
+                                 f"({' '.join(str(error).split())[:300]}); use numbers, math and numpy functions of numbers, or "
+                                 "a function of t alone") from error
+            t.law[k] = self._laws[k].address
+        else:
+            t.drive[k] = FORCE
+        t.given[k] = self._given(k, 0.0, 0.0)
+
+    @property
+    def timed(self) -> bool:
+        """Whether a drive has to be told the time of a step."""
+        return any(x is not None and x.is_timed for x in self._drives)
+
+    @property
+    def _drives(self) -> list[Drive | None]:
+        return [slider.drive for slider in self.sliders]
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether something takes energy away."""
+        t = self.tables
+        return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, 1] > 0.0) or self._laws
+                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether the total energy changes: there is more than stops."""
+        return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE))
+
+    @property
+    def size(self) -> int:
+        """Numbers of `State.history`."""
+        return HISTORY * len(self.sliders)
+
+    def work(self) -> Along:
+        """The tables with arrays of one run."""
+        return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
+                                       ("given", "clock", "sign", "rest", "needed", "against")})
+
+    # --- what drives are given ----------------------------------------------------------------------------------------
+    def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
+        """What every drive is given in substeps from times `starts` on, of these lengths [n]: (float64 [n, S, 2], times of their
+        middle [n])."""
+        out = np.zeros((len(starts), len(self.sliders), 2))
+        for k, drive in enumerate(self._drives):
+            if drive is not None:
+                out[:, k] = [self._given(k, t, h) for t, h in zip(starts.tolist(), lengths.tolist())]
+        return out, starts + 0.5 * lengths
+
+    def _given(self, k: int, t: float, h: float) -> tuple[float, float]:
+        """For a step from t to t + h; (0, 0) where a drive does not ask for the time."""
+        drive = self.sliders[k].drive
+        assert drive is not None
+        kind = self.tables.drive[k]
+        if kind == POSITION:
+            return self._value(k, "position", t + h), 0.0
+        if kind == INCREMENT:
+            return h * self._mean(k, "speed", t, h), 0.0
+        if kind == FORCE:
+            return self._mean(k, "force", t, h), 0.0
+        if kind == CONTROL:
+            place = 0.0 if drive.position is None else self._value(k, "position", t + 0.5 * h)
+            if drive.speed is not None:
+                return place, self._mean(k, "speed", t, h)
+            if not callable(drive.position):
+                return place, 0.0
+            if h != 0.0:
+                return place, (self._value(k, "position", t + h) - self._value(k, "position", t)) / h
+            # ds/dt of the moment
+            return place, float(np.dot(FORWARD, [self._value(k, "position", t + i * SHORT) for i in range(5)])) / SHORT
+        return 0.0, 0.0
+
+    def _value(self, k: int, what: str, t: float) -> float:
+        value = getattr(self.sliders[k].drive, what)
+        if not callable(value):
+            return float(value)
+        found = called(f"slider {self.sliders[k].name!r}", what, value, t)
+        try:
+            found = float(found)
+        except (TypeError, ValueError):
+            found = np.nan
+        if not np.isfinite(found):
+            raise SceneError(f"slider {self.sliders[k].name!r}: {what}(t) must return a finite number, at t = {t:.6g} s it does "
+                             "not")
+        return found
+
+    def _mean(self, k: int, what: str, t: float, h: float) -> float:
+        if not callable(getattr(self.sliders[k].drive, what)):
+            return self._value(k, what, t)
+        return float(sum(w * self._value(k, what, t + x * h) for x, w in zip(POINTS, SHARES)))
+
+    # --- rigid stops --------------------------------------------------------------------------------------------------
+    def limits(self, ends: Array) -> Array:
+        """Arc lengths between which sliders may go: `ends` [S, 2] of their beams, or rigid stops."""
+        out = ends.copy()
+        for k, slider in enumerate(self.sliders):
+            if slider.stops is not None and slider.stops.is_rigid:
+                out[k] = np.clip(slider.stops.between, *ends[k])
+        return out
+
+    def restitution(self, k: int, at_end: bool) -> float | None:
+        """Of the rigid stop of slider k at its end or start; None where it has none there."""
+        stops = self.sliders[k].stops
+        if stops is None or not stops.is_rigid or (stops.end if at_end else stops.start) is None:
+            return None
+        return stops.restitution or 0.0
+
+    # --- rows ---------------------------------------------------------------------------------------------------------
+    def stop_energy(self, s: Array) -> Array:
+        """Energy that elastic stops store, J, [S]."""
+        t = self.tables
+        beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
+        return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
+
+    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array) -> AtRow:
+        """Forces along the beam at time t.
+
+        Parameters
+        ----------
+        t : float
+        s, rate : float64 [S]
+            Places, m, and velocities ds/dt, m/s.
+        history : float64 [S, 5]
+            Of the state.
+        tangent, force : float64 [S, 3]
+            Derivatives of the curves by s; contact forces, N.
+        """
+        table, sign = self.tables, history[:, SIGN]
+        along = np.sum(force * tangent, axis=1)
+        long = np.linalg.norm(tangent, axis=1)
+        across = np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) * long
+        stiff = table.stops[:, 2]
+        beyond = np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)
+        stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
+        drive = np.zeros(len(s))
+        prescribed = np.isin(table.drive, (POSITION, INCREMENT))
+        for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
+            drive[k] = self._drive_at(k, t, s[k], rate[k])
+        direction = np.where(prescribed, np.sign(rate), sign)
+        smooth = table.smoothing > 0.0
+        direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), direction)
+        friction = -table.friction * across * direction - table.viscous * rate
+        sticks = (table.friction > 0.0) & ~smooth & ~prescribed & (sign == 0.0)
+        friction = np.where(sticks, along - stop - drive, friction)
+        drive = np.where(prescribed, along - stop - friction, drive)
+        # against a rigid stop friction gives what it can
+        against = history[:, AGAINST] != 0.0
+        friction = np.where(against, np.clip(along - drive, -table.friction * across, table.friction * across), friction)
+        stop = np.where(against, along - drive - friction, stop)
+        return AtRow(along, friction, drive, stop)
+
+    def _drive_at(self, k: int, t: float, s: float, rate: float) -> float:
+        kind, gains = self.tables.drive[k], self.tables.gains[k]
+        if kind == LAW:
+            return float(self.sliders[k].drive.force(t, s, rate))
+        given = self._given(k, t, 0.0)
+        if kind == FORCE:
+            return given[0]
+        return float(np.clip(gains[0] * (given[0] - s) + gains[1] * (given[1] - rate), -gains[2], gains[2]))
+
+
+def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
+    """None where no slider has any.
+
+    Raises
+    ------
+    SceneError
+        A prescribed position does not begin where its slider stands.
+    """
+    if all(x.friction is None and x.drive is None and x.stops is None for x in sliders):
+        return None
+    found = SliderForces(sliders)
+    for k in np.flatnonzero(found.tables.drive == POSITION).tolist():
+        slider = sliders[k]
+        begin = float(found.tables.given[k, 0])
+        if abs(begin - slider.at) > AT_START * slider.beam.length:
+            raise SceneError(f"slider {slider.name!r}: its drive begins at position(0) = {begin:.6g} m, the slider at "
+                             f"{slider.at:.6g} m; begin with at={begin:.6g}")
+    return found
