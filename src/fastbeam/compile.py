@@ -26,13 +26,13 @@ from .kernels.slider import Sliders
 from .kernels.terms import NoTies
 from .kernels.ties import Ties
 from .model import Model
-from .numbered import Numbered, number
+from .numbered import number
 from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
-from .scene import Beam, RigidBody, Scene
+from .scene import Beam, Scene
 from .slider_forces import slider_forces_of
 from .tables import pack_curves, pack_inner, pack_substructures
 from .unpacked import Unpacked, unpack

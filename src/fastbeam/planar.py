@@ -2,8 +2,7 @@
 (theory.md 10)."""
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
 from .kernels.work import State
+from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
 
@@ -25,108 +25,6 @@ if TYPE_CHECKING:
     from .model import Model
 
 Array = np.ndarray
-# what may point out of the plane, relative to everything of its kind
-TOLERANCE = 1e-12
-AXES = "xyz"
-
-
-class NotPlanar(Exception):
-    """Why a scene has to be run in space."""
-
-
-@dataclass(frozen=True)
-class Plane:
-    """The plane of a scene and its tables.
-
-    Attributes
-    ----------
-    axes : float64 [3, 3]
-        Two axes in the plane and its normal, by rows.
-    height : float
-        Of all nodes along the normal, m.
-    factor : complex128 [N, 3]
-        Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
-    normal : float64 [N, 3]
-        Constant component of the directors along the normal.
-    vectors : int
-        Forces of constraints that are vectors; behind them come single ones.
-    model : Model
-        With 4 coordinates a node, x, y and u, and 3 unknowns.
-    """
-
-    axes: Array
-    height: float
-    factor: Array
-    normal: Array
-    vectors: int
-    model: Any = None
-
-    @property
-    def label(self) -> str:
-        """Text for `print(model)`."""
-        k = np.flatnonzero(self.axes[2] == 1.0)
-        if k.size:
-            return "plane normal to " + AXES[k[0]]
-        return "plane with normal (" + ", ".join(f"{x:.3g}" for x in self.axes[2]) + ")"
-
-    def reduce(self, state: State) -> State:
-        """Coordinates in the plane."""
-        n = len(self.factor)
-        flat = [_complex(x.reshape(n, 4, 3), self.axes) for x in (state.q, state.v)]
-        # u from the director that lies best in the plane
-        k = np.argmax(np.abs(self.factor), axis=1)
-        at = np.arange(n)
-        q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
-        vectors = 3 * self.vectors
-        force = _complex(state.force[:vectors].reshape(-1, 3), self.axes)
-        return State(_numbers(q), _numbers(v), state.s.copy(), np.concatenate((_numbers(force), state.force[vectors:])),
-                     state.history.copy())
-
-    def expand(self, flat: State) -> State:
-        """Coordinates in space."""
-        vectors = 2 * self.vectors
-        force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:]))
-        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force, flat.history.copy())
-
-    def _within(self, x: Array) -> Array:
-        """[12 N] from [4 N], without what points along the normal."""
-        z = x.view(complex).reshape(-1, 2)
-        place = np.empty((len(z), 4), complex)
-        place[:, 0] = z[:, 0]
-        np.multiply(self.factor, z[:, 1:], out=place[:, 1:])
-        return _vectors(place, self.axes).reshape(-1)
-
-    @cached_property
-    def _above(self) -> Array:
-        """What points along the normal, [12 N]."""
-        up = np.concatenate((np.full((len(self.factor), 1), self.height), self.normal), axis=1)
-        return (up[:, :, None] * self.axes[2]).reshape(-1)
-
-    def forces(self, force: Array) -> Array:
-        """Contact forces [..., 2 S] in space, [..., 3 S]."""
-        return _vectors(force.view(complex), self.axes).reshape(*force.shape[:-1], -1)
-
-    def holds(self, state: State) -> bool:
-        """Whether a state lies in the plane."""
-        try:
-            _check_state(state.q, state.v, self, self.model.length)
-        except NotPlanar:
-            return False
-        force = state.force[:3 * self.vectors].reshape(-1, 3)
-        # contact forces carry the round-off of the stiffest directions
-        return bool(np.all(np.abs(force @ self.axes[2]) <= 10.0 * TOLERANCE * np.max(np.abs(force), initial=1e-300)))
-
-
-def _complex(x: Array, axes: Array) -> Array:
-    return x @ axes[0] + 1j * (x @ axes[1])
-
-
-def _numbers(z: Array) -> Array:
-    return np.stack((z.real, z.imag), axis=-1).reshape(-1)
-
-
-def _vectors(z: Array, axes: Array) -> Array:
-    return z.view(float).reshape(*z.shape, 2) @ axes[:2]
 
 
 class Found(NamedTuple):
@@ -177,14 +75,14 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     for x, why in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
-    flat = _complex(q[:, 1:], axes)
+    flat = to_plane(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
     vectors = unpacked.state.s.size + sum(link.law.is_vector for link in unpacked.kept)
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors)
-    _check_state(unpacked.state.q, unpacked.state.v, plane, length)
+    check_state(unpacked.state.q, unpacked.state.v, plane, length)
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
     return plane
@@ -245,17 +143,6 @@ def _axes(normal: Array) -> Array:
     first = first - (first @ normal) * normal
     first /= np.linalg.norm(first)
     return np.stack((first, np.cross(normal, first), normal))
-
-
-def _check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
-    n = plane.axes[2]
-    q, v = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
-    size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))
-    speed = float(np.max(np.abs(v), initial=0.0))
-    if np.any(np.abs(q[:, 0] @ n - plane.height) > TOLERANCE * size) or np.any(np.abs(v @ n) > TOLERANCE * speed):
-        raise NotPlanar("a node leaves the plane")
-    if np.any(np.abs(q[:, 1:] @ n - plane.normal) > TOLERANCE):
-        raise NotPlanar("a triad is turned out of the plane")
 
 
 def _sections(c: Array, s: Array) -> tuple[Array, Array]:
@@ -341,7 +228,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     ties, bodies = model.ties, model.bodies
     if ties is not None:
         ties = PlanarTies(ties.slave, ties.row, ties.start, ties.target, ties.target_row, ties.diagonal, ties.kind,
-                          _numbers(found.ties), ties.moves)
+                          numbers_of(found.ties), ties.moves)
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
     return replace(plane, model=replace(

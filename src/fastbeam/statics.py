@@ -15,7 +15,8 @@ from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
-from .model import Model, check_model, factor_at
+from .load_times import factor_at
+from .model import Model, check_model
 from .newton import BACKENDS, Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress

@@ -120,7 +120,8 @@ def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
         other = model.plain(planar="auto")
         plane = other.plane
         if plane is None:
-            return f"; it would do in a plane, but it is not planar: {model.not_planar}" if model.not_planar == other.not_planar else ""
+            told = model.not_planar == other.not_planar
+            return f"; it would do in a plane, but it is not planar: {model.not_planar}" if told else ""
     normal = plane.axes[2]
     inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
     if np.linalg.norm(inside) > 1e-6:
