@@ -27,7 +27,7 @@ from .load_times import load_factors
 from .methods import Method, empty_rates, start_rates
 from .model import Model
 from .starting import own_state
-from .workspace import contact_of, entries_of, inner_of, work_of
+from .workspace import check_border, contact_of, entries_of, inner_of, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -95,7 +95,8 @@ class Stepper:
     Raises
     ------
     SceneError
-        The state is not one of this model, or max_iterations, backend or augmentation is not usable.
+        The state is not one of this model, max_iterations, backend or augmentation is not usable, or its constraints are a dense
+        border that the memory does not hold.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
@@ -122,6 +123,8 @@ class Stepper:
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         self.core: Model = model if self.plane is None else self.plane.model
         core = self.core
+        if not static:
+            check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         self.weights = np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done

@@ -1,8 +1,11 @@
 """Arrays that a run of a model writes, allocated once."""
 from __future__ import annotations
 
+import os
+
 import numpy as np
 
+from .errors import SceneError
 from .kernels.inner import Inner
 from .kernels.layout import NODES, POINTS, layout_of
 from .kernels.nodes import NODES_SCRATCH
@@ -42,6 +45,35 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 keep_past=np.zeros(kept * model.past_size),
                 line=Line(np.array([0.0, model.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
                           NoTies() if model.ties is None else _padded(model.dim * n)))
+
+
+def check_border(model: Model) -> None:
+    """Refuse a dense border of constraints that the memory of this computer does not hold.
+
+    Raises
+    ------
+    SceneError
+        Names the number of constraints and what to do.
+    """
+    if not model.n_constraints or model.by_rows or model.carriers is not None:
+        return
+    # the panel and its Schur complement, and what PARDISO solves with: right-hand sides, solutions, residuals and corrections
+    needed = 8 * (model.border_size + 4 * model.columns * len(model.size) * model.pattern.n)
+    there = physical_memory()
+    if needed > there:
+        of = f"{model.n_sliders} sliders and {len(model.kept)} joints with multipliers"
+        raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of a net, "
+                         f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB. Let sliders be masses or bodies on beams "
+                         "that nothing else touches and compile with condense=True (docs/limits.md), and close loops of rigid parts by "
+                         "RigidConnection or elastic beams and springs instead of ball joints; or take fewer of them")
+
+
+def physical_memory() -> float:
+    """Bytes of memory of this computer; infinity where that is not known."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return np.inf
 
 
 def scratch_of(model: Model) -> Array:
