@@ -95,6 +95,11 @@ class Factors:
             np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
             np.zeros(matrix.nnz), *(np.zeros((1, n)) for _ in range(4)), np.zeros(5, np.int64), np.zeros(2))
 
+    @property
+    def perturbed(self) -> int:
+        """Number of pivots of the last matrix that were so small that PARDISO changed them."""
+        return 0 if self._tables is None else int(self._tables.iparm[13])
+
     def solve(self, right: Array) -> Array:
         """Of the last matrix for right-hand side [n]; NaN where PARDISO fails."""
         t = self._tables
@@ -169,6 +174,11 @@ class Saddle:
         return equilibrated(self.matrix) if self.is_finite else (np.ones(self.multiplier.size),) * 2
 
     @property
+    def _measure(self) -> tuple[Array, Array]:
+        """Those of this matrix, or of one like it."""
+        return self.scales if self.measured_in is None else self.measured_in
+
+    @property
     def row(self) -> Array:
         """Factors of the rows that bring them to a size of 1 [n]."""
         return self.scales[0]
@@ -187,7 +197,7 @@ class Saddle:
     def stiffened(self, by: float) -> Saddle:
         """The same with this much on the diagonal of the coordinates, in scaled rows."""
         from scipy import sparse
-        row, column = self.scales if self.measured_in is None else self.measured_in
+        row, column = self._measure
         more = np.where(self.multiplier, 0.0, by / (row * column))
         n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
         at = np.flatnonzero(indices == np.repeat(np.arange(n), np.diff(indptr)))
@@ -212,7 +222,7 @@ class Saddle:
         assert factors is not None
         for again in (False, True):
             if factors.factor(self.matrix, again):
-                row, column = self.scales if self.measured_in is None else self.measured_in
+                row, column = self._measure
 
                 def solved(b: Array, row: Array = row, column: Array = column) -> Array:
                     return factors.solve(b / row) / column
@@ -222,7 +232,7 @@ class Saddle:
 
                 b = row * right
                 x, self.residual = _refine(solved, lambda x: b - times(x), b)
-                if self.residual <= REGULAR:
+                if self.residual <= REGULAR and not factors.perturbed:
                     return column * x
                 if self._is_fair(x, b, row, column) and _least(solved, times, b.size) > CLEARLY_REGULAR:
                     return column * x
@@ -316,7 +326,8 @@ class Saddle:
         from scipy import sparse
         skew = (self.matrix - self.matrix.T).tocoo()
         # the same factor for a row and its column
-        factor = np.sqrt(np.abs(self.row * self.column))
+        row, column = self._measure
+        factor = np.sqrt(np.abs(row * column))
         small = np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8
         scale = sparse.diags(factor)
         whole = (scale @ (0.5 * (self.matrix + self.matrix.T)) @ scale).tocsr()
@@ -336,7 +347,8 @@ def _norm(x: Array) -> float:
 
 def _refine(solved: Callable[[Array], Array], rest_of: Callable[[Array], Array], b: Array,
             refinements: int = 2) -> tuple[Array, float]:
-    """Solution for b, refined as long as that helps, and its relative residual. solved: solution by factors; rest_of: residual."""
+    """Solution for b, refined as long as that helps, and its relative residual. solved: solution by factors; rest_of: residual of
+    a solution."""
     size = _norm(b) or 1.0
     x = solved(b)
     rest = rest_of(x)

@@ -151,7 +151,7 @@ class StaticContacts:
                       sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent)
 
     def _joints(self, q: Array, force: Array) -> tuple[Array, Any, Any]:
-        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and the second ones of - force . gap."""
+        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and the second ones of -force . gap."""
         from scipy import sparse
         kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
         m = self._rows.shape[1]
@@ -291,7 +291,8 @@ class SaddleMatrix:
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
         if not (self._known.size and np.array_equal(self._known[place], keys)):
             # what was there before stays for a while: entries that vanish come back
-            self._merge(np.unique(np.concatenate((keys, self._known[:0 if self._known.size > MOST_IDLE * keys.size else None]))))
+            before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
+            self._merge(np.unique(np.concatenate((keys, before))))
             place = np.searchsorted(self._known, keys)
         data = blocks[self._source]
         data *= 2.0

@@ -75,7 +75,8 @@ class SlidingSolver(StaticSolver):
         core = self.core
         self._matrix = SaddleMatrix(core.pattern, len(core.size), core.n_sliders, int(core.forces.sum()))
         self._factors = factors_for(backend)
-        # of the matrices of a load step, by which sliders are free
+        self._refused = 0
+        # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.sliding = ~held
         self.lengths = plain.slider_lengths
@@ -107,7 +108,10 @@ class SlidingSolver(StaticSolver):
         self._load(factors)
         self._loads[:] = self.work.f_ext
         self.longest, self.runaway, self.stuck = 0, -1, -1
-        self._scales.clear()
+        if self._factors is not None and self._factors.refused > self._refused:
+            # they may have changed too much
+            self._scales.clear()
+            self._refused = self._factors.refused
         status, sizes = self._newton(np.zeros(self.sliding.size, bool))
         if status == OK and self.sliding.any():
             status, more = self._release()

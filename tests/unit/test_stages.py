@@ -1,4 +1,5 @@
-"""The stages of the compiler: what each hands on, that the plane is found before anything is packed, that a model stays as it is."""
+"""The stages of the compiler: what each hands on, that the plane is found before anything is packed, that models stay as they
+are."""
 from __future__ import annotations
 
 import dataclasses
