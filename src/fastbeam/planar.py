@@ -168,21 +168,26 @@ def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> Non
         some = np.arange(begin, min(begin + CHUNK, len(elements.nodes)))
         cos, sin = _angles(elements, some, plane)
 
-        def refuse(wrong: Array, why: str, first: Array = elements.nodes[some, 0]) -> None:
-            """wrong: bool [element]"""
+        def refuse(wrong: Array, why: str, of: Any = slice(None), node: Array = elements.nodes[some, 0]) -> None:
+            """wrong: bool [element], of all or of some"""
             if np.any(wrong):
-                raise NotPlanar(why.format(unpacked.nodes.labels[int(first[wrong][0])].split(" node ")[0]))
+                raise NotPlanar(why.format(unpacked.nodes.labels[int(node[of][wrong][0])].split(" node ")[0]))
 
         turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
         refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
         c, s = cos[:, 0], sin[:, 0]
-        within, beyond = _sections(c, s)
-        C = elements.stiffness[elements.section[some]]
+        # those that differ from the one before
+        kinds = np.stack((elements.section[some], c, s))
+        first = np.flatnonzero(np.concatenate(([True], np.any(kinds[:, 1:] != kinds[:, :-1], axis=0))))
+        within, beyond = _sections(c[first], s[first])
+        C = elements.stiffness[elements.section[some[first]]]
         inner, outer, cross = (np.einsum("eia,eij,ejb->eab", x, C, y)
                                for x, y in ((within, within), (beyond, beyond), (beyond, within)))
         scale = np.einsum("eaa,ebb->eab", outer, inner)
-        refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)), "the section of {} couples strains in the plane with others")
-        e0 = elements.reference_strains(some)
+        refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)), "the section of {} couples strains in the plane with others",
+               first)
+        e0 = elements.reference_strains[some]
+        beyond = np.repeat(beyond, np.diff(np.append(first, some.size)), axis=0)
         off = np.abs(np.einsum("eia,epi->epa", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
         refuse(np.any(off, axis=(1, 2)), "{} is curved or twisted out of the plane")
         _, i2, i3 = elements.inertia[elements.section[some]].T
@@ -269,7 +274,7 @@ def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array,
     within, _ = _sections(c, s)
     section = elements.section[lane].reshape(groups, 8)
     inner = np.einsum("glia,glij,gljb->glab", within, elements.stiffness[section], within)
-    e0 = elements.reference_strains(lane)
+    e0 = elements.reference_strains[lane]
     e0 = e0.reshape(groups, 8, *e0.shape[1:]).transpose(0, 2, 1, 3)
     strains = np.einsum("glia,gpli->gpal", within, e0)
     rho, i2, i3 = np.moveaxis(elements.inertia[section], 2, 0)

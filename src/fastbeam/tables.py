@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -69,10 +70,13 @@ class Elements:
         bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
         return float(np.min(bend / (long * length**2)))
 
-    def reference_strains(self, some: Array) -> Array:
-        """The six strains of some elements, int [S], in the reference configuration, but for the constant 1 or 1/2 of the first:
-        [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
-        return _reference_strains(self, some, self.phi, self.directors)
+    @cached_property
+    def reference_strains(self) -> Array:
+        """The six strains in the reference configuration, but for the constant 1 or 1/2 of the first: [E, nq, 6]. The kernels
+        subtract it, so that any initial shape is free of stress (theory.md 2)."""
+        every = np.arange(len(self.nodes))
+        parts = [_reference_strains(self, every[k:k + CHUNK], self.phi, self.directors) for k in range(0, every.size, CHUNK)]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> Elements:
@@ -292,7 +296,7 @@ class ElementPacker:
                 meta[some, CONSTANTS] = pool.share(group_tables(
                     elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
                     elements.inertia[section].transpose(0, 2, 1)))
-                strains = elements.reference_strains(lane).reshape(groups, 8, -1)
+                strains = elements.reference_strains[lane].reshape(groups, 8, -1)
                 meta[some, REFERENCE] = pool.append(strains.transpose(0, 2, 1).reshape(groups, -1))
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
