@@ -151,7 +151,7 @@ class StaticContacts:
                       sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent)
 
     def _joints(self, q: Array, force: Array) -> tuple[Array, Any, Any]:
-        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and the second ones of -force . gap."""
+        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and second ones of -force . gap."""
         from scipy import sparse
         kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
         m = self._rows.shape[1]
@@ -282,7 +282,8 @@ class SaddleMatrix:
         turn = (border.tangent * free[:, None]).reshape(-1)
         push = slide.data * free[slide.row]
         diagonal = m + np.arange(s)
-        rows = np.concatenate((bent.row, slide.col, gradient.col, m + slide.row, diagonal, m + of, m + s + gradient.row, component))
+        rows = np.concatenate((bent.row, slide.col, gradient.col, m + slide.row, diagonal, m + of, m + s + gradient.row,
+                               component))
         columns = np.concatenate((bent.col, m + slide.row, m + s + gradient.row, slide.col, diagonal, component, gradient.col,
                                   m + of))
         values = np.concatenate((bent.data, push, -gradient.data, push, np.where(sliding, border.bend + drag, 1.0), turn,

@@ -62,10 +62,11 @@ def check_border(model: Model) -> None:
     there = physical_memory()
     if needed > there:
         of = f"{model.n_sliders} sliders and {len(model.kept)} joints with multipliers"
-        raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of a "
-                         f"net, {needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB. Let sliders be masses or bodies "
-                         "on beams that nothing else touches and compile with condense=True (docs/limits.md), and close loops of "
-                         "rigid parts by RigidConnection, elastic beams or springs instead of ball joints; or take fewer of them")
+        size = f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB"
+        raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of "
+                         f"a net, {size}. Let sliders be masses or bodies on beams that nothing else touches and compile with "
+                         "condense=True (docs/limits.md), and close loops of rigid parts by RigidConnection, elastic beams or "
+                         "springs instead of ball joints; or take fewer of them")
 
 
 def physical_memory() -> float:
