@@ -271,8 +271,8 @@ def kernel(function: F) -> F:
 
 
 def written_in(function: F) -> F:
-    """Compile like `kernel`, written into every kernel that calls it, whatever its size: for short steps of loops, which pass
-    arrays, seven words each."""
+    """Compile like `kernel`, inlined into every kernel that calls it, whatever its size: for short steps of loops, where passing
+    arrays, seven words each, would cost more than the step."""
     return _compiled(function, forceinline=True)
 
 

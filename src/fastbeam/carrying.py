@@ -216,7 +216,7 @@ class Group:
         return -1 if k < 0 else int(self.sliders[k])
 
     def condense(self, system: System, h: float, ends: Array, space: Workspace) -> bool:
-        """Assemble and eliminate; more room where there is too little. Returns False where a pivot is none."""
+        """Assemble and eliminate; more room where there is too little. Returns False where a pivot counts as zero."""
         state, dim, own = system.state, self.owner.core.dim, self.own
         self.s[:], self.s_end[:] = state.s[self.sliders], system.work.s_end[self.sliders]
         self.force[:] = state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders].reshape(-1)

@@ -151,7 +151,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
     if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
-    if sizes[0] != sizes[1] or sizes[3] != 3 * sizes[2] or sizes[4] not in (0, sizes[3]) or sizes[0] % 12:
+    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, 3 * sizes[2]) or sizes[0] % 12:
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
     if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
         raise refuse("damaged, a step is not > 0")
@@ -285,7 +285,7 @@ class Clock:
 
 
 def _unclear(a: float, b: float, step: float) -> float:
-    """Share of a step below which differences between times mean nothing."""
+    """Share of a step below which differences between times a and b are round-off."""
     return WHOLE + 0.55 * float(np.spacing(max(abs(a), abs(b)))) / step
 
 

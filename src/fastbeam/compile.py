@@ -7,7 +7,7 @@
     order     -> Ordered     which nodes the solver sees, in what order; numbers of blocks (ordering.py)
     pack      -> Model       tables (here; in the plane: planar.py)
 
-Whatever a scene lacks gets no table, no rows, no unknowns and, because its argument is None, no compiled code.
+What a scene lacks has no table, no rows and no unknowns, and no code is compiled for it.
 """
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + len(unpacked.kept))
     model = pack(scene, unpacked, condensed, ordered)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
-    # the scene as it is now: parts may be added to it later
+    # a copy of the scene, because the user may add parts to it before other models of it are compiled
     as_compiled = copy(scene)
     as_compiled.parts = list(scene.parts)
     model = replace(

@@ -173,7 +173,7 @@ class CondensedIteration(Iteration):
         self._terms += [(beams.add_end_rows, owner.work.r, chunk) for chunk in chunks(subs.row_start.size - 1, 512)]
         self._moves: list[Chunk] = []
         if self._ties is not None:
-            # what adds to one block stays together
+            # all contributions to one block belong to one chunk
             target = self._ties.moves[:, 3]
             edges = [0, *(int(np.searchsorted(target, target[a])) for a, _ in chunks(target.size, 256)[1:]), target.size]
             self._moves = [(a, b) for a, b in zip(edges[:-1], edges[1:]) if b > a]

@@ -112,7 +112,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     labels : sequence of str
         Names of the nodes for messages.
     tolerance : float
-        Length below which an offset is none.
+        Length below which an offset counts as zero.
     welds, hinges : int [*, 2]
         Pairs of coincident beam ends joined rigidly, by ball joints. A welded end shares the row of its root where that is free.
 
@@ -232,7 +232,7 @@ def _loops(root_of: Array, ball: Array, offset: Array, held: Array, name: Callab
     Raises
     ------
     SceneError
-        A joint that does nothing.
+        A joint between parts that are joined at the same point already.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components

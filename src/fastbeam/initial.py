@@ -13,7 +13,7 @@ from .scene import PointMass, RigidBody, Scene
 from .tables import Elements
 
 Array = np.ndarray
-# m/s and rad/s: less is none
+# m/s and rad/s: smaller mismatches of velocities count as zero
 NO_VELOCITY = 1e-100
 
 

@@ -27,9 +27,9 @@ Array = np.ndarray
 REPRODUCIBLE = 8
 # unknowns below which PARDISO runs on one thread
 SMALL = 5000
-# unknowns from which on a matrix that is to give the same bits on any number of threads is cut in two
+# unknowns from which on a matrix is cut in two, where results have to be the same bits on any number of threads
 HALVES_FROM = 8000
-# slender beams: round-off of their stiff directions may leave this relative residual, in a solution that is as good as can be
+# relative residual up to which a solution of slender beams may be round-off of their stiff directions; its backward error decides
 ILL_CONDITIONED = 1e-2
 # eigenvalues of a matrix scaled to a diagonal of 1: smaller ones are round-off
 ZERO_EIGENVALUE = 1e-13

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 Array = np.ndarray
-# share of its own inertia, or of that around it, that holds every unknown to its value in one solution; the next takes it back
+# share of its inertia with which every unknown is held to its value in one solution (proximal point iteration)
 HOLD = 1e-8
-# the same of multipliers, so small that constraints which almost say the same count
+# such a share for multipliers, so small that constraints which are almost dependent still count as two
 GIVE = 1e-14
 SOLUTIONS = 30
 

@@ -32,7 +32,7 @@ from .workspace import check_border, contact_of, entries_of, inner_of, work_of
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
 AUGMENTATION = 1e7
-# a force of which the parts give less than this share of h^2/(mass of the scene) moves nothing
+# a force moves nothing where the compliance of the parts that it joins is below this share of h^2/(mass of the scene)
 LEAST_COMPLIANCE = 1e-14
 # work arrays in the order of the nodes and sliders, whatever the order of the rows
 BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", "keep_s", "keep_force",
@@ -142,7 +142,7 @@ class Stepper:
                                    symmetric=symmetric)
         self.alpha = empty_rates(method, model.n_nodes)
         self._static = static
-        self.along = None if core.slider_forces is None or static else core.slider_forces.work()
+        self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self._check_forces(compared)
         self.terms = terms_of(core, self.inner, static, self.along)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)

@@ -102,7 +102,7 @@ class Observer:
             if model.slider_forces is not None:
                 out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s)))
             out["total"] = out["kinetic"] + out["potential"]
-            # a total that starts at zero has no scale of its own
+            # the drift of a total that starts at zero is measured by the largest of its parts
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
         if self.inner:
             out |= self._inner(state)

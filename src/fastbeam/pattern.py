@@ -132,7 +132,7 @@ def _symbolic(n: int, a: Array, b: Array, limit: int) -> _Fill | None:
     cost = int(np.sum(count + count * count))
     if cost > limit:
         return None
-    # the first neighbour inherits the others; where it has them all, everywhere, there is no fill
+    # eliminating a row couples its first later neighbour with all others; where they are coupled already there is no fill
     follows = np.ones(j.size, bool)
     follows[start[:-1][count > 0]] = False
     inherited = j[start[i[follows]]] * n + j[follows]

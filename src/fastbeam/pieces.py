@@ -9,7 +9,7 @@ from .scene import Scene
 Array = np.ndarray
 # nodes closer than this share of the size of the scene lie at the same place
 TOUCHING = 1e-9
-# no plane of a regular grid is normal to it
+# a direction along which nodes of a regular grid have different coordinates
 DIRECTION = np.array([0.5377431, 0.7218043, 0.4356827])
 
 

@@ -284,7 +284,8 @@ def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array,
 
 
 def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | None:
-    """Factors take a quarter of the room; where right-hand sides stand among them their places in the new tables change."""
+    """Work arrays of eliminated nodes with 3 unknowns: blocks take a quarter of the doubles, and where right-hand sides stand
+    among them offsets change in other proportions."""
     if inner is None:
         return None
     if isinstance(inner.rhs, NoColumns):
@@ -310,7 +311,8 @@ def _link(table: Any, ties: PlanarTies | None) -> Any:
 
 
 def _held(held: Held | None) -> Held | None:
-    """Positions are held whole. Of a triad only what is held whole counts: single spins are those of beams about their axes."""
+    """What is held in the plane: a position where all three of its components are held, a turn where all three spins are. A
+    single held spin is that of a beam about its own axis in statics, which does not exist in the plane."""
     if held is None:
         return None
 

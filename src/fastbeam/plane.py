@@ -10,7 +10,7 @@ import numpy as np
 from .kernels.work import State
 
 Array = np.ndarray
-# what may point out of the plane, relative to everything of its kind
+# components out of the plane that count as round-off, relative to the largest quantity of the same kind
 TOLERANCE = 1e-12
 AXES = "xyz"
 

@@ -322,7 +322,7 @@ class Saddle:
         `SuperLU.signs` where the matrix is not symmetric. None where they are not found.
 
         A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of
-        B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is none where the first has none."""
+        B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
         from scipy import sparse
         skew = (self.matrix - self.matrix.T).tocoo()
         # the same factor for a row and its column

@@ -48,8 +48,8 @@ class SliderForces:
         n = len(sliders)
         self._laws: dict[int, Any] = {}
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
-                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n), np.zeros(n),
-                            np.zeros(n, np.int64))
+                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(4), np.zeros(n, np.int64), np.zeros(n),
+                            np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
 
@@ -107,10 +107,11 @@ class SliderForces:
         """Numbers of `State.history`."""
         return HISTORY * len(self.sliders)
 
-    def work(self) -> Along:
-        """The tables with arrays of one run."""
+    def work(self, mass: float) -> Along:
+        """The tables with arrays of one run; mass: of the scene, kg."""
+        self.tables.clock[3] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("given", "clock", "sign", "rest", "needed", "against")})
+                                       ("given", "clock", "sign", "rest", "flips", "needed", "against")})
 
     # --- what drives are given ----------------------------------------------------------------------------------------
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:

@@ -19,14 +19,14 @@ from .nearest import nearest
 Array = np.ndarray
 # what round-off of a long run may leave between tied nodes, relative to the size of the scene and to 1 for triads
 TIED = 1e-7
-# a gap is met anew in every step; an open one would be closed by a blow in the first
+# gap of a slider at the start, relative to the size of the scene: a larger one would be closed by an impulse in the first step
 GAP = 1e-12
-# velocities at the end of a step meet constraints of positions to second order only: what a slider may leave its curve with,
-# relative to what moves, without a word and at all
+# velocity of a slider across its curve, relative to the largest velocity, beyond which an event says so, and beyond which the
+# state is refused; it is not zero, because velocities at the end of a step satisfy constraints on positions to second order only
 SIDEWAYS, UNTRUE = 0.01, 0.5
 # misfits up to this share of the size of the scene, or of the fastest motion, are mended where that is asked for
 MENDABLE = 1e-2
-# how many times as heavy beams are when places are mended
+# factor on the mass of beams when places are mended, so that what slides moves rather than its beam
 STIFF = 100.0
 
 
@@ -49,7 +49,7 @@ def own_state(model: Model, state: State) -> State:
     Raises
     ------
     SceneError
-        It is none, or one of another model.
+        It is not a State, or one of another model.
     """
     if not isinstance(state, State):
         raise SceneError(f"start: must be a State (result.state, model.state()), got {shown(state)}")

@@ -24,7 +24,7 @@ LARGEST_MOVE = 1.0
 REACH, TO_END = 0.1, 0.75
 # nearer to an end, as a share of the beam, it runs off; increments below this share of the scene are those of Newton's method
 AT_END, CLOSE = 1e-6, 1e-9
-# increments up to this share of the beam may be ones that Newton's method squares
+# increments up to this share of the beam are accepted as those of Newton's method, whose size it squares
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
 # iterations after which those that are tried and do not become smaller are given up
@@ -32,7 +32,8 @@ LEAST_PATIENCE = 6
 LEAST_TRUST = 1e-4
 # added to the diagonal of the scaled matrix, one after the other, until no increment is too long
 STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
-# forces along motions that nothing resists, next to all loads, that are no round-off; and how far nodes go along in one iteration
+# share of all loads from which on a force along a motion without stiffness is not round-off; how far nodes follow such a motion
+# in one iteration, in sizes of the scene
 UNBALANCED, DRIFT = 1e-9, 0.2
 EPSILON = 1e-13
 

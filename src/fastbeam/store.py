@@ -94,7 +94,7 @@ class ResultWriter:
         The file exists, or another run writes it, or its folder does not exist, or it cannot be created; later, it cannot be
         written, or it was removed or replaced.
     SceneError
-        The path is none.
+        The path is not a path.
     """
 
     def __init__(self, path: str | PathLike[str], header: ResultHeader, *, overwrite: bool = False) -> None:

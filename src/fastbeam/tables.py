@@ -166,9 +166,9 @@ class TablePool:
         return at
 
     def share(self, rows: Array) -> Array:
-        """The same for rows of which many are equal; those of one call are compared."""
+        """Add rows of which many are equal, each of them once; rows of one call are compared."""
         words = np.ascontiguousarray(rows).view(np.uint64)
-        # a quick hash; what has the same and differs is only not shared
+        # rows are compared by a quick hash; different rows with the same hash are found and not shared
         key = words @ (0x9E3779B97F4A7C15 * np.arange(1, 2 * words.shape[1], 2, dtype=np.uint64))
         _, first, which = np.unique(key, return_index=True, return_inverse=True)
         first = first[which.reshape(-1)]

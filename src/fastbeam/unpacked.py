@@ -85,7 +85,7 @@ def unpack(scene: Scene, numbered: Numbered) -> Unpacked:
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]]
     loads = _loads(scene, nodes, elements, joints.row_root)
     state, projected = initial_state(scene, nodes, joints, elements, kept)
-    # the same numbers need no second place
+    # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, projected)

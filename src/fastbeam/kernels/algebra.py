@@ -16,7 +16,8 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global, signatur
 from numba.extending import intrinsic, models, register_model
 
 LANES = 8
-# doubles that a register of this processor holds: half of 8 where it has 16 of them, in which 8 lanes of a matrix have no room
+# lanes that are worked on at a time: a processor without AVX-512 has 16 registers of 4 doubles, which do not hold 8 lanes of a
+# matrix
 WIDTH = LANES if binding.get_host_cpu_features().get("avx512f") else LANES // 2
 _DOUBLE = ir.DoubleType()
 _VECTOR = ir.VectorType(_DOUBLE, LANES)
@@ -26,7 +27,7 @@ _FLAGS = ("contract",)
 
 
 class VecType(types.Type):
-    """8 doubles, or some of them."""
+    """A vector of 8 doubles, or of WIDTH."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes
@@ -364,7 +365,7 @@ vadd3 = _make_store(vec, 3, True)
 vst_matrix, vadd_matrix = _make_store_matrix(vec, False), _make_store_matrix(vec, True)
 vzero, vzero3, vzerom = _make_zero(vec, 1), _make_zero(vec, 3), _make_zero(vec, 9)
 vld2, vst2, vadd2, vzero2 = _make_load(vec, 2), _make_store(vec, 2, False), _make_store(vec, 2, True), _make_zero(vec, 2)
-# WIDTH of the 8 lanes, for loops over the parts of a group
+# WIDTH of the 8 lanes of a group
 pld, pld2, pld3, pldm = _make_load(part, 1), _make_load(part, 2), _make_load(part, 3), _make_load(part, 9)
 pst, pst2, pst3, pstm = (_make_store(part, n, False) for n in (1, 2, 3, 9))
 padd2, padd3 = _make_store(part, 2, True), _make_store(part, 3, True)

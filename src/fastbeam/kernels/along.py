@@ -28,6 +28,10 @@ NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
 # impacts, J
 HISTORY = 5
+# a part of the contact force across the beam that is round-off of the force
+ALONG_ONLY = 1e-12
+# after so many changes of a sign in one step Newton's method goes in circles: friction is continuous in the velocity from then on
+MOST_FLIPS = 6
 SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS = range(HISTORY)
 
 
@@ -43,9 +47,11 @@ class Along(NamedTuple):
     law: np.ndarray         # int64 [S]: address of a compiled function of (t, s, ds/dt) that returns a force, N
     given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
-    clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; 1 in the first iteration
+    clock: np.ndarray       # float64 [4]: size of the step, s; time of its middle, s; 2 in the first iteration, 1 after it, then 0;
+    #                         mass of the scene, kg
     sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
     rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
+    flips: np.ndarray       # int64 [S]: how often an iteration of this step has changed the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
 
@@ -154,18 +160,20 @@ def rub(factor, force, tangent, rest, slope):
     """The law with friction -factor |F_across| |T|, one that keeps `factor` constant."""
     across = across_of(force, tangent)
     normal = np.sqrt(dot(across, across))
-    if not normal > 0.0:
+    if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
         return SlidingLaw(force, tangent, rest, slope)
     long = np.sqrt(dot(tangent, tangent))
     part = dot(force, tangent) / (long * long)
     by_tangent = (factor * normal / long) * tangent - (factor * part * long / normal) * across
-    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, rest, slope)
+    # by_tangent . T is the friction, but for digits that a small F_across has lost
+    lost = factor * normal * long - dot(by_tangent, tangent)
+    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, rest + lost, slope)
 
 
 @kernel
-def hold(along, contact, k, way, force):
-    """The law of a slider whose increment of s is given: so much of it is missing."""
-    unit = 1.0 / contact.compliance[k] if contact.compliance[k] > 0.0 else 1.0
+def hold(along, way, force):
+    """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
+    unit = along.clock[3] / (along.clock[0] * along.clock[0])
     return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit)
 
 
@@ -174,7 +182,7 @@ def sign_of_velocity(along, k, needed, most, ds):
     """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
     friction can, and the increment of s of this iteration."""
     sign = along.sign[k]
-    if along.clock[2] != 0.0:
+    if along.clock[2] == 2.0:
         return sign
     if sign == 0:
         # a rigid stop pushes only
@@ -196,7 +204,7 @@ def slide_with_forces(along, term, system, k, force, tangent):
     s0, s1 = system.state.s[k], system.work.s_end[k]
     contact = system.contact
     if is_prescribed(along, k):
-        return hold(along, contact, k, s1 - prescribed_end(along, k, s0), force)
+        return hold(along, s1 - prescribed_end(along, k, s0), force)
     other = other_forces(along, k, s0, s1)
     mu = along.friction[k]
     if mu == 0.0 and along.against[k] == 0:
@@ -208,10 +216,20 @@ def slide_with_forces(along, term, system, k, force, tangent):
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
         return rub(factor * mu, force, tangent, -other.value, most * slope - other.slope)
     along.needed[k] = dot(force, tangent) - other.value
+    if along.flips[k] >= MOST_FLIPS and along.against[k] == 0:
+        # full where the parts move by what it can push them in the step
+        width = most * contact.compliance[k]
+        part = (s1 - s0) / width if width > 0.0 else 0.0
+        along.rest[k] = 0.0
+        along.sign[k] = 1 if part > 0.0 else -1
+        inside = abs(part) < 1.0
+        return rub((part if inside else along.sign[k]) * mu, force, tangent, -other.value,
+                   (most / width if inside and width > 0.0 else 0.0) - other.slope)
     sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
+    along.flips[k] += sign != along.sign[k]
     along.sign[k] = sign
     if sign == 0:
-        return hold(along, contact, k, s1 - s0 - along.rest[k], force)
+        return hold(along, s1 - s0 - along.rest[k], force)
     return rub(sign * mu, force, tangent, -other.value, -other.slope)
 
 
@@ -221,7 +239,7 @@ def begin_forces(along, term, system, h):
     """Velocities along the beams tell which sliders may come to rest."""
     state = system.state
     along.clock[0] = h
-    along.clock[2] = 1.0
+    along.clock[2] = 2.0
     for k in range(state.s.shape[0]):
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
@@ -230,6 +248,7 @@ def begin_forces(along, term, system, h):
         if along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
             sign = int(state.history[HISTORY * k + SIGN])
             along.sign[k] = sign
+            along.flips[k] = 0
             along.rest[k] = 0.0
             if sign != 0:
                 along.rest[k] = 0.5 * h * sliding_rate(term, system, k)
@@ -250,15 +269,16 @@ def sliding_rate(term, system, k):
 
 @end_iteration_along.register(Along)
 @kernel
-def end_first_iteration(along):
-    along.clock[2] = 0.0
+def count_iterations(along):
+    along.clock[2] = max(along.clock[2] - 1.0, 0.0)
 
 
 @is_settled_along.register(Along)
 @kernel
 def friction_takes_energy(along, term, system):
-    """False where Coulomb friction put energy in; there the sign of the increment of s is to decide."""
-    settled = True
+    """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s is
+    to decide."""
+    settled = along.clock[2] == 0.0
     for k in range(along.sign.shape[0]):
         if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
             ds = system.work.s_end[k] - system.state.s[k]

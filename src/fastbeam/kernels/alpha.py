@@ -3,6 +3,9 @@
 Equilibrium holds at the end of the step, so the element kernel runs with both configurations equal and returns half the
 tangent of these equations; residual and border columns are halved with it. A node turns by a rotation vector psi,
 d_n+1 = exp(psi) d_n; its Cayley vector 2 tan(|psi|/2) psi/|psi| lets the conserving step and this one share all updates.
+
+Arrays: q, q_end, q_mid_out, q_end_out, u_out, v_out [12 N]; dphi, theta [3 N]; blocks_out [48 (blocks + 1)], blocks of 6 rows of
+8; scratch [*].
 """
 from __future__ import annotations
 
@@ -195,7 +198,7 @@ def advance_alpha(size, alpha, state, work, h, first, last, scratch):
 @weigh_residual.register(Alpha)
 @kernel
 def halve_residual(alpha, system):
-    """Half the equations, like the tangent; inner nodes store the solution of the whole ones."""
+    """Half the residual, because the element loop returns half the tangent; solutions stored of inner nodes are whole ones."""
     halve(system.work.r)
 
 

@@ -1,15 +1,18 @@
 """Element loops of geometrically exact beams: residual and tangent of the conserving step, eight elements at a time.
 
-What follows the transposition into lanes goes through a group in parts of `algebra.WIDTH` lanes, as many as a register holds, so
-loads, stores and zeros in this file are those of a part.
+Once the numbers of a group of 8 elements stand in lanes, `algebra.WIDTH` lanes are evaluated at a time, as many as a register of
+the processor holds: loads, stores and zeros in this file are those of WIDTH lanes.
 
 Unknowns per node are the position increment and the spin increment at the end of the step: a director at t_n+1 varies
 by  delta d_i = delta_phi x d_i,n+1  and the equations are projected with the directors of the midpoint, theory.md (4.2).
 With both ends equal the same kernel is statics; its tangent is then half the static one.
 
-The loop over groups, inertia and projection are those of nodes in space and in a plane; points and pairs of nodes in a plane are
-in planar_beam.py. layout.py says where the tables of a group and its scratch have what. Groups that are equal share their tables;
-reference strains, 6 or 3 per point, stand apart.
+The loop over groups, inertia and projection serve nodes in space and in a plane; points and pairs of nodes in a plane are in
+planar_beam.py. Offsets in the tables of a group and in its scratch are those of layout.py. Groups with equal constants share one
+table; reference strains, 6 or 3 per point, have a table of their own.
+
+Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], numbers of a
+group in lanes: layout.py has their places; r_out [8 (rows + 1)]; blocks_out [8 n (blocks + 1)], n unknowns a node.
 """
 from __future__ import annotations
 
@@ -74,7 +77,8 @@ def add_no_inertia(method, constants, scratch, at, size):
 @add_inertia.register(object)
 @written_in
 def add_inertia_forces(method, constants, scratch, at, size):
-    """u = 2/h^2 (q_n+1 - q_n - h v_n); of the directors the last have inertia."""
+    """M u with u = 2/h^2 (q_n+1 - q_n - h v_n). In space d2 and d3 have inertia and d1 has none (1.2), in a plane the
+    director."""
     d = 8 * dim(size)
     node = 8 * coordinates(size)
     first = node - (at.masses - at.inertia) // 8 * d
@@ -100,7 +104,8 @@ def add_no_spin_rates(method, constants, scratch, at, rate):
 @add_spin_rates.register(AtEnd)
 @kernel
 def add_rates_of_spins(method, constants, scratch, at, rate):
-    """`rate` on the positions, on the directors the derivatives of d'' by the spins, six vectors a node (theory.md 7)."""
+    """Tangent of the inertia forces (7.3): positions with the factor `rate`, directors with the derivatives of d'' by the spins,
+    six vectors a node."""
     for a in range(at.nn):
         for b in range(at.nn):
             ko = at.blocks + 288 * (at.nn * a + b)
@@ -162,7 +167,7 @@ def evaluate_point_in_space(size, method, strains, constants, reference, g, scra
     to = at.point + at.point_size * g
     po = at.points + at.point_room * g
     ao = po + SHAPES_AT
-    zo = at.blocks     # free until the pairs of nodes
+    zo = at.blocks     # the place of the tangent is free until the pairs of nodes are evaluated
     interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
     interpolate(constants, to, at.nn, at.node, scratch, 96, zo + END)
     mean_strains(method, strains, reference, 48 * g, scratch, zo, ao)
@@ -179,8 +184,8 @@ def evaluate_point_in_space(size, method, strains, constants, reference, g, scra
     point_stiffness.call(strains, constants, to, case.coupled, scratch, at, columns.call(method), po)
 
 
-# --- pairs of nodes in space: a pass over the points for each quarter of a block; more than 12 accumulators of 8 lanes and their
-# factors do not stay in registers
+# --- pairs of nodes in space: one pass over the points for each quarter of a 6 x 6 block, because more than 12 accumulators of 8
+# lanes and their factors do not stay in registers
 @written_in
 def rotation_position(constants, scratch, at, a, b, ko):
     """Rotation of a against position of b, with the sums of stress times basis products."""
@@ -254,7 +259,7 @@ def pair_stiffness(size, strains, constants, scratch, at, rate):
             rotation_position(constants, scratch, at, a, b, ko)
             rotation_rotation(strains, constants, scratch, at, a, b, rate, ko)
             position_rotation(constants, scratch, at, a, b, ko)
-    # where the sums stood
+    # last, because these quarters of the blocks lie where the sums over the points stood
     for a in range(at.nn):
         for b in range(at.nn):
             position_position(constants, scratch, at, a, b, rate, at.blocks + 288 * (at.nn * a + b))
@@ -263,8 +268,8 @@ def pair_stiffness(size, strains, constants, scratch, at, rate):
 # --- groups of elements -------------------------------------------------------------------------------------------------
 @kernel
 def evaluate(method, strains, constants, reference, scratch, at, case, rate, size):
-    """Residual and tangent of a part of a group, whose coordinates stand in scratch; rate: d(second rates)/d(increments), times a
-    half."""
+    """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; rate: factor of the
+    mass matrix in the tangent, as in motions.py."""
     for i in range(at.forces, at.rows, 8):
         vst(scratch, i, 0, 0.0)
     add_inertia.call(method, constants, scratch, at, size)

@@ -1,17 +1,22 @@
-"""The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian."""
+"""The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian.
+
+Arrays: r, x_out [8 (rows + 1)]; panel, panel_out [rows, n, width] flat, n unknowns a node; force [*], forces of all constraints;
+of the border of m = 7 S unknowns, 5 in a plane, rows [m + 1, width] flat, schur, a [m, m], y, y_out [m].
+"""
 from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import put_first, total, vld, vst, vzero
 from .kinds import dim
 
-# pivots of the scaled border: below is round-off; without the augmented Lagrangian dependent sliders leave more (docs/stress.md)
+# a pivot of the scaled Schur complement below this is round-off, that of dependent sliders; without the augmented Lagrangian
+# their pivots are larger (docs/stress.md)
 LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
 
 
 @kernel
 def fill_residual(r, panel_out, size):
-    """The residual, of a scene without sliders."""
+    """The residual as the only right-hand side, in a scene without sliders."""
     n = len(size)
     for i in range(panel_out.shape[0] // n):
         for c in range(n):
@@ -73,14 +78,14 @@ def augment(contact, force, schur, y, size):
 @kernel
 def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural increments in rows of x_out and
-    the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: room for one row of the panel
-    more than the border has."""
+    the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: work, one row of the panel
+    more than the border has unknowns."""
     nu = len(size)
     border = 2 * dim(size) + 1
     n = border * contact.entries.shape[0]
     for i in range((n + 1) * width):
         rows[i] = 0.0
-    # a row of the complement like one of the panel: minus the right-hand side, then the entries
+    # a row of the complement is stored like one of the panel: minus the right-hand side, then the entries
     for k in range(contact.entries.shape[0]):
         first = border * k * width
         for i in range(border):

@@ -4,6 +4,9 @@ Groups of carriers are systems of their own, with the rows of constraint_rows.py
 ends, each slider behind the last of these that it touches, all ends last. Elimination stops before the ends. What it leaves of
 them is added to the matrix and the residual of the scene as that of condensed beams is, `Substructures.ends`. Blocks, entries of
 sliders and right-hand sides are work of a thread; of a group only what the substitution needs is kept.
+
+Arrays: x_now, x_out [8 (rows + 1)] by rows of the scene; store [*] as `Factors.store`; ends_out [B, 32 n + 16] flat as
+`Substructures.ends`.
 """
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ class Apart(NamedTuple):
 
     row: np.ndarray     # int64 [n]: row of the residual; ends last, start and end of every carrier in turn
     beam: np.ndarray    # int64 [K]: place of every carrier in `Substructures.ends`
-    kept: np.ndarray    # float64: blocks behind the diagonal of all eliminated rows, in turn
+    kept: np.ndarray    # float64 [*]: blocks behind the diagonal of all eliminated rows, in turn
     place: np.ndarray   # int32 [*]: where each of them begins
     end: np.ndarray     # int64 [1]: where they end
 
@@ -78,7 +81,7 @@ def find_order(contact, rows, apart, size):
 
 @kernel
 def keep_rows(apart, order, store):
-    """Blocks behind the diagonals of eliminated rows."""
+    """Keep the upper blocks of eliminated rows, which the substitution needs."""
     for i in range(order.order.shape[0]):
         for e in range(order.start[i], order.start[i + 1]):
             for c in range(0, 8 * order.unknowns[i], 8):
@@ -87,7 +90,7 @@ def keep_rows(apart, order, store):
 
 @kernel
 def put_block(store, at, ends_out, to, size):
-    """A block without what pads its rows."""
+    """Copy a block, with zeros in the columns that pad its rows."""
     n = len(size)
     for i in range(0, 8 * n, 8):
         for c in range(8):

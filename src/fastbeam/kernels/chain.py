@@ -5,6 +5,8 @@ the length of the tuple `size`. The order and the fill come from the compiler of
 is no fill beyond the elements.
 Right-hand sides are one of three types: `RightSides`, side by side in a panel; `OneSide`, which goes along in the columns that
 pad the blocks; `NoSide`.
+
+Arrays: blocks [8 n (blocks + 1)]; pivots [n rows], of each row those of its diagonal block; panel [rows, n, width] flat.
 """
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
 from .rows import flush_column, flush_rows
 
-# row k: 1 in the columns right of k, 0 in the two that pad a row
+# row k of this mask: 1 in the columns right of k, 0 in the others and in the two that pad a row
 RIGHT_OF = (np.triu(np.ones((8, 8)), 1) * (np.arange(8) < 6)).reshape(-1)
 # pivots without exchange are good between these shares of their diagonal entries
 LOW, HIGH = 1e-6, 1e3
@@ -35,12 +37,12 @@ class Elimination(NamedTuple):
     upper: np.ndarray         # int64 [m]: block (i, j)
     lower: np.ndarray         # int64 [m]: block (j, i)
     target_start: np.ndarray  # int64 [n]: where the targets of row i begin
-    target: np.ndarray        # int64: blocks (j, k) for all j, k of row i, row by row
+    target: np.ndarray        # int64 [*]: blocks (j, k) for all j, k of row i, row by row
 
 
 @one_variant
 def exchange_rows(pivots, p, x, o, stride, size):
-    """The row exchanges of a factored diagonal block, on n rows of 8 at o, `stride` apart."""
+    """The row exchanges of a factored diagonal block on n rows of 8 in x [*], from o on and `stride` doubles apart."""
     for k in range(len(size)):
         m = pivots[p + k]
         if m != k:
@@ -57,7 +59,7 @@ def exchange_and_factor(blocks, d, pivots, p, size):
     n = len(size)
     smallest = np.inf
     for i in range(n):
-        # the last pad of a row carries its size through the exchanges
+        # the last padding column holds the largest entry of a row, so that it is exchanged with the row
         for j in range(n, 8):
             blocks[d + 8 * i + j] = 0.0
         blocks[d + 8 * i + 7] = largest_of_row(blocks, d + 8 * i)
@@ -109,7 +111,8 @@ def subtract_product(blocks, k, panel, row, target, width, size):
 
 @kernel
 def take_beside(blocks, d, panel, o, pivots, p, size):
-    """Add to a single right-hand side what stands beside the diagonal block, and exchange its rows as those of the block."""
+    """Add to a single right-hand side its part in the column that pads the diagonal block, where products with earlier rows have
+    been subtracted, and exchange its rows as those of the block."""
     n = len(size)
     for c in range(n):
         panel[o + c] += blocks[d + 8 * c + n]
@@ -223,7 +226,7 @@ def subtract_nothing(sides, plan, blocks, j, r, size):
 @subtract_row.register(OneSide)
 @written_in
 def subtract_one(sides, plan, blocks, j, r, size):
-    """That of the first upper block came with its product."""
+    """The first upper block holds the right-hand side in its padding, so the product of blocks has subtracted that already."""
     n = len(size)
     first = plan.start[r]
     if j > first:
@@ -330,7 +333,7 @@ def solve(plan, blocks, pivots, panel, width, size):
 
 @kernel
 def multiply(rows, columns, blocks, x, y_out):
-    """y += A x for a list of 6 x 6 blocks: rows, columns int64 [n_blocks]; x, y [n, 8]."""
+    """y += A x for a list of K blocks of 6 x 6: rows, columns [K] and blocks [48 K]; x, y_out [8 n]."""
     for k in range(rows.shape[0]):
         yo = 8 * rows[k]
         xo = 8 * columns[k]

@@ -17,7 +17,7 @@ def add_plain_slider(term, system, k, share):
     then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
     curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
     d = dim(size)
-    near = 0.5 / share    # derivative of the instant's s and q by those of the end
+    near = 0.5 / share    # derivative of s and q at that instant by those at the end of the step
     c = term.sliders.curve[k]
     base = curves.meta[c, 0]
     e0 = find_element(curves, c, state.s[k], contact.element[k])

@@ -4,6 +4,9 @@ Of a constraint with columns C and lines L on the inner nodes of an element, whi
 (kernels/inner.py), there remains at the others j and between constraints k, l
 
     C_i <- K_ii^-1 C_i,   C_j -= K_ji C_i,   L_j -= L_i U_ij,   D_kl -= L_ki C_il,   r_k -= L_ki y_i
+
+Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the constraints of one element, rows of 8; r, rhs, x_out
+[8 (rows + 1)]; y [7 S], unknowns of all constraints; q_mid, q_end [12 N], in a plane [4 N]; scratch [*].
 """
 from __future__ import annotations
 
@@ -22,14 +25,14 @@ from .ties import Ties, tie_arm
 
 @kernel
 def add_column(store, to, column, at, n):
-    """A column of an entry, n rows of 8, to a block."""
+    """A column of an entry, n rows of 8 in column [*] from `at` on, to a block."""
     for c in range(0, 8 * n, 8):
         vst(store, to + c, 0, vld(store, to + c, 0) + vld(column, at + c, 0))
 
 
 @kernel
 def add_line(store, to, line, at, n, m):
-    """A line of an entry, transposed, to a block of m rows."""
+    """A line of an entry, n rows of 8 in line [*] from `at` on, transposed to a block of m rows."""
     for a in range(m):
         for c in range(n):
             store[to + 8 * a + c] += line[at + 8 * c + a]
@@ -89,7 +92,8 @@ def gather_job(contact, inner, touched, j, buffer, at, size):
 
 @written_in
 def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, size):
-    """What inner node i of the element leaves between its constraints; its columns are solved, its y stands at y."""
+    """D_kl -= L_ki C_il and r_k -= L_ki y_i for inner node i of the element, whose columns are solved; y: where y_i stands in
+    rhs."""
     n = len(size)
     store = factors.store
     room = 16 * n * nodes
@@ -155,8 +159,8 @@ def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size)
 
 @generic
 def pass_on(ties, e, q_mid, q_end, buffer, column, line, m, store, to_column, to_line):
-    """What a node carries, m columns and lines in buffer, goes along entry e of its ties into blocks of the target: forces to its
-    position, or with the moment of an arm."""
+    """Add the m columns and lines of a tied node, in buffer, to blocks of the target of entry e of its ties: the transposed map
+    of the tie, a force on the position or with the moment of an arm."""
 
 
 @pass_on.register(Ties)
@@ -278,8 +282,8 @@ def start_inner(inner, x_out, size):
 
 @kernel
 def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
-    """Take from the rows of inner nodes what the solved unknowns of constraints move them, K_ii^-1 C_i y and what earlier nodes
-    pass on."""
+    """Subtract from the rows of inner nodes what the solved unknowns y of constraints contribute: K_ii^-1 C_i y, and what is
+    passed on from inner nodes before them."""
     n = len(size)
     block = 8 * n * n
     for f in range(touched.counts[0]):
@@ -317,7 +321,8 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
 
 @kernel
 def recover_inner_rows(tables, inner, x_out, scratch, size):
-    """Increments of all inner nodes of elements with one strain set from those of the end nodes and what stands in their rows."""
+    """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what `start_inner` and
+    `add_inner` left in their rows."""
     n = len(size)
     block = 8 * n * n
     for k in range(tables.meta.shape[0]):

@@ -43,7 +43,7 @@ def own_columns(couplings, touched, order, i, at):
 
 @kernel
 def sort_columns(column, first, last):
-    """Ascending, in place."""
+    """Sort column [*] from `first` to before `last`, ascending, in place."""
     for x in range(first + 1, last):
         v = column[x]
         y = x - 1

@@ -6,6 +6,8 @@ element.
 
 Rows are those of the n nodes, then those of the constraints; a position is the place of a row in the elimination. Blocks are rows
 of 8 doubles in one array, `store`: those that are assembled, then those of constraints and fill.
+
+Arrays: seen, came, queue [N + 1], rows of `Order.work`.
 """
 from __future__ import annotations
 
@@ -25,14 +27,14 @@ class Couplings(NamedTuple):
     """Constant: what couples n rows of nodes without constraints, and S constraints."""
 
     start: np.ndarray       # int32 [n + 1]: range of a row in the next three
-    near: np.ndarray        # int32: rows that it is coupled with
-    block: np.ndarray       # int32: where block (row, near) begins in store
-    back: np.ndarray        # int32: where block (near, row) begins
+    near: np.ndarray        # int32 [*]: rows that it is coupled with
+    block: np.ndarray       # int32 [*]: where block (row, near) begins in store
+    back: np.ndarray        # int32 [*]: where block (near, row) begins
     diagonal: np.ndarray    # int32 [n]
     held: np.ndarray        # int32 [n]: bit c set, unknown c of the row is held
     tied: np.ndarray        # int32 [n]: the tied node that has the row, or -1
     late_start: np.ndarray  # int64 [S + 1]
-    late: np.ndarray        # int64: rows that a constraint need not wait for
+    late: np.ndarray        # int64 [*]: rows that may be eliminated after a constraint: its point, of carriers the ends
     unknowns: np.ndarray    # int64 [S]: forces, then others, at most 7
     forces: np.ndarray      # int64 [S]: number of forces; as many equations come first, gaps
     in_force: np.ndarray    # int64 [S]: number of the next equations, in the unit of a force
@@ -79,7 +81,7 @@ class Order(NamedTuple):
     upper: np.ndarray       # int32 [M]: where block (position, column) begins
     lower: np.ndarray       # int32 [M]: where block (column, position) begins
     target_start: np.ndarray  # int32 [N + 1]
-    target: np.ndarray      # int32: where the products of a row belong, all pairs of its columns row by row
+    target: np.ndarray      # int32 [*]: where the products of a row belong, all pairs of its columns row by row
     work: np.ndarray        # int32 [6, N + 1]
     counts: np.ndarray      # int32 [2]: entries; where the blocks in use end in store
 
@@ -100,8 +102,8 @@ def is_changed(contact, touched):
 
 @written_in
 def find_waiting(contact, couplings, touched, size):
-    """Mark constraints whose forces hardly move what they wait for, at a clamp: those wait for all that they touch. Returns
-    whether anything changed."""
+    """Mark constraints whose force hardly moves the nodes that are eliminated before them, as at a clamp: they have to be
+    eliminated behind all that they touch. Returns whether anything changed."""
     n = len(size)
     changed = False
     for k in range(contact.entries.shape[0]):
@@ -128,7 +130,7 @@ def find_waiting(contact, couplings, touched, size):
 
 @kernel
 def touch(touched, k, row, at):
-    """Let constraint k touch a row. Returns where the next new row goes, also beyond the room."""
+    """Let constraint k touch a row. Returns where the next new row goes; the count goes on where the arrays are full."""
     if touched.mark[row] != k:
         touched.mark[row] = k
         touched.place[row] = at
@@ -290,7 +292,7 @@ def list_users(touched, at, n):
 
 @written_in
 def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
-    """Append the neighbours of row g that were not seen in this turn. Returns the end of the queue."""
+    """Breadth-first search: append the neighbours of row g that were not seen in this turn. Returns the end of the queue."""
     if g >= n:
         for t in range(touched.start[g - n], touched.start[g - n + 1]):
             j = touched.row[t]
@@ -319,8 +321,8 @@ def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
 
 @kernel
 def sweep(couplings, touched, order):
-    """Rank of the nodes: backwards of a search in width through nodes and constraints, which begins in the middle between two
-    ends. No fill in trees; of a chain both ends take turns."""
+    """Rank of the nodes: the reverse of a breadth-first search through nodes and constraints that begins in the middle between
+    two ends. A tree gets no fill; a chain is eliminated from both ends in turn."""
     n = couplings.diagonal.shape[0]
     seen = order.work[0]
     came = order.work[1]
@@ -353,7 +355,7 @@ def sweep(couplings, touched, order):
 
 @kernel
 def next_root(queue, came, tail, n, turn):
-    """Where a search goes on: at the last node that it met, after the second at the middle of its way there."""
+    """Root of the next search: the last node that the search before met; after the second search the node half-way to it."""
     x = tail - 1
     while queue[x] >= n:
         x -= 1

@@ -3,6 +3,9 @@
 The right-hand side stands in the last column of the diagonal blocks and, once a row is eliminated, of its first block behind the
 diagonal. Nodes are factored without exchange of rows where that is good enough, constraints always with it: their rows in units
 of what is found of their compliance, theory.md (5.5).
+
+Arrays: store [*] as `Factors.store`; pivots [8 N] by positions; force [*], forces of all constraints one after the other; x_out
+[8 (rows + 1)]; y_out [7 S], unknowns of all constraints.
 """
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ from .constraint_blocks import (column_on_slider, column_slider_on_node, column_
                                 subtract_slider_on_node, subtract_slider_on_slider)
 from .kinds import dim
 
-# pivots of a node over the largest entry of their rows; pivots of a constraint, with the augmented Lagrangian and without
+# least pivots that count as none: of a node, next to the largest entry of the row; of a constraint, with the augmented Lagrangian
+# and without
 LEAST_NODE, LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-14, 1e-7
 RIGHT = 7     # column of the right-hand side
 
@@ -27,7 +31,7 @@ RIGHT = 7     # column of the right-hand side
 class Factors(NamedTuple):
     """Work of the elimination of n nodes and S constraints, N rows."""
 
-    store: np.ndarray       # float64: all blocks
+    store: np.ndarray       # float64 [*]: all blocks
     x: np.ndarray           # float64 [8 N]: solution by positions
     pivots: np.ndarray      # int32 [8 N]: exchanges by positions, -1 first where there are none
     own: np.ndarray         # float64 [7 S]: what the pivots of nodes took from the diagonal of the forces
@@ -71,7 +75,8 @@ def subtract_row(store, order, x, first, last, t, rows, inner, size):
 
 @written_in
 def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner, size):
-    """A column of numbers at y, y_row apart, -= the block at low times one at x; rows, inner: rows and columns of the block."""
+    """A column of numbers in target [*] at y, y_row apart, -= the block at low times one in source [*] at x; rows, inner: rows
+    and columns of the block."""
     n = len(size)
     m = 2 * dim(size) + 1
     if inner == n and rows == n:

@@ -1,4 +1,8 @@
-"""Nodes and constraints solved together, theory.md 9: how a step fills, solves and closes its equations with sliders as rows."""
+"""Nodes and constraints solved together, theory.md 9: how a step fills, solves and closes its equations with sliders as rows.
+
+Arrays: r, x_out [8 (rows + 1)]; q_mid, q_end [12 N], in a plane [4 N]; force [*], forces of all constraints one after the other;
+y_out [7 S], their unknowns.
+"""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -28,13 +32,13 @@ class Constraints(NamedTuple):
     touched: Touched
     order: Order
     factors: Factors
-    buffer: np.ndarray      # float64: columns and lines of the constraints of an element
+    buffer: np.ndarray      # float64 [*]: columns and lines of the constraints of an element
     inner: Any              # inner.Inner or NoInner
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
     held: Any               # nodes.Held or NoHeld
 
 
-# a value of one of these fills a call with its arrays, seven words each
+# passed as addresses: by value each of these records would add all its arrays to a call, seven words an array
 for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, Inner, Ties, PlanarTies, Held, ElementTables):
     _record.stays_in_memory = True  # type: ignore[attr-defined]
 
@@ -101,7 +105,7 @@ def solve_constraints(contact, rows, force, x_out, y_out, size):
 
 @generic
 def begin_inner(inner, contact, rows, work, size):
-    """What constraints leave in the rows of nodes that were eliminated inside elements."""
+    """Rows of nodes that were eliminated inside elements, from their stored solutions and the unknowns of constraints."""
 
 
 @begin_inner.register(NoInner)
@@ -155,7 +159,7 @@ def fill_rows(contact, terms, system):
 @solve.register(Constraints)
 @kernel
 def solve_rows(rows, contact, system):
-    """A constraint without a pivot is told by `close`."""
+    """True also where a constraint has no pivot above its limit: `close` reports which one it is."""
     if rows.factors.failed[0] != 0:
         return False
     if solve_constraints(contact, rows, system.state.force, system.work.line.x, system.work.y, system.size):

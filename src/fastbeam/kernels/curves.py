@@ -1,4 +1,8 @@
-"""Curves of beams that carry sliders: piecewise polynomials of arc length, their shape functions and divided differences."""
+"""Curves of beams that carry sliders: piecewise polynomials of arc length, their shape functions and divided differences.
+
+Arrays: q [12 N], in a plane [4 N]; table, table_out [3, n_coef], Legendre polynomials and two derivatives; basis_out [5, n],
+shape functions of the n nodes of a beam, rows as in `slider.Contact`.
+"""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -14,10 +18,10 @@ class Curves(NamedTuple):
 
     meta: np.ndarray        # int64 [C, 5]: first node, number of elements, offset in ends, offset in first, offset in coef
     shape: np.ndarray       # int64 [C, 3]: nodes per element (padded), coefficients, nodes of the beam
-    ends: np.ndarray        # float64: element ends in arc length
-    first: np.ndarray       # int64: first node of every element, counted from the beam's first
-    count: np.ndarray       # int64: nodes of every element
-    coef: np.ndarray        # float64: Legendre coefficients [element, node, k]
+    ends: np.ndarray        # float64 [*]: element ends in arc length
+    first: np.ndarray       # int64 [*]: first node of every element, counted from the beam's first
+    count: np.ndarray       # int64 [*]: nodes of every element
+    coef: np.ndarray        # float64 [*]: Legendre coefficients of every element, node and degree
     gauss_x: np.ndarray     # float64 [G]: points on [0, 1], exact for the derivative of every curve
     gauss_w: np.ndarray     # float64 [G]
 
@@ -91,7 +95,7 @@ def step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
             s = s0 + x * (s1 - s0)
             add_basis(curves, c, e0, s, 1, w, w * x, table, basis, 3)
         return
-    # crossing element ends: N[a,b] = 1/(b - a) int_a^b N' ds, one Gauss rule a piece
+    # a step that crosses element ends: N[a,b] = 1/(b - a) int_a^b N' ds, a Gauss rule on the part of each element, (5.3)
     a_ = min(s0, s1)
     b_ = max(s0, s1)
     o = curves.meta[c, 2]

@@ -1,4 +1,7 @@
-"""Coordinates of eight nodes of a group of elements into lanes: middle and end of a step, and where the last increment led."""
+"""Coordinates of eight nodes of a group of elements into lanes: middle and end of a step, and where the last increment led.
+
+Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; off [3 N], in a plane [2 N].
+"""
 from __future__ import annotations
 
 from .._generic import generic
@@ -127,7 +130,7 @@ def always_needs_line(motion):
 
 @generic
 def put_before(off, scratch, tables, no, lo, position, step):
-    """The position of 8 nodes before the increment `step` into lanes at lo; off: as in `work.Line`."""
+    """The position of 8 nodes before the increment `step` into lanes at lo; off: `work.Line.off`."""
 
 
 @put_before.register(NoTies)
@@ -164,7 +167,7 @@ def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
 @gather_line.register(Space, ToEnd)
 @written_in
 def gather_line_to_end(size, motion, tables, no, scratch, end, lo):
-    """Before the first increment the start of the step and nothing."""
+    """Before the first increment of a step: its start, and zero for the increment."""
     if motion.line.use[0] == FROM_START:
         gather_lanes(motion.q, tables.nodes, no, 12, scratch, lo, TWELVE)
         clear_lanes(scratch, lo + 96, 96)

@@ -1,6 +1,9 @@
 """Strain set (2.1) of theory.md in the element loops: all strains are quadratic forms.
 
 Loads, stores and zeros are those of `algebra.WIDTH` lanes.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
+directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
@@ -83,7 +86,7 @@ def state(strains, f, d, k, out):
 @form_stresses.register(GreenLagrange)
 @kernel
 def stresses_of_forms(strains, scratch, ao, so):
-    """The strains are the forms."""
+    """Nothing to do: strains (2.1) are the quadratic forms themselves, so sbar = Sbar in (4.7)."""
 
 
 @add_stresses.register(GreenLagrange)
@@ -107,7 +110,7 @@ def forces(strains, constants, to, nn, scratch, z, so, fo):
 @add_director_forces.register(GreenLagrange)
 @kernel
 def director_forces(strains, constants, to, nn, scratch, z, so, fo):
-    """Those of a node are dir x_i + dir_s y_i."""
+    """The force on director i of a node is dir x_i + dir_s y_i, with the same x_i, y_i for all nodes."""
     f = vld3(scratch, z, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     s4 = 0.5 * vld(scratch, so + 24, 0)
@@ -168,7 +171,7 @@ def multiply_rows(constants, half_w, coupled, scratch, rows, out):
 @point_stiffness.register(GreenLagrange)
 @kernel
 def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
-    """Rows are derivatives of the strains."""
+    """Rows b_i are derivatives of the strains (2.1) by the spin of a node."""
     z_mid = at.blocks + MIDDLE
     z_end = at.blocks + columns
     # rows of the end of one node, stiffness times rows of the positions, their rows in the middle

@@ -7,6 +7,9 @@ of 8 elements and inner node i, in turn, with the others j behind it (later inne
 
 and, after the end nodes are known, x_i = y_i - sum_j U_ij x_j in reverse order. Scenes with sliders keep the factors and K_ji
 too: columns of their borders take the same way, one element at a time, eight columns at once.
+
+Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; store [*] as `Inner.store`; r, r_out, rhs, x,
+x_out, loads [8 (rows + 1)]; panel [rows, n, width] flat.
 """
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from .layout import FACTORS, LIST, NODES
 from .rows import copy_lanes, gather_lanes, put_rows, scatter_rows
 from .work import halve
 
-PIVOT = 1e-13        # a pivot below this share of its diagonal entry is none
+PIVOT = 1e-13        # a pivot below this share of its diagonal entry counts as zero
 
 
 class NoInner(NamedTuple):
@@ -30,17 +33,17 @@ class NoInner(NamedTuple):
 
 
 class NoColumns(NamedTuple):
-    """In place of `Inner.rhs` in a scene without sliders, where no columns follow."""
+    """In place of `Inner.rhs` in a scene without sliders, which have no border columns to eliminate."""
 
 
 class Inner(NamedTuple):
     """Factors and index lists of the eliminated nodes."""
 
-    store: np.ndarray     # float64: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of
+    store: np.ndarray     # float64 [*]: per group and inner node its LU, then U_ij, K_ji of every other; without sliders U_ij of
     #                       every other, then y_i
     rhs: np.ndarray | NoColumns  # float64 [8 (N + 1)]: y_i by rows
     where: np.ndarray     # int64 [E, 3]: of every live element: offset of its lane in store, inner nodes, offset in rows
-    rows: np.ndarray      # int64: rows of the nodes of every element, first to last
+    rows: np.ndarray      # int64 [*]: rows of the nodes of every element, first to last
     element: np.ndarray   # int64 [inner nodes]: element of every row from the first inner row on
     mark: np.ndarray      # int64 [E]: elements that a slider touches, in use
     found: np.ndarray     # int64 [E]: list of those
@@ -72,14 +75,14 @@ class Short(NamedTuple):
 class WithColumns(NamedTuple):
     """Factors, then U_ij, K_ji of every other node; y_i by rows."""
 
-    r: np.ndarray
-    rhs: np.ndarray
+    r: np.ndarray      # float64 [8 rows]
+    rhs: np.ndarray    # float64 [8 rows]: takes y_i
 
 
 class Condensed(NamedTuple):
     """U_ij of every other node; y_i by rows. Nothing but loads acts on the nodes."""
 
-    loads: np.ndarray
+    loads: np.ndarray  # float64 [8 rows]
     x: np.ndarray      # float64 [8 rows]: takes y_i
 
 
@@ -132,13 +135,13 @@ def keep_columns(rhs, r):
 
 @generic
 def take_loads(keep, tables, at, scratch, ro, spare, size):
-    """What else acts on 8 nodes, into their rows at ro."""
+    """Add what loads and sliders do to 8 nodes to their residual at ro."""
 
 
 @generic
 def place(keep, store, d, scratch, spare, block):
-    """Where the elimination of a node puts what is kept, from d on in `store`: (array and offset of its factors, offset of U_ij
-    of the first other node, distance of the others)."""
+    """Where the elimination of a node keeps its results, from d on in `store`: (array and offset of the factors of K_ii, offset
+    of U_ij of the first other node j, distance to the next)."""
 
 
 @generic
@@ -154,7 +157,7 @@ def keep_solution(keep, scratch, y, tables, at, store, d, size):
 @take_loads.register(object)
 @written_in
 def take_rows(keep, tables, at, scratch, ro, spare, size):
-    """The residual goes to its rows and comes back with what loads and sliders put there."""
+    """Add the residual at ro to its rows, where loads and sliders have put theirs, and fetch the sum."""
     scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, size)
     gather_lanes(keep.r, tables.rows, at, 8, scratch, ro, size)
 
@@ -213,7 +216,7 @@ def keep_in_rows(keep, scratch, y, tables, at, store, d, size):
 # --- elimination --------------------------------------------------------------------------------------------------------
 @kernel
 def subtract_loads(loads, tables, at, scratch, ro, spare, size):
-    """Take the loads of 8 nodes from their rows at ro."""
+    """Subtract the loads of 8 nodes from their residual at ro."""
     gather_lanes(loads, tables.rows, at, 8, scratch, spare, size)
     for c in range(0, 8 * len(size), 8):
         vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) - vld(scratch, spare + c, 0))
@@ -221,9 +224,9 @@ def subtract_loads(loads, tables, at, scratch, ro, spare, size):
 
 @kernel
 def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, spare, size):
-    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Returns False, and stops, where a pivot is none.
+    """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Returns False, and stops, where a pivot counts as zero.
 
-    store takes what `keep` says, from io on; factors that are not kept take the room of a block at `spare` in scratch.
+    store takes what `keep` says, from io on; factors that are not kept go to scratch, a block at `spare`.
     LU and triangular solutions: explicit inverses would be faster and are not accurate enough, because on slender beams the soft
     directions of the others' stiffness are small differences.
     """
@@ -237,7 +240,7 @@ def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, spare, siz
         lu, lo, u0, step = place.call(keep, store, d, scratch, spare, block)
         if not lu_lanes(scratch, diagonal, lu, lo, PIVOT, size):
             return False
-        y = diagonal     # the block is done with, its room takes y
+        y = diagonal     # the diagonal block is needed no more, y takes its place
         solve_lanes(lu, lo, scratch, ro + 8 * n * i, 8, scratch, y, 8, size)
         # others: i + 1 .. nn - 1, then 0
         for m in range(nn - i):
@@ -322,7 +325,7 @@ def put_inner_rhs(inner, panel, width, size):
 
 @kernel
 def take_scaled(source, offset, factor, target, to, n):
-    """factor times n lanes."""
+    """factor times n lanes, from source [*] to target [*]."""
     for c in range(0, 8 * n, 8):
         vst(target, to + c, 0, factor * vld(source, offset + c, 0))
 

@@ -1,7 +1,10 @@
 """Entries of joints with multipliers, theory.md 4: what their forces do to two points, and the derivatives of their gaps.
 
-A joint has some forces and as many gaps, functions of the positions of two nodes a and b. Of a ball joint they are vectors: the
-factor of the unit matrix says what a node adds, a number. Of a distance joint there is one: a vector says it.
+A joint has some forces and as many gaps, functions of the positions of two nodes a and b. The gap of a ball joint is a vector:
+its derivative by a position is a number times the unit matrix. The gap of a distance joint is a number: its derivative is a
+vector.
+
+Arrays: q_mid, q_end [12 N], in a plane [4 N].
 """
 from __future__ import annotations
 
@@ -87,7 +90,7 @@ def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, size
 
 @kernel
 def begin_joint(contact, k, forces):
-    """Constraint k with so many forces and no other unknowns."""
+    """Clear the entries of constraint k, a joint: its unknowns are so many forces, as many equations are gaps."""
     contact.entries[k] = 0
     for i in range(64):
         contact.corner[k, i] = 0.0

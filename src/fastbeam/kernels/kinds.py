@@ -82,7 +82,7 @@ def _loaded(ctx, b, array_type, array, offset, step, n):
 
 @intrinsic
 def vector(tc, array, offset, stride, size):
-    """As many numbers as a position has, from an offset on, so far apart."""
+    """A vector of 3 numbers, 2 in a plane, from an offset on; stride: doubles from one to the next."""
     d = _dim(size)
 
     def codegen(ctx, b, sig, args):
@@ -143,7 +143,7 @@ def _make_put(accumulate):
                 o = b.add(o, step)
             return ctx.get_dummy_value()
         return types.void(array, offset, stride, x), codegen
-    put.__doc__ = ("Add" if accumulate else "Store") + " a vector or a number, its components so far apart."
+    put.__doc__ = ("Add" if accumulate else "Store") + " a vector or a number; stride: doubles from one component to the next."
     return intrinsic(put)
 
 
@@ -222,7 +222,7 @@ def zero_moment(tc, size):
 
 @intrinsic
 def zero_dyad(tc, size):
-    """What sums of `dyad` begin with."""
+    """The dyad 0 in lanes."""
     return (M3[part] if _dim(size) == 3 else part)(size), lambda ctx, b, sig, args: (
         _pack(b, part, [_zero_lanes()] * 9) if _dim(size) == 3 else _zero_lanes())
 
@@ -258,7 +258,7 @@ def moment(tc, x, y):
 
 @intrinsic
 def dyad(tc, x, y):
-    """x y^T in lanes; in a plane its trace, the only number of it that counts there."""
+    """x y^T in lanes; in a plane its trace x . y, which is all that moments about the normal need."""
     def codegen(ctx, b, sig, args):
         u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
         if x.n == 2:
@@ -269,8 +269,8 @@ def dyad(tc, x, y):
 
 @intrinsic
 def add_turned(tc, array, offset, k, size):
-    """Add half a sum k of dyads d f^T less its trace to a block of the tangent: how the moment of forces f on directors d changes
-    with their spin, theory.md (4.2)."""
+    """Add 1/2 (k - tr(k) I), k a sum of dyads d f^T, to the rotation-rotation part of a block of the tangent: the derivative of
+    the moment of forces f on directors d by their spin, theory.md (4.2)."""
     n, d = size.count, _dim(size)
 
     def codegen(ctx, b, sig, args):

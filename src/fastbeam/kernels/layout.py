@@ -1,7 +1,12 @@
-"""Where the numbers of a group of 8 elements stand, in the packed tables and in the scratch of the element loop.
+"""Offsets of the numbers of a group of 8 elements in the packed tables and in the scratch of the element loop.
 
-Everything counts doubles; a number of each of 8 elements takes 8 of them. What depends on the size of elements is in `Layout`,
-what does not are the constants of this file.
+Offsets count doubles; one number of each of the 8 elements takes 8 of them. Offsets that depend on the numbers of nodes and
+quadrature points of an element are in `Layout`, the others are constants of this file.
+
+Kernels call a layout `at`, and offsets by a letter and o: no, bo of the list of nodes and of blocks of a group; to the table of
+a point; qo, uo, fo coordinates, second rates and forces of a node; lo what `gather_line` gathers; po the scratch of a point; zo
+or z the vectors (phi', d_i, d_i') there, eo strains or forms, so stresses, ao a shape; ro residual, ko a block of the tangent;
+io, d what is stored of inner nodes, xo and xi increments.
 """
 from __future__ import annotations
 
@@ -12,33 +17,37 @@ from .._jit import written_in
 # columns of `ElementTables.meta`
 NODES, POINTS, CONSTANTS, LIST, BLOCKS, COUPLED, FACTORS, REFERENCE = range(8)
 
-# a node in the table of a point, behind the weight: phi_s, dir, dir_s
+# distance of nodes in the table of a quadrature point, behind its weight: phi_s, dir, dir_s of each
 NODE_TABLE = 24
 
-# scratch of a point in space: six stresses that multiply derivatives of quadratic forms, that of the directors' lengths and the
-# three moments, theory.md (4.7); the matrix of the positions; what derivatives of the strains need; then the nodes
+# scratch of a point in space: the seven stresses s_1 to s_7 that multiply derivatives of the quadratic forms and the three
+# moments S_4 to S_6, theory.md (4.7); the 3 x 3 matrix that pairs of positions share; two shapes; then the nodes of the element
 STRESSES = 10 * 8
 POINT_MATRIX = STRESSES
 SHAPES_AT = POINT_MATRIX + 9 * 8
-# of one shape: shears, 1 / stretch, the forms of twist and curvatures, the factor c; of the mean, of the end, and its stretch
+# a shape is what derivatives of the strains (2.2) need: two shears, 1 / stretch, the forms of twist and curvatures, the factor c;
+# there is one of the means and one of the end of the step, and behind them the stretch at the end
 SHAPE = 7 * 8
 SHAPES = 2 * SHAPE + 8
 POINT_NODES = SHAPES_AT + SHAPES
-# of a node of a point: rows of the middle, what multiplies them, matrices rotation-position and position-rotation
+# of a node at a point: six rows b_i of the middle of the step, the products D b_i with the rows of the end, theory.md (4.8), and
+# the 3 x 3 matrices rotation-position and position-rotation
 ROWS, PRODUCTS, ROTATION_POSITION, POSITION_ROTATION, POINT_NODE = 0, 18 * 8, 36 * 8, 45 * 8, 54 * 8
 
-# scratch of a point in a plane: four stresses, the matrix of the positions 2 x 2; of a node three rows, what multiplies them,
-# the columns rotation-position and position-rotation
+# scratch of a point in a plane: four stresses, the 2 x 2 matrix that pairs of positions share; of a node three rows, their
+# products, the columns rotation-position and position-rotation
 PLANAR_MATRIX, PLANAR_NODES = 4 * 8, 8 * 8
 PLANAR_ROWS, PLANAR_PRODUCTS, PLANAR_ROTATION_POSITION, PLANAR_POSITION_ROTATION, PLANAR_NODE = 0, 24, 48, 64, 80
 
-# room for one point, where the tangent stands later: z in the middle and at the end, strains, z before the last increment, that
-# increment, stresses or forms; then the products of `point_stiffness`
+# scratch of the point that is evaluated, in the place that the tangent takes afterwards: z = (phi', d_i, d_i') in the middle and
+# at the end of the step, strains, z before the last increment, that increment, stresses or quadratic forms; then the products of
+# `point_stiffness`
 Z = 21 * 8
 MIDDLE, END, STRAINS, BEFORE, STEP, SPARE = 0, Z, 2 * Z, 2 * Z + 56, 3 * Z + 56, 4 * Z + 56
 ROOM = 2 * Z
 ROOM_END = ROOM + (49 + 9 + 18 + 18) * 8
-# behind that room, of every pair of nodes vectors of the middle, then of the end: three for twist and curvatures, one for lengths
+# behind it, of every pair of nodes a < b, vectors of the middle, then of the end: three for twist and curvatures, one for the
+# lengths of directors
 TWISTS = 12 * 8
 
 
@@ -57,7 +66,7 @@ class Layout(NamedTuple):
     table_size: int
     # scratch: coordinates in the middle and at the end of the step, node by node, stand first
     node: int                # distance of nodes there
-    rates: int               # second rates of the coordinates
+    rates: int               # second rates u of the coordinates, theory.md 4
     forces: int              # on the coordinates
     rows: int                # residual
     blocks: int              # tangent: nn x nn blocks
@@ -65,11 +74,13 @@ class Layout(NamedTuple):
     point_room: int          # distance of points there
     spin_rates: int          # derivatives of second rates by spins, in space
     line: int                # coordinates before the last increment, and that increment
-    tangent_forces: int      # what the tangent adds to the forces, in the room of the second rates, which inertia is done with
+    tangent_forces: int      # forces of the stresses that only the tangent takes (4.6), in place of the second rates, which are
+    #                          needed no more once the inertia forces are there
     twists: int              # vectors of pairs of nodes
-    pairs: int               # sums of stresses for pairs of nodes; in space in their blocks, where positions against positions
-    pair_size: int           # stand later; distance of pairs
-    size: int
+    pairs: int               # sums of stresses for pairs of nodes; in space in the blocks of the tangent, in the quarter position
+    #                          against position, which is evaluated last
+    pair_size: int           # distance of pairs
+    size: int                # doubles in all
 
 
 # sums of a pair in space: two of shears, three of twist and curvatures, one of lengths; in a plane shear, curvature, lengths
@@ -78,7 +89,7 @@ SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 6
 
 @written_in
 def layout(size, nn, nq):
-    """The layout for nodes of this kind."""
+    """The layout for nodes in space or in a plane."""
     n = len(size)
     node = 96 if n == 6 else 32
     strains = 6 if n == 6 else 3

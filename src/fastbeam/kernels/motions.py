@@ -1,6 +1,8 @@
 """How nodes move in what the element loops evaluate, by method: a named tuple of arrays for each.
 
 `method` is a named tuple without items, by which the operations below choose: that of terms.py, or `AtEnd` for generalised alpha.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -30,28 +32,28 @@ class OverStep(NamedTuple):
     dphi: np.ndarray       # float64 [3 N], [2 N]: increments of the positions
     v: np.ndarray          # float64 [12 N], [4 N]: rates at the start
     line: Line
-    h: float
-    rate: float            # 2/h^2: d(second rates)/d(increments) times a half
+    h: float               # s
+    rate: float            # factor of the mass matrix in the tangent: 2/h^2
 
 
 class ToEnd(NamedTuple):
     """The end of a step of generalised alpha."""
 
     method: Any
-    q: np.ndarray
-    dphi: np.ndarray
+    q: np.ndarray          # float64 [12 N]: at the start of the step
+    dphi: np.ndarray       # float64 [3 N]
     u: np.ndarray          # float64 [12 N]: second rates at the end
     spin_rate: np.ndarray  # float64 [18 N]: derivatives of those of d2, d3 by the spins
     line: Line
-    rate: float
+    rate: float            # half of d(second rates)/d(displacements), as the tangent is halved
 
 
 class Resting(NamedTuple):
     """A shape with given second rates."""
 
     method: Any
-    q: np.ndarray
-    u: np.ndarray
+    q: np.ndarray          # float64 [12 N]
+    u: np.ndarray          # float64 [12 N]: second rates
     line: Line
     rate: float            # 0
 
@@ -60,7 +62,7 @@ class Still(NamedTuple):
     """A shape in equilibrium."""
 
     method: Any
-    q: np.ndarray
+    q: np.ndarray          # float64 [12 N], in a plane [4 N]
     line: Line
     rate: float            # 0
 
@@ -103,8 +105,8 @@ def gather_ends(size, motion, tables, no, scratch, qo, uo):
 
 @generic
 def gather_line(size, motion, tables, no, scratch, end, lo):
-    """Coordinates of 8 nodes before the last increment into lanes from lo on, and behind them that increment, along which a
-    straight line leads; from their coordinates at `end`."""
+    """The shape z and the increment x of theory.md (4.6): coordinates of 8 nodes before the last increment into lanes from lo on
+    and, behind them, that increment, from their coordinates at `end`."""
 
 
 @generic
@@ -114,7 +116,8 @@ def gather_spin_rates(motion, tables, no, nn, scratch, at):
 
 @generic
 def needs_line(motion):
-    """Whether the last increment is wanted: before the first of a step it is none, and the middle and the end tell its start."""
+    """Whether the last increment has to be gathered. Before the first increment of a step there is none, and the shape at the
+    start follows from those in the middle and at the end."""
 
 
 # --- asked of a method --------------------------------------------------------------------------------------------------
@@ -125,7 +128,8 @@ def add_inertia(method, constants, scratch, at, size):
 
 @generic
 def put_forms(method, strains, scratch, zo):
-    """Quadratic forms of the shapes whose strains have their mean taken, at STRAINS and at the place that is returned."""
+    """Quadratic forms of the two shapes whose strains are averaged, the first at STRAINS, the second at the offset that is
+    returned: start and end of a step, twice the middle for the midpoint rule."""
 
 
 @generic
@@ -135,19 +139,21 @@ def columns(method):
 
 @generic
 def line_of_tangent(method, scratch, zo, gathered):
-    """Of the shape of `columns` the one before the last increment, and that increment. Returns whether they are there."""
+    """BEFORE and STEP for the shape of `columns`: the shape before the last increment, and that increment. Returns whether there
+    is one."""
 
 
 @generic
 def share_of_end(method):
-    """Change of the strains of stresses with those of the shape of `columns`."""
+    """Derivative of the strains that make the stresses by those of the shape of `columns`: 1/2 where they are means over a
+    step."""
 
 
 @generic
 def pair_rate(method, rate):
-    """What multiplies the mass of pairs of nodes in the tangent."""
+    """Factor of the mass matrix in the tangent; 0 where `add_spin_rates` adds the tangent of inertia."""
 
 
 @generic
 def add_spin_rates(method, constants, scratch, at, rate):
-    """The tangent of inertia where it is no multiple of the mass."""
+    """The tangent of the inertia forces for methods where it is not a multiple of the mass matrix (generalised alpha)."""

@@ -3,6 +3,10 @@
 A step is described by the increments `dphi` of the positions and the Cayley vectors `theta` of the triads, d_n+1 = cay(theta) d_n
 (theory.md (4.2)); increments dq of all 12 coordinates of a node follow from them wherever they are needed. Velocities and inertia
 forces are formed from dq, never from differences of large coordinates, so round-off stays relative to the motion.
+
+Arrays: q, v, u, q_mid, q_end, q_mid_out, q_end_out, u_out [12 N]; dphi, theta [3 N]; row_of, spinless, held_theta [N]; x, r,
+r_out [8 (rows + 1)]; blocks, blocks_out [48 (blocks + 1)], blocks of 6 rows of 8, in a plane 3; panel [rows, n, width] flat; s,
+s_end [S]; force [3 S], in a plane [2 S]; past [*] as in `remember`; scratch [NODES_SCRATCH].
 """
 from __future__ import annotations
 
@@ -59,8 +63,8 @@ def turn_of(theta, i):
 
 @kernel
 def extrapolation(past, h):
-    """Factor c of w1 + c (w1 - w2), the mean rate of the coming step from those of the last two by the times of their middles; 0
-    where that would reach far or only one is to be used or known, NaN where there is none."""
+    """Factor c of the first guess w1 + c (w1 - w2), which extrapolates the mean rates w1, w2 of the last two steps by the times
+    of their middles. 0 where only one step is known or is to be used, or c would be large; NaN where no step is known."""
     if past[0] == 0.0:
         return np.nan
     if past[0] == 1.0 or past[3] == 0.0:
@@ -144,7 +148,7 @@ def spread_vector(q, v, move, h, k, q_mid_out, q_end_out, u_out):
 
 @kernel
 def spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
-    """Mid and end coordinates and second rates of the nodes from `first` to before `last`, where there is room for them."""
+    """Mid and end coordinates and second rates of the nodes from `first` to before `last`; arrays of length 0 are left out."""
     if q_mid_out.shape[0] > 0:
         for i in range(first, last):
             t, c = turn_of(theta, i)
@@ -156,8 +160,8 @@ def spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
 @kernel
 def update_nodes(row_of, x, first, last, theta, dphi, scratch):
     """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`. Returns the
-    largest position increment and the largest increment of a Cayley vector next to the vector itself: spins alone also vanish
-    where it runs away to infinity, towards half a turn. NaN stays: nothing is larger."""
+    largest position increment and the largest increment of a Cayley vector over sqrt(1 + theta.theta/4): spins alone would also
+    become small where theta grows without bound, towards half a turn. NaN counts as larger than any number."""
     move = 0.0
     spin = 0.0
     i = first
@@ -199,7 +203,7 @@ def update_nodes(row_of, x, first, last, theta, dphi, scratch):
 
 @kernel
 def larger(x, y):
-    """The larger of two numbers; NaN stays."""
+    """The larger of two numbers, NaN where one is."""
     return x if x > y or x != x else y
 
 
@@ -285,17 +289,17 @@ NO_RATES = NoRates()
 
 @generic
 def load_rates(v, i, scratch):
-    """Rates of the nodes from i on into lanes."""
+    """Rates of eight nodes from i on into lanes."""
 
 
 @generic
 def accept(v, scratch, k, move, h):
-    """`advance` for a vector in lanes at k, its rate 96 behind."""
+    """`advance` for a vector in lanes at k, whose rate stands 96 doubles behind."""
 
 
 @generic
 def store_rates(v, i, scratch):
-    """And back."""
+    """Rates of eight nodes from i on back from lanes."""
 
 
 @generic

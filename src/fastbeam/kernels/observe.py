@@ -1,4 +1,7 @@
-"""Energies and momenta of a state; run only when somebody asks for them."""
+"""Energies and momenta of a state; run only when somebody asks for them.
+
+Arrays: q, v, p, p_out [12 N]; s, gap_out [S]; tab [*] as `ElementTables.tab`; e, work [6]; of_elements [24 groups]; out [9].
+"""
 from __future__ import annotations
 
 from .._jit import kernel
@@ -78,7 +81,7 @@ def shape_at_point(tables, no, lane, to, nn, q):
 
 @kernel
 def energy_at_point(tab, co, e0, e):
-    """(E - E0) C (E - E0) and the axial force for strains e; less E0 they stand there afterwards."""
+    """(E - E0) C (E - E0) and the axial force for strains e, from which E0 is subtracted in place."""
     for i in range(6):
         e[i] -= tab[e0 + 8 * i]
     energy = 0.0
@@ -142,7 +145,7 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
 
 @kernel
 def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
-    """Derivative of the curve under every slider by s [S, 3], and ds/dt [S] (theory.md 5.4)."""
+    """Derivative by s of the curve under every slider, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md 5.4)."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element(curves, c, s[k], contact.element[k])

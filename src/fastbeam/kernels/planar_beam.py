@@ -9,6 +9,9 @@ J u, u turned by a right angle, the third is the constant normal. The strains th
 where the second form belongs to strain set (2.1). Residual and tangent as in theory.md 4: mean strains, rows with the mean
 director, columns with the spin at the end. Values stay in registers, so here shapes and strains are vectors and not offsets;
 loads, stores and zeros are those of `algebra.WIDTH` lanes.
+
+Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
+lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -124,7 +127,8 @@ def evaluate_point_in_plane(size, method, strains, constants, reference, g, scra
     s = apply_law(law, e)
     t = s
     if case.mixed:
-        # what the mean strains, linear in the last increment, lack to those of the present shape, theory.md (4.6)
+        # the tangent takes the strains to which the last increment led in a straight line: their difference to those of the
+        # present shape, theory.md (4.6)
         if case.gathered:
             line = planar_shape(constants, to, at.nn, scratch, at.line)
             before = planar_extrapolated.call(strains, line, planar_shape(constants, to, at.nn, scratch, at.line + 32))
@@ -144,7 +148,7 @@ def evaluate_point_in_plane(size, method, strains, constants, reference, g, scra
 
 @written_in
 def put_planar_node(scratch, b, rows, products, rotation_position, position_rotation):
-    """What a node of a point leaves."""
+    """Rows, products and columns of a node at a point, for the pairs of nodes."""
     vst(scratch, b + PLANAR_ROWS, 0, component0(rows)); vst(scratch, b + PLANAR_ROWS + 8, 0, component1(rows))
     vst(scratch, b + PLANAR_ROWS + 16, 0, component2(rows))
     vst(scratch, b + PLANAR_PRODUCTS, 0, component0(products)); vst(scratch, b + PLANAR_PRODUCTS + 8, 0, component1(products))
@@ -316,7 +320,7 @@ def green_director_forces(strains, data, middle, s):
 @planar_point_stiffness.register(GreenLagrange)
 @kernel
 def green_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
-    """Rows are derivatives of the strains."""
+    """Rows are derivatives of the strains (2.1) of theory.md."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
     n3 = vzero2() - perp(middle.k); n3e = vzero2() - perp(end.k)
     vst(scratch, po, 0, component0(t)); vst(scratch, po + 8, 0, component1(t)); vst(scratch, po + 16, 0, component2(t))

@@ -1,4 +1,9 @@
-"""Node loops in a plane: 4 coordinates a node, position and director u; a turn is one number, its Cayley number theta."""
+"""Node loops in a plane: 4 coordinates a node, position and director u; a turn is one number, its Cayley number theta.
+
+Arrays: q, v, u, q_mid, q_end, q_mid_out, q_end_out, u_out [4 N]; dphi, off_out [2 N]; theta [N]; row_of, spinless, held_theta
+[N]; x, r, r_out [8 (rows + 1)]; blocks, blocks_out [24 (blocks + 1)], blocks of 3 rows of 8; panel [rows, 3, width] flat; past
+[*] as in `nodes.remember`; scratch [*].
+"""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -77,7 +82,7 @@ def planar_update(row_of, x, first, last, theta, dphi):
         add2(dphi, 2 * i, 1, ld2(x, o, 1))
         for c in range(2):
             z = x[o + c]
-            if abs(z) > largest or z != z:  # NaN stays: nothing is larger
+            if abs(z) > largest or z != z:  # NaN counts as larger than any number
                 largest = abs(z)
         t = 1.0 + 0.25 * theta[i] * theta[i]
         p = t * x[o + 2]

@@ -1,6 +1,9 @@
-"""Rows of numbers, of nodes or unknowns: from memory into lanes and back, eight at a time, by transpositions in registers.
+"""Rows of numbers (coordinates or unknowns of nodes) from memory into lanes and back, eight rows at a time, transposed in
+registers.
 
 Most are, like kernels/algebra.py, lowered straight to LLVM; loads and stores are unchecked, offsets count doubles.
+
+Arrays: of any length: source, target, x [*].
 """
 from __future__ import annotations
 
@@ -134,7 +137,7 @@ def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
 
 @intrinsic
 def load_rows(tc, source, first, distance, target, offset, size):
-    """The same of 8 rows that begin at `first`, `distance` doubles apart."""
+    """`gather_lanes` for 8 rows that begin at `first` and follow each other at `distance` doubles."""
     def codegen(ctx, b, sig, args):
         first_, distance_, o = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 4))
         begin = b.gep(_data(ctx, b, sig.args[0], args[0]), [first_])
@@ -146,7 +149,7 @@ def load_rows(tc, source, first, distance, target, offset, size):
 
 @intrinsic
 def store_rows(tc, source, offset, target, first, distance, size):
-    """And back: the lanes of n numbers to 8 rows."""
+    """The reverse of `load_rows`: n numbers in lanes to 8 rows."""
     def codegen(ctx, b, sig, args):
         o, first_, distance_ = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 3, 4))
         p = _pointer(ctx, b, sig.args[0], args[0], o, vec)

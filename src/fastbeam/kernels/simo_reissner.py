@@ -1,7 +1,10 @@
 """Strain set (2.2) of theory.md in the element loops: stretch, shears, and curvatures with the factor c.
 
-Stresses multiply derivatives of quadratic forms, theory.md (4.7): those of the axial strain and the shears, the moments times c,
-that of the directors' lengths. Loads, stores and zeros are those of `algebra.WIDTH` lanes.
+Stresses are the s_1 to s_7 of theory.md (4.7), which multiply derivatives of the quadratic forms (2.4): of phi'.phi'/2 and the
+shears, of twist and curvatures (the moments times c), and of c. Loads, stores and zeros are those of `algebra.WIDTH` lanes.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
+directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
@@ -55,14 +58,14 @@ def form_changes(scratch, z, x, eo):
 
 @kernel
 def stretch(scratch, eo):
-    """Length of phi' without its part in the section, from the forms at eo; theory.md (2.2)."""
+    """r = sqrt(phi'.phi' - Gamma_2^2 - Gamma_3^2) from the forms at eo, theory.md (2.2)."""
     g2 = vld(scratch, eo + 8, 0); g3 = vld(scratch, eo + 16, 0)
     return square_root(2.0 * vld(scratch, eo, 0) - g2 * g2 - g3 * g3)
 
 
 @kernel
 def put_shape(scratch, eo, over_stretch, ao):
-    """What derivatives of the strains need, from the forms at eo."""
+    """What derivatives of the strains need (`layout.SHAPE`), from the forms at eo: shears, 1/r, K_i, c."""
     vst(scratch, ao, 0, vld(scratch, eo + 8, 0)); vst(scratch, ao + 8, 0, vld(scratch, eo + 16, 0))
     vst(scratch, ao + 16, 0, over_stretch)
     for i in range(24, 48, 8):
@@ -105,7 +108,7 @@ def strains_of_end(strains, scratch, z, ao, eo):
 @extrapolated_strains.register(SimoReissner)
 @kernel
 def extrapolated(strains, scratch, z, x, eo, spare):
-    """The stretch is r + (dQ - g2 dg2 - g3 dg3)/r."""
+    """The stretch r changes by (dQ_1 - Gamma_2 dGamma_2 - Gamma_3 dGamma_3)/r, Q_1 = phi'.phi'/2."""
     forms(strains, scratch, z, eo)
     form_changes(scratch, z, x, spare)
     r = stretch(scratch, eo)
@@ -169,7 +172,7 @@ def forces(strains, constants, to, nn, scratch, z, so, fo):
 @add_director_forces.register(SimoReissner)
 @kernel
 def director_forces(strains, constants, to, nn, scratch, z, so, fo):
-    """Those of a node are dir x_i + dir_s y_i."""
+    """The force on director i of a node is dir x_i + dir_s y_i, with the same x_i, y_i for all nodes."""
     f = vld3(scratch, z, 8); d1 = vld3(scratch, z + 24, 8); d2 = vld3(scratch, z + 48, 8); d3 = vld3(scratch, z + 72, 8)
     k1 = vld3(scratch, z + 96, 8); k2 = vld3(scratch, z + 120, 8); k3 = vld3(scratch, z + 144, 8)
     s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)
@@ -198,8 +201,8 @@ def director_forces(strains, constants, to, nn, scratch, z, so, fo):
 @prepare_points.register(Space, SimoReissner)
 @kernel
 def put_twists(size, strains, scratch, at):
-    """Of every pair of nodes a < b, y their directors: y_2a x y_3b - y_3a x y_2b and the same of 3, 1 and 1, 2; sum y_ia x y_ib;
-    of the middle, then of the end."""
+    """For every pair of nodes a < b with directors y: y_2a x y_3b - y_3a x y_2b, the same with 3, 1 and with 1, 2, and the sum of
+    y_ia x y_ib; of the middle of the step, then of its end. All points share them."""
     for b in range(1, at.nn):
         for a in range(b):
             for end in range(0, 2 * TWISTS, TWISTS):
@@ -216,8 +219,8 @@ def put_twists(size, strains, scratch, at):
 
 @kernel
 def rows_of_pairs(constants, to, nn, a, scratch, z, q, twists, out):
-    """What `form_rows` gives for node a where z and the directors at q belong to one shape: twist and curvatures of interpolated
-    directors are sums over the other nodes."""
+    """`form_rows` for node a where z is interpolated from the nodes whose directors stand at q: then the rows of twist,
+    curvatures and c are sums over the other nodes of the vectors of `put_twists`."""
     t = to + 8 + NODE_TABLE * a
     n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
     nf = n * vld3(scratch, z, 8)
@@ -267,9 +270,8 @@ def form_rows(scratch, z, q, n, dn, out):
 
 @kernel
 def form_stiffness(constants, to, scratch, so, ao, out):
-    """How what multiplies the quadratic forms at the middle changes with the forms at the end: 7 x 7 lanes by rows, theory.md
-    (4.8), of a section that is not coupled: only the block of the first three forms and the last four rows and columns are
-    filled."""
+    """D of theory.md (4.8), d sbar = D dQ_end, 7 x 7 lanes by rows, for a section whose C is diagonal: only the block of the
+    first three forms and that of the last four are filled."""
     end = ao + SHAPE
     half_w = 0.5 * vld(constants, to, 0)
     axial = 0.5 * vld(scratch, so, 0)
@@ -296,7 +298,7 @@ def form_stiffness(constants, to, scratch, so, ao, out):
 
 @kernel
 def coupled_form_stiffness(constants, to, scratch, so, ao, out):
-    """The same of any section, all 7 x 7 lanes."""
+    """D of theory.md (4.8) for any C, all 7 x 7 lanes."""
     end = ao + SHAPE
     half_w = 0.5 * vld(constants, to, 0)
     axial = 0.5 * vld(scratch, so, 0)
@@ -339,7 +341,7 @@ def coupled_form_stiffness(constants, to, scratch, so, ao, out):
 
 @kernel
 def times_forms(scratch, do, first, last, rows):
-    """Of the entries `first` to before `last` of a row of `form_stiffness`, times vectors at rows."""
+    """Sum of the entries `first` to before `last` of a row of D, each times its vector at rows."""
     x = vzero3()
     for k in range(first, last):
         x += vld(scratch, do + 8 * k, 0) * vld3(scratch, rows + 24 * k, 8)
@@ -348,8 +350,8 @@ def times_forms(scratch, do, first, last, rows):
 
 @kernel
 def node_products(scratch, coupled, do, y, out):
-    """Rows of the forms after the first times those of a spin at the end, whose first stands behind y; returns that of the first
-    form, which a spin has no row of."""
+    """D times the rows of a spin at the end. The first form, phi'.phi'/2, does not change with a spin: the row of the second
+    stands at y + 24. Products of the forms from the second on go to out, that of the first is returned."""
     if coupled:
         for i in range(6):
             vst3(scratch, out + 24 * i, 8, times_forms(scratch, do + 56 + 56 * i, 1, 7, y))
@@ -370,11 +372,11 @@ def node_products(scratch, coupled, do, y, out):
 @point_stiffness.register(SimoReissner)
 @kernel
 def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
-    """Rows are derivatives of the quadratic forms, theory.md (4.8)."""
+    """Rows b_i are derivatives of the quadratic forms by the spin of a node, D is that of theory.md (4.8)."""
     z_mid = at.blocks + MIDDLE
     z_end = at.blocks + columns
     ao = po + SHAPES_AT
-    # 7 x 7 lanes, vectors of the positions at the end, products with them, rows of the end of a node
+    # offsets of D, of the rows of the positions at the end, of their products with D, of the rows of a spin at the end
     do = at.blocks + ROOM
     te = do + 392
     ct = te + 72
@@ -384,7 +386,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     else:
         form_stiffness(constants, to, scratch, po, ao, do)
     f = vld3(scratch, z_mid, 8); d2 = vld3(scratch, z_mid + 48, 8); d3 = vld3(scratch, z_mid + 72, 8)
-    # positions have the rows phi', d2, d3
+    # the first three forms change with phi' by phi', d2, d3
     vst3(scratch, te, 8, vld3(scratch, z_end, 8))
     vst3(scratch, te + 24, 8, vld3(scratch, z_end + 48, 8)); vst3(scratch, te + 48, 8, vld3(scratch, z_end + 72, 8))
     tt = outer(f, times_forms(scratch, do, 0, 3, te))

@@ -12,6 +12,9 @@ frame turns with the curve under the contact, theta = sum_A N_A,mean theta_A: it
 Each slider is a border of 7 on the matrix of the nodes: F (3), s, and g_mean (3), which keeps the frame's moment from coupling
 nodes that no element joins; in a plane of 5, with a Cayley number for the frame. Friction, drives and stops change the sliding
 equation (along.py).
+
+Arrays: q, v [12 N], in a plane [4 N]; s, s_out [S]; force_out [3 S], in a plane [2 S]; past [*] as in `nodes.remember`;
+spin_root [N]; basis [5, n] as `Contact.basis`; counts_out [4 or 5].
 """
 from __future__ import annotations
 
@@ -76,11 +79,11 @@ class Contact(NamedTuple):
 
 
 class ContactInRows(Contact):
-    """The same where sliders are rows of the block matrix (constraints.py) and no dense border."""
+    """Contact of scenes whose constraints are rows of the block matrix (constraints.py), not a dense border."""
 
 
 class ContactOfCarriers(Contact):
-    """The same, without entries, where all sliders are eliminated with their beams (carriers.py)."""
+    """Contact of scenes whose sliders are all eliminated with their beams (carriers.py): it has no entries."""
 
 
 class SlidingLaw(NamedTuple):
@@ -174,7 +177,8 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
 
 @kernel
 def new_entry(contact, k, row, size):
-    """Offset of a fresh entry of slider k; that of the last one again, and `full` says so, where there is no room."""
+    """Offset of a new entry of slider k, filled with zeros. Where the arrays are full it is the last entry again, and `full` is
+    set."""
     m = contact.entries[k]
     if m == contact.row.shape[1]:
         contact.full[0] = 1
@@ -439,8 +443,8 @@ def account_sliding(term, system, h):
 @within_limits.register(Sliding)
 @kernel
 def sliders_are_within(term, system, counts_out):
-    """False where a slider is beyond the end of its beam or a rigid stop, but for the last digits; its number goes to
-    counts_out."""
+    """False where a slider is beyond the end of its beam or a rigid stop by more than round-off; its number goes to
+    counts_out[3]."""
     s = system.state.s
     for k in range(s.shape[0]):
         slack = END_SLACK * term.limits[k, 1]

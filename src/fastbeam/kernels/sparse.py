@@ -1,6 +1,9 @@
 """MKL's PARDISO called from compiled code, so that a net of beams runs its time loop there too; every residual is checked.
 
 The symbol `pardiso` is resolved when a kernel that uses it is loaded: `linsolve.load_mkl` has to run before.
+
+Arrays: b, x, r, r_out, out, room [m, n rows], m right-hand sides; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; data
+[n n blocks].
 """
 from __future__ import annotations
 
@@ -15,9 +18,9 @@ _PARDISO = types.ExternalFunction("pardiso", types.void(*[types.intp] * 16))
 ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
 # of a matrix whose last unknowns only take a Schur complement: forward and backward substitution
 FORWARD, BACKWARD = 331, 333
-# where a solution ends
+# phases of `go_on` at which a solution ends
 DONE, FAILED = 0, -2
-# its kinds of matrices: with symmetric structure; symmetric, of which it knows the blocks on and above the diagonal
+# matrix types of PARDISO: structurally symmetric; symmetric, where only the blocks on and above the diagonal are stored
 UNSYMMETRIC, SYMMETRIC = 11, -2
 # relative residual above which a solution is refined once, and above which it is not accepted
 REFINE_AT, REFUSE_AT = 1e-12, 1e-8
@@ -39,8 +42,9 @@ class PardisoTables(NamedTuple):
     perm: np.ndarray      # int32 [rows]
     indptr: np.ndarray    # int32 [rows + 1]
     indices: np.ndarray   # int32 [blocks]
-    block: np.ndarray     # int64 [blocks]: number of every block of the structure in the matrix, and of the one on the other side
-    mirror: np.ndarray    # of the diagonal where the mean of both counts, else the same
+    block: np.ndarray     # int64 [blocks]: number of every block of the structure in the matrix
+    mirror: np.ndarray    # int64 [blocks]: where the mean of both sides of the diagonal counts that of the block on the other
+    #                       side, else the same
     data: np.ndarray      # float64 [n n blocks]
     b: np.ndarray         # float64 [m, n rows]
     x: np.ndarray         # float64 [m, n rows]
@@ -128,7 +132,7 @@ def distance(t, x, b, r, room, size):
 
 @kernel
 def begin_step(t):
-    """Factors of earlier steps do not count: a run goes on with the same bits from any step."""
+    """Forget factors of earlier steps, so that a run that goes on from a checkpoint has the same bits."""
     t.counts[3] = 0
 
 

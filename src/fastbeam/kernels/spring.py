@@ -5,6 +5,8 @@
 The conserving step takes the discrete gradient (U_n+1 - U_n)/(l_n+1^2 - l_n^2) times the derivative of l^2 at the mean shape,
 for this energy k (1 - 2 L/(l_n + l_n+1)) (r_n + r_n+1)/2 with r = x_b - x_a: energy and both momenta are kept (Gonzalez 1996).
 All other methods evaluate k (1 - L/l) r at one shape.
+
+Arrays: q [12 N], in a plane [4 N]; out [1].
 """
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
 """One step and the compiled time loop: the conserving step (theory.md 4 to 6), the methods it is compared with (7), statics (8).
 
-The loop goes over the terms of a scene (terms.py). The method, the kind of nodes, contact and solver are types, which decide what
-is called when the loop is compiled.
+The loop goes over the terms of a scene; the method, the kind of nodes, contact and solver are types that decide what is called.
+
+Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [max_iterations]; counts_out [4 or 5]; mean_force_out [2, 3 S];
+vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
 """
 from __future__ import annotations
 

@@ -1,6 +1,9 @@
 """The two strain sets as types, and what the element loops ask of a set: strains, what multiplies their derivatives, stiffness.
 
 Implementations are in simo_reissner.py, green_lagrange.py and planar_beam.py. Offsets in scratch are those of layout.py.
+
+Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places; d, k [3], the
+directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
@@ -30,7 +33,8 @@ def quadratic_forms(strains, scratch, z, eo):
 
 @generic
 def mean_of_forms(strains, scratch, eo, end, ao):
-    """Means of the strains from the forms at eo and at `end`, six lanes at eo; ao: what derivatives of the strains need."""
+    """Means of the strains from the forms at eo and at `end`, six lanes at eo; ao: offset of what derivatives of the strains
+    need."""
 
 
 @generic
@@ -40,12 +44,12 @@ def present_strains(strains, scratch, z, ao, eo):
 
 @generic
 def extrapolated_strains(strains, scratch, z, x, eo, spare):
-    """The strains at z and their change along x in a straight line, six lanes at eo."""
+    """E(z) + DE(z) x of theory.md (4.6), six lanes at eo."""
 
 
 @generic
 def form_stresses(strains, scratch, ao, so):
-    """From six stresses at so to what multiplies the derivatives of the quadratic forms, theory.md (4.7)."""
+    """From the stresses S at so to the s of theory.md (4.7), which multiply the derivatives of the quadratic forms."""
 
 
 @generic
@@ -65,7 +69,7 @@ def add_director_forces(strains, constants, to, nn, scratch, z, so, fo):
 
 @generic
 def prepare_points(size, strains, scratch, at):
-    """What points have in common."""
+    """What all points of an element share, before the loop over them."""
 
 
 @prepare_points.register(object)
@@ -76,8 +80,8 @@ def prepare_nothing(size, strains, scratch, at):
 
 @generic
 def point_stiffness(strains, constants, to, coupled, scratch, at, columns, po):
-    """What pairs of nodes share of the stiffness of a point, at po; columns: z of the shape to which those of the tangent belong,
-    MIDDLE or END."""
+    """The factors of the stiffness of one point that pairs of nodes are formed from, at po; columns: offset of z of the shape
+    whose variation the columns of the tangent are, MIDDLE or END."""
 
 
 @generic
@@ -105,7 +109,7 @@ def planar_strains(strains, shape):
 
 @generic
 def planar_extrapolated(strains, shape, step):
-    """The same of a shape and their change along a step in a straight line."""
+    """The strains of a shape plus their derivative along a step."""
 
 
 @generic
@@ -115,7 +119,7 @@ def planar_point_data(strains, middle, start, end):
 
 @generic
 def planar_form_stresses(strains, data, s):
-    """From three stresses to what multiplies the derivatives of the quadratic forms."""
+    """From three stresses to those that multiply the derivatives of the quadratic forms, theory.md (4.7)."""
 
 
 @generic

@@ -2,6 +2,9 @@
 (4.6)). Loads, stores and zeros are those of `algebra.WIDTH` lanes; offsets are those of the first of them.
 
 What differs between the strain sets is in simo_reissner.py and green_lagrange.py, what between methods here.
+
+Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
+lanes: layout.py has their places.
 """
 from __future__ import annotations
 
@@ -20,7 +23,8 @@ from .terms import Conserving, Midpoint
 
 @kernel
 def interpolate(constants, to, nn, node, scratch, qo, zo):
-    """z = (phi', d1, d2, d3, d1', d2', d3') at one point; qo: first of nn nodes so far apart, zo: output."""
+    """z = (phi', d1, d2, d3, d1', d2', d3') at one point into zo; qo: offset of the first of nn nodes, `node` doubles from one
+    to the next."""
     f = vzero3(); d1 = vzero3(); d2 = vzero3(); d3 = vzero3(); k1 = vzero3(); k2 = vzero3(); k3 = vzero3()
     for a in range(nn):
         t = to + 8 + NODE_TABLE * a
@@ -73,7 +77,7 @@ def whole_share(method):
 @share_of_end.register(Conserving)
 @kernel
 def half_share(method):
-    """The start of the step stays as it is."""
+    """Of the mean of both ends of a step only the end changes."""
     return 0.5
 
 
@@ -99,8 +103,8 @@ def line_of_middle(method, scratch, zo, gathered):
 # --- strains of stresses, and of the tangent ----------------------------------------------------------------------------
 @kernel
 def mean_strains(method, strains, reference, e0, scratch, zo, ao):
-    """(E_n + E_n+1)/2 - E0 at STRAINS, by the midpoint rule E(z_mid) - E0, from the shapes in the middle and at the end of the
-    step; e0: where E0 stands; ao: what derivatives of the strains need."""
+    """(E_n + E_n+1)/2 - E0 at STRAINS, for the midpoint rule E(z_mid) - E0, from the shapes in the middle and at the end of the
+    step; e0: offset of E0; ao: offset of what derivatives of the strains need, `layout.SHAPES_AT`."""
     eo = zo + STRAINS
     end = put_forms.call(method, strains, scratch, zo)
     mean_of_forms.call(strains, scratch, eo, zo + end, ao)
@@ -110,16 +114,17 @@ def mean_strains(method, strains, reference, e0, scratch, zo, ao):
 
 @kernel
 def unused_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
-    """What the mean strains at STRAINS, linear in the last increment, lack to those of the present shape: what the tangent must
-    not use, theory.md (4.6); in their place. BEFORE: the shape before that increment, STEP: the increment; unless `gathered`
-    none was made, and the shape before is that of the start."""
+    """The difference between the strains to which the last increment led in a straight line and those of the present shape, to
+    be added for the tangent, theory.md (4.6); written to STRAINS, where the mean strains stood. BEFORE: the shape before the
+    last increment, STEP: that increment; where not `gathered`, there was none in this step and the shape before is that of its
+    start."""
     eo = zo + STRAINS
     present = zo + SPARE
     present_strains.call(strains, scratch, zo + columns.call(method), ao, present)
     if line_of_tangent.call(method, scratch, zo, gathered):
         extrapolated_strains.call(strains, scratch, zo + BEFORE, zo + STEP, eo, present + 56)
     else:
-        # the start, from the mean and the end
+        # strains at the start, from their mean and those at the end
         for i in range(0, 48, 8):
             mean = vld(scratch, eo + i, 0) + vld(reference, e0 + i, 0)
             vst(scratch, eo + i, 0, 2.0 * mean - vld(scratch, present + i, 0))
@@ -130,11 +135,10 @@ def unused_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
 
 @kernel
 def stresses(strains, constants, to, coupled, scratch, eo, so, ao):
-    """weight times C times the strains at `eo` into the lanes at `so`, then what multiplies the derivatives of the quadratic
-    forms, theory.md (4.7)."""
+    """sbar of theory.md (4.7), times the weight of the point, into the lanes at `so`, from the strains at `eo`."""
     w = vld(constants, to, 0)
     for i in range(6):
-        # a section without coupling has nothing off the diagonal
+        # C of a section without coupling is diagonal
         j0 = 0 if coupled else i
         j1 = 6 if coupled else i + 1
         s = vzero()

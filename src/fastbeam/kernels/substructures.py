@@ -9,6 +9,9 @@ next node e, with what the elements behind c left (S) and the present element (K
 and the four blocks and two residuals of the ends are what the solver sees. Recovered in reverse: x_c = y - U x_e - P x_o.
 Threads take groups of beams; each writes what belongs to its beams only, and what ends add to a block or row is summed up in a
 fixed order. Increments are added along with the groups, whose arrays are still in the cache then.
+
+Arrays: scratch [*], numbers of a group in lanes: layout.py has their places, behind them those of the ends; store [*] as
+`Substructures.store`; x_out, r_out [8 (rows + 1)]; blocks_out [8 n (blocks + 1)]; nodes [*], row_of [N].
 """
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ class Substructures(NamedTuple):
     row_term: np.ndarray    # int64 [2 B]: 2 beam + (0: start, 1: end)
     counts: np.ndarray      # int64 [3]: first row of their interior nodes, which are the last rows; groups with strain set (2.2),
     #                         then with (2.1)
-    store: np.ndarray       # float64: U and P of every interior node, lanes last
+    store: np.ndarray       # float64 [*]: U and P of every interior node, lanes last
     ends: np.ndarray        # float64 [B, 32 n + 16]: four blocks and two residuals, rows padded to 8
     state: np.ndarray       # float64 [G]: 0 where an elimination failed
 
@@ -63,7 +66,8 @@ def front_size(n: int) -> int:
 @kernel
 def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out, size):
     """Eliminate the node between the elements behind it, whose condensed blocks stand from so on, and the present one at ro, ko.
-    present: where S_oc and S_co stand, 1 or 3 and 2 or 4; y goes to its row of x_out. Returns False where a pivot is none."""
+    present: where S_oc and S_co stand, 1 or 3 and 2 or 4; y goes to its row of x_out. Returns False where a pivot counts as
+    zero."""
     n = len(size)
     column = 8 * n
     block = column * n
@@ -78,7 +82,7 @@ def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out,
         vst(scratch, ko + c, 0, vld(scratch, ko + c, 0) + vld(scratch, so + 5 * block + c, 0))
     if not lu_lanes(scratch, ko, scratch, lu, PIVOT, size):
         return False
-    y = ko    # the block is done with
+    y = ko    # the block at ko is needed no more, y takes its place
     for c in range(0, column, 8):
         solve_lanes(scratch, lu, scratch, ko + block * last + c, column, store, d + c, column, size)
         solve_lanes(scratch, lu, scratch, co + c, column, store, d + block + c, column, size)
@@ -117,7 +121,7 @@ def spread_listed(nodes, first, last, size, method, state, work, h):
 @kernel
 def condense(subs, tables, strains, first, last, size, method, state, work, h, scratch):
     """Evaluate and condense the groups of beams from `first` to before `last`, under the loads in work.f_ext. Rows of interior
-    nodes in line.x take their y, elements behind do not ask for their increments."""
+    nodes in line.x take their y at once: no later element reads the increments there."""
     line = work.line
     keep = Condensed(work.f_ext, line.x)
     move = motion.call(method, state, work, h)
@@ -172,7 +176,7 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
 
 @kernel
 def add_end_blocks(subs, first, last, blocks_out, size):
-    """Sum up what ends of beams add to the blocks of the tangent from `first` to before `last`."""
+    """Add the blocks of the ends of beams to the blocks of the tangent from `first` to before `last`."""
     n = len(size)
     per_beam = 32 * n + 16
     for k in range(first, last):
@@ -184,7 +188,7 @@ def add_end_blocks(subs, first, last, blocks_out, size):
 
 @kernel
 def add_end_rows(subs, first, last, r_out, size):
-    """The same for rows of the residual."""
+    """Add the residuals of the ends of beams to the rows from `first` to before `last`."""
     n = len(size)
     per_beam = 32 * n + 16
     for k in range(first, last):

@@ -7,6 +7,10 @@ it. `System` holds what all terms share.
 
 Order of the tuple: sliders, which act on nodes inside elements, elements, bodies; then what gathers the equations of nodes, ties
 and held unknowns.
+
+Arrays: q, q_mid, q_end [12 N], in a plane [4 N]; dphi, theta, off_out [3 N], in a plane dphi, off_out [2 N], theta [N]; row_of,
+spinless [N]; r [8 (rows + 1)]; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; scratch [*]; counts_out [4 or 5]; out
+[1].
 """
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ class NoTies(NamedTuple):
 
 
 class NoContact(NamedTuple):
-    """Of a scene without sliders: nothing but nodes."""
+    """Of a scene without constraints: the unknowns are those of nodes."""
 
 
 class SolverOutside(NamedTuple):
@@ -95,27 +99,28 @@ def assemble(term, method, system, h):
 
 @generic
 def weigh(term, method, system):
-    """After assembly: bring residuals that are stored elsewhere to the share of the tangent that the method forms."""
+    """After assembly: halve solutions that the term has stored, where the method halves its equations."""
 
 
 @generic
 def carry_columns(term, system):
-    """Take the border columns of sliders the way that the residual took."""
+    """Carry the border columns of sliders from eliminated and tied nodes to the nodes that the solver sees, as the residual
+    was."""
 
 
 @generic
 def complete_columns(term, system):
-    """Solutions of all columns for what the solver does not see; last term first."""
+    """Solutions of all columns for eliminated and tied nodes; last term first."""
 
 
 @generic
 def push_increments(term, system):
-    """Rows of increments of what follows other nodes."""
+    """Rows of increments of tied nodes, from those of the nodes that they follow."""
 
 
 @generic
 def recover(term, system, share):
-    """Rows of increments of what was eliminated: `share` of its stored solution; last term first."""
+    """Rows of increments of eliminated nodes, `share` times their solution; last term first."""
 
 
 @generic
@@ -145,12 +150,12 @@ def is_regular(term, system):
 
 @generic
 def is_settled(term, system):
-    """Whether nothing but the size of the increments decides on convergence."""
+    """Whether the iteration may end when its increments are small: false while a constraint has a gap."""
 
 
 @generic
 def within_limits(term, system, counts_out):
-    """Whether the state after a step is one that the term can go on from; counts_out[3]: the part that is not."""
+    """Whether a next step can begin from the state after this one; counts_out[3]: the slider that has left its beam."""
 
 
 @generic
@@ -210,17 +215,17 @@ def begin_step(method, terms, system, h):
 
 @generic
 def save(method):
-    """Remember what is not in the state before a step."""
+    """Remember what the method carries besides the state, before a step."""
 
 
 @generic
 def restore(method):
-    """Go back to it."""
+    """Go back to what `save` remembered."""
 
 
 @generic
 def weigh_residual(method, system):
-    """Bring the residual to the share of the tangent that the method forms."""
+    """Halve the residual where the method forms half its tangent and assembles the whole residual."""
 
 
 @generic
@@ -230,7 +235,7 @@ def node_share(method):
 
 @generic
 def inner_share(method):
-    """The same for stored solutions of eliminated nodes."""
+    """Increments per stored solution of eliminated nodes, as `node_share`."""
 
 
 @generic

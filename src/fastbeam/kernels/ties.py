@@ -1,4 +1,8 @@
-"""Ties between nodes in space: coordinates of tied nodes, and their rows, columns and blocks brought to those they follow."""
+"""Ties between nodes in space: coordinates of tied nodes, and their rows, columns and blocks brought to those they follow.
+
+Arrays: q, q_mid, q_end, x_out [12 N]; dphi, theta, off_out [3 N]; r [8 (rows + 1)]; blocks [48 (blocks + 1)], blocks of 6 rows
+of 8; panel [rows, 6, width] flat; scratch [*].
+"""
 from __future__ import annotations
 
 from typing import NamedTuple

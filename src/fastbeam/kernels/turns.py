@@ -26,8 +26,8 @@ def planar_turn(t, u):
 
 @kernel
 def turned_back(own, along):
-    """Of a small spin phi, by which the Cayley vector of a step has become theta, in lanes: (y, g) with which the turn that it
-    made takes a vector d back by g (phi x (phi x d) / 2 - y phi x d). own = phi . phi, along = theta . phi.
+    """The inverse of the rotation by which a small spin phi has changed the Cayley vector of a step to theta, in lanes: (y, g)
+    such that it adds g (phi x (phi x d) / 2 - y phi x d) to a vector d. own = phi . phi, along = theta . phi.
 
     With theta before, the turn from one to the other has the Cayley vector phi/y, y = 1 + a/4, a = theta_before . phi, and
     along = a + own + a^2/4. That has two solutions, a > -2 is taken: the other one belongs to increments that bring a triad back

@@ -1,4 +1,7 @@
-"""The arrays of a run: its state, and everything a step writes."""
+"""The arrays of a run: its state, and everything a step writes.
+
+Arrays: of any length: x, y_out [*].
+"""
 from __future__ import annotations
 
 from typing import Any, NamedTuple
@@ -14,18 +17,18 @@ FROM_START = 2.0
 class Line(NamedTuple):
     """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    use: np.ndarray       # float64 [3]: 0, or 1 where the tangent needs it, or FROM_START; increments of which size it can do
-    #                       without, relative to the length of the scene; size of the first increment of the step, -1 before
-    theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`;
-    #                       something to read has to follow
+    use: np.ndarray       # float64 [3]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
+    #                       the scene, up to which it does not; size of the first increment of the step, -1 before there is one
+    theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:
+    #                       rows of three are read as rows of four
     x: np.ndarray         # float64 [8 (rows + 1)]: the increment of all rows
-    off: Any              # float64 [3 N]: how far the positions of tied nodes lie beside it; terms.NoTies without ties
+    off: Any              # float64 [3 N]: positions of tied nodes less those to which x alone leads; terms.NoTies without ties
 
 
 class Work(NamedTuple):
     """Everything a step writes besides the state; sizes are those in space."""
 
-    dphi: np.ndarray      # float64 [3 N]: increments of the positions; as theta with something to read behind
+    dphi: np.ndarray      # float64 [3 N]: increments of the positions, padded as theta
     theta: np.ndarray     # float64 [3 N]: Cayley vectors, d_n+1 = cay(theta) d_n
     q_mid: np.ndarray     # float64 [12 N]: coordinates in the middle and at the end of the step, for sliders, ties and bodies;
     #                       empty where there are none
@@ -40,18 +43,18 @@ class Work(NamedTuple):
     rows: np.ndarray      # float64 [7 S + 1, width] flat, 5 in a plane
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
-    scratch: np.ndarray   # float64
+    scratch: np.ndarray   # float64 [*]
     keep_q: np.ndarray    # float64 [12 N]: state before the step; the arrays keep_* are empty where
     #                       a failed step does not change it
     keep_v: np.ndarray    # float64 [12 N]
     keep_s: np.ndarray    # float64 [S]
     keep_force: np.ndarray  # float64 [3 S]
-    keep_history: np.ndarray
+    keep_history: np.ndarray  # float64 [*], as State.history
     keep_dphi: np.ndarray  # float64 [3 N]
     keep_theta: np.ndarray  # float64 [3 N]
     past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of steps, nodes.remember; the newest of nodes
     #                       are their increments
-    keep_past: np.ndarray
+    keep_past: np.ndarray  # float64 [*], as past
     line: Line
 
 
@@ -62,7 +65,7 @@ class State(NamedTuple):
     v: np.ndarray         # float64 [12 N]
     s: np.ndarray         # float64 [S]
     force: np.ndarray     # float64 [3 S]
-    history: np.ndarray = np.zeros(0)  # float64: what terms remember of the steps before, as work done (along.py)
+    history: np.ndarray = np.zeros(0)  # float64 [*]: what terms remember of the steps before, as work done (along.py)
 
 
 @kernel
@@ -73,7 +76,7 @@ def copy(x, y_out):
 
 @kernel
 def keep(x, y_out):
-    """Copy, where there is room."""
+    """Copy as many numbers as y_out has: none where it is empty."""
     for i in range(y_out.shape[0]):
         y_out[i] = x[i]
 
@@ -87,8 +90,9 @@ def halve(x):
 
 @kernel
 def start_line(work):
-    """No increment yet: the tangent takes the stresses of the first guess where the last was good, else those before the step.
-    The first guess is made, so increments are no rates of a step any more."""
+    """Before the first increment of a step the tangent takes the stresses of the first guess if that of the step before was good,
+    else those at the start of the step. From here on dphi and theta are increments of this step, no longer mean rates of the
+    last one: past[3] = 0."""
     work.past[3] = 0.0
     first = work.past[work.past.shape[0] - 1]
     follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
@@ -99,8 +103,8 @@ def start_line(work):
 
 @kernel
 def follow_line(line, moved):
-    """Whether an increment of this size is too long for the stresses at its end. What idle lanes of the element loops left in the
-    row behind the last is forgotten: they read it again."""
+    """Decide by the size of an increment whether the tangent takes the stresses to which it led in a straight line. The row
+    behind the last, which idle lanes of element loops write and read, is cleared."""
     for i in range(line.x.shape[0] - 8, line.x.shape[0]):
         line.x[i] = 0.0
     line.use[0] = 0.0 if moved <= line.use[1] else 1.0

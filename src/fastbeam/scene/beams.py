@@ -90,7 +90,7 @@ class NodeRef:
     Raises
     ------
     SceneError
-        The owner is none or has no such node, or the offset is not 3 finite numbers, or one of a beam or mass.
+        The owner is no beam, body or mass, or has no such node, or the offset is not 3 finite numbers, or one of a beam or mass.
     """
 
     owner: Any

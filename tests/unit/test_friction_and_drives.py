@@ -1,0 +1,84 @@
+"""Bad friction, drives and stops of sliders: messages that say what is wrong and what to write."""
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+SECTION = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+BEAM = fb.Beam.straight("rail", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)
+MASS = fb.PointMass("m", mass=0.1)
+
+
+def slider(**forces: Any) -> fb.Slider:
+    return fb.Slider("s", MASS, BEAM, **{"at": 0.5, **forces})
+
+
+def model(**forces: Any) -> fb.Model:
+    return fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider(**forces)))
+
+
+WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
+    "negative friction": (lambda: slider(friction=-0.1), ("friction", "finite number >= 0")),
+    "friction as text": (lambda: slider(friction="0.3"), ("friction", "coefficient >= 0 or a Friction")),
+    "drive as a number": (lambda: slider(drive=1.0), ("drive", "fb.Drive(speed=")),
+    "stops as a pair": (lambda: slider(stops=(0.2, 0.8)), ("stops", "fb.Stops(start, end)")),
+    "stops beyond the beam": (lambda: slider(stops=fb.Stops(0.2, 1.8)), ("end=1.8 m lies beyond", "0 to 1 m")),
+    "stops that exclude the start": (lambda: slider(stops=fb.Stops(0.6, 0.8)), ("exclude its place at=0.5", "start between them")),
+    "stops the wrong way round": (lambda: fb.Stops(0.8, 0.2), ("start must lie before end",)),
+    "no stop": (lambda: fb.Stops(), ("give start=, end= or both",)),
+    "elastic and rigid": (lambda: fb.Stops(0.1, 0.2, stiffness=1.0, restitution=0.5), ("not both",)),
+    "restitution above 1": (lambda: fb.Stops(0.1, restitution=1.5), ("restitution", "<= 1")),
+    "empty drive": (lambda: fb.Drive(), ("give position=, speed= or force=",)),
+    "two drives": (lambda: fb.Drive(position=0.1, speed=1.0), ("both prescribe the motion",)),
+    "force and speed": (lambda: fb.Drive(force=0.1, speed=1.0), ("force= stands alone",)),
+    "limit of a prescribed motion": (lambda: fb.Drive(speed=1.0, limit=2.0), ("limit= bounds the force of a controller",)),
+    "stiffness without a place": (lambda: fb.Drive(speed=1.0, stiffness=2.0), ("stiffness= needs position=",)),
+    "force of two arguments": (lambda: fb.Drive(force=lambda t, s: 1.0), ("one argument (t) or three",)),
+    "force that fails": (lambda: fb.Drive(force=lambda t, s, v: 1.0 / 0.0), ("must not fail", "ZeroDivisionError")),
+    "force that numba does not know": (lambda: model(drive=fb.Drive(force=lambda t, s, v: float(str(1.0 + s)))),
+                                       ("slider 's'", "cannot be compiled", "numbers, math and numpy")),
+    "position that begins elsewhere": (lambda: model(drive=fb.Drive(position=lambda t: 0.2 + t)),
+                                       ("begins at position(0) = 0.2 m", "the slider at 0.5 m")),
+    "rate and drive": (lambda: slider(rate=1.0, drive=fb.Drive(speed=2.0)), ("rate=1 m/s", "begins with 2 m/s")),
+    "order 4 with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, order=4), ("order=4", "order=2")),
+    "midpoint with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, method="midpoint"),
+                               ("midpoint", "use the default method")),
+    "nan on the way": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 if t < 0.05 else np.nan)), t_end=0.1,
+                                           step=0.01), ("slider 's'", "position", "finite number")),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_message_says_what_is_wrong(case: str) -> None:
+    call, words = WRONG[case]
+    with pytest.raises(fb.SceneError) as caught:
+        call()
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
+
+
+def test_a_prescribed_motion_gives_the_rate() -> None:
+    assert slider(drive=fb.Drive(speed=0.3)).rate == 0.3
+    assert slider(drive=fb.Drive(position=0.5)).rate == 0.0
+    assert abs(slider(drive=fb.Drive(position=lambda t: 0.5 + np.sin(t))).rate - 1.0) < 1e-9
+    assert slider(drive=fb.Drive(force=1.0)).rate is None
+
+
+def test_a_scene_without_forces_along_beams_has_none_of_their_arrays() -> None:
+    plain = fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider()))
+    assert plain.slider_forces is None and plain.state().history.size == 0
+    result = fb.simulate(plain, t_end=0.01, step=1e-3, progress=False)
+    assert "friction_loss" not in result.series and "balance" not in result.series and result.info["conserved"] == ["gap", "total"]
+
+
+def test_results_with_forces_are_written_and_read(tmp_path: Any) -> None:
+    result = fb.simulate(model(friction=0.1, rate=0.1, drive=fb.Drive(force=0.05)), t_end=0.05, step=1e-3, progress=False,
+                         file=tmp_path / "r.h5")
+    again = fb.load_result(tmp_path / "r.h5")
+    for name in ("friction_force", "drive_work", "force_along", "stop_loss"):
+        assert np.array_equal(again.slider("s")[name], result.slider("s")[name])
+    assert "energy balance" in again.table() and np.array_equal(again.balance()["sum"], result.balance()["sum"])
