@@ -25,6 +25,7 @@ from fastbeam.kernels.strain_sets import SIMO_REISSNER
 from fastbeam.kernels.terms import Conserving
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
+from fastbeam.workspace import condensed_of, inner_of, work_of  # noqa: E402
 
 PADDED = 8  # columns of a block and of the panel of right-hand sides as they are stored
 
@@ -216,13 +217,13 @@ def count(kernel: Dispatcher, *arguments: Any, without: Sequence[str] = ()) -> i
 
 def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     """Of an element of the first group of a model in space, with its inner nodes where they are eliminated and `assembled`."""
-    work, tables = model.work(), model.simo
+    work, tables = work_of(model), model.simo
     line = work.line._replace(use=np.array([float(mixed), 0.0, 0.0]))
     motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, line, 1.0, 1.0)
     if not assembled:
         at = layout_of(model.size, *tables.meta[0, :2])
         return count(beam.evaluate_group, tables, 0, at, SIMO_REISSNER, motion, work.scratch, model.size)
-    inner = NoInner() if model.inner is None else model.inner_work()
+    inner = NoInner() if model.inner is None else inner_of(model)
     return count(beam.element_groups, tables, 0, 1, inner, SIMO_REISSNER, motion, work.r, work.blocks, work.scratch, model.size)
 
 
@@ -240,11 +241,11 @@ def after_kernel(model: Model) -> int:
 
 def inner_elimination(model: Model) -> int:
     """The first part of `after_kernel`."""
-    work, tables = model.work(), model.simo
+    work, tables = work_of(model), model.simo
     nn = int(tables.meta[0, 0])
     if model.inner is None:
         return 0
-    inner = model.inner_work()
+    inner = inner_of(model)
     assert inner is not None
     return count(eliminate_inner, Short(work.r), inner.store, 0, tables, 0, nn, work.scratch, 0, 0, 0, model.size)
 
@@ -290,7 +291,7 @@ def _kinds_of_beams(stepper: Stepper) -> Iterator[tuple[int, float]]:
 
 def condensed_beams(stepper: Stepper, mixed: float) -> float:
     """Of all condensed beams in one iteration without loops over nodes: elements, elimination, recovery of the interior."""
-    model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
+    model, work, subs = stepper.core, work_of(stepper.core), condensed_of(stepper.core)
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
         plain, more = (count(substructures.condense, subs, model.simo, SIMO_REISSNER, g, g + 1, model.size, Conserving(),
@@ -303,7 +304,7 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
 
 def recovery_of_beams(stepper: Stepper) -> float:
     """The last part of `condensed_beams`."""
-    model, work, subs = stepper.core, stepper.core.work(), stepper.core.substructure_work()
+    model, work, subs = stepper.core, work_of(stepper.core), condensed_of(stepper.core)
     return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, model.pattern.row_of, work, work.scratch,
                              model.size, without=("move_nodes",))
                for g, beams in _kinds_of_beams(stepper))

@@ -28,15 +28,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
 import fastbeam as fb  # noqa: E402
-from fastbeam import compile as compiler  # noqa: E402
+from fastbeam import numbered, ordering, unpacked  # noqa: E402
 from fastbeam.newton import Stepper  # noqa: E402
 from fastbeam.tables import ElementPacker  # noqa: E402
 
 Array = np.ndarray
 SECTION = fb.Section.circle(radius=0.02, E=1e8, rho=1000.0)
 STEP = 1e-3
-PHASES = {"nodes": (compiler, "NodeList"), "joints": (compiler, "_connections"), "elements": (ElementPacker, "add"),
-          "blocks": (compiler, "_Blocks"), "state": (compiler, "initial_state")}
+PHASES = {"nodes": (numbered, "NodeList"), "joints": (numbered, "_connections"), "state": (unpacked, "initial_state"),
+          "blocks": (ordering, "Blocks"), "elements": (ElementPacker, "tables")}
 
 
 def square_net(beams: int, joints: str) -> fb.Scene:

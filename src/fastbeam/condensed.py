@@ -27,6 +27,7 @@ from .kernels.slider import Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
 from .kernels.work import follow_line, start_line
+from .workspace import condensed_of, scratch_of
 
 Array = np.ndarray
 Chunk = tuple[int, int]
@@ -126,10 +127,10 @@ class CondensedIteration(Iteration):
         super().__init__(owner)
         self.team = Team(threads)
         model = owner.core
-        subs = model.substructure_work()
+        subs = condensed_of(model)
         assert subs is not None
         self.subs = subs
-        self._scratch = [model.scratch() for _ in range(threads)]
+        self._scratch = [scratch_of(model) for _ in range(threads)]
         parts = model.groups_of_beams()
         rest: list[Any] = []
         self._groups: list[tuple[ElementTables, Any, Chunk]] = []

@@ -42,8 +42,6 @@ class Ends:
         Blocks a-a, a-b, b-a, b-b of the tangent; empty where the kind couples none.
     distance : float64 [L]
         Of both ends at t = 0, m.
-    round_off : float
-        Distances below this count as zero, m.
     first : int64 [1]
         Number of the first among all constraints.
     ties
@@ -59,7 +57,6 @@ class Ends:
         if blocks is not None:
             self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
         self.distance = np.linalg.norm(phi[b] - phi[a], axis=1)
-        self.round_off = 1e-12 * float(np.max(np.abs(phi)))
         self.first = np.array([first])
 
 
@@ -76,12 +73,15 @@ class Entry:
         Whether it adds to the blocks between its nodes.
     law : Together, Distance or None
         Of a joint with multipliers: what it keeps.
+    needs_distance : bool
+        Whether it makes no sense between points at the same place.
     """
 
     noun: type
     table: Callable[[Ends], Any]
     couples: bool = True
     law: Together | Distance | None = None
+    needs_distance: bool = False
 
 
 def _springs(ends: Ends) -> Springs:
@@ -90,9 +90,6 @@ def _springs(ends: Ends) -> Springs:
 
 
 def _distances(ends: Ends) -> DistanceJoints:
-    for part, distance in zip(ends.parts, ends.distance):
-        if not distance > ends.round_off:
-            raise SceneError(f"{_label(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
     return DistanceJoints(ends.node, ends.row, ends.block, ends.distance, ends.first, ends.ties)
 
 
@@ -100,7 +97,7 @@ def _distances(ends: Ends) -> DistanceJoints:
 REGISTRY = (
     Entry(Spring, _springs),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
-    Entry(DistanceJoint, _distances, law=Distance()),
+    Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
 )
 
 
@@ -115,6 +112,11 @@ class Links:
         Its loops are ball joints that multipliers hold.
     hinges : int [*, 2]
         Ball joints of nets.
+
+    Raises
+    ------
+    SceneError
+        A link that makes no sense where its ends are, as a distance joint between points at the same place.
     """
 
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
@@ -127,6 +129,8 @@ class Links:
             node = _nodes_of(parts, nodes)
             if entry.noun is BallJoint:
                 parts, node = [balls[j] for j in joints.loops], pairs[joints.loops]
+            if entry.needs_distance:
+                _check_distances(parts, node, nodes.phi)
             if parts:
                 self.groups.append((entry, parts, node))
 
@@ -158,19 +162,20 @@ class Links:
         return out
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any) -> tuple[Any, ...]:
-        """The tables of all kinds of links that the scene has; sliders: constraints before theirs.
-
-        Raises
-        ------
-        SceneError
-            A link that makes no sense where its ends are, as a distance joint between points at the same place.
-        """
+        """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
         out, first = [], sliders
         for entry, parts, node in self.groups:
             ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties)
             out.append(entry.table(ends))
             first += len(parts) if entry.law is not None else 0
         return tuple(out)
+
+
+def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:
+    round_off = 1e-12 * float(np.max(np.abs(phi)))
+    for part, (a, b) in zip(parts, node.tolist()):
+        if not np.linalg.norm(phi[b] - phi[a]) > round_off:
+            raise SceneError(f"{_label(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
 
 
 def _nodes_of(links: list[Any], nodes: NodeList) -> Array:

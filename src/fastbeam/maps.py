@@ -11,6 +11,7 @@ from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
 from .kernels.work import State
 from .model import Model
+from .workspace import contact_of
 
 Array = np.ndarray
 
@@ -116,7 +117,7 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
     curves, sliders = model.curves, model.sliders
     x, v = state.q.reshape(n, 4, 3)[:, 0], state.v.reshape(n, 4, 3)[:, 0]
     matrix = sparse.lil_matrix((3 * s, 12 * n))
-    contact = model.contact()
+    contact = contact_of(model)
     tangents, convective = [], np.zeros((s, 3))
     for k in range(s):
         assert curves is not None and sliders is not None

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import LARGEST, Count, checked, real, shown
+from .arguments import Count, checked, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
@@ -17,14 +17,12 @@ from .kernels.curves import Curves
 from .kernels.load_work import LoadWork
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
-from .kernels.layout import layout_of
-from .kernels.nodes import NODES_SCRATCH, Bodies, Held
+from .kernels.nodes import Bodies, Held
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
-from .kernels.slider import Contact, ContactInRows, ContactOfCarriers, Sliders
-from .kernels.substructures import Substructures, front_size, place_stores
-from .kernels.terms import NoTies
+from .kernels.slider import Sliders
+from .kernels.substructures import Substructures
 from .kernels.ties import Ties
-from .kernels.work import Line, State, Work
+from .kernels.work import State
 from .kept import KeptLink
 from .mapping import state_for
 from .pattern import Pattern
@@ -32,7 +30,7 @@ from .pattern import Pattern
 Array = np.ndarray
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Model:
     """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
 
@@ -59,6 +57,10 @@ class Model:
     q0, v0, s0 : initial state; q [12 N], v [12 N], s [S].
     length : float
         Size of the scene, m.
+    softest : float
+        EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion and
+        bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
+        their square, bends a beam more than they do.
     numbers : numbering.NodeList
         Finds the global number of a node of the scene.
     size : tuple
@@ -114,6 +116,7 @@ class Model:
     s0: Array
     slider_lengths: Array
     length: float
+    softest: float
     n_blocks: int
     names: dict[str, list[Any]]
     labels: list[str]
@@ -194,20 +197,6 @@ class Model:
     def past_size(self) -> int:
         """Numbers that a run keeps of the last two steps for the first guess of the next, besides the increments of the last."""
         return 5 + len(self.size) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
-
-    @cached_property
-    def softest(self) -> float:
-        """EI / (EA length^2), the smallest of all elements, with the stiffest of extension and shear and the softest of torsion
-        and bending: from increments of this size on (relative to the length) the change of the forces that they cause, EA times
-        their square, bends a beam more than they do."""
-        out = np.inf
-        for tables in (self.simo, self.green):
-            if tables is not None:
-                stiff = tables.tab[np.unique(tables.meta[:, 2])[:, None, None] + 56 * np.arange(6)[:, None] + np.arange(8)]
-                long, bend = stiff[:, :3].max(axis=1), stiff[:, 3:]
-                bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
-                out = min(out, float(np.min(bend / (long * self.length**2))))
-        return out
 
     @property
     def n_unknowns(self) -> int:
@@ -306,14 +295,6 @@ class Model:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
         return state_for(self, names, state)
 
-    @cached_property
-    def _scratch(self) -> int:
-        """Doubles that the largest group of elements needs, or eight nodes."""
-        metas = [t.meta for t in (self.simo, self.green) if t is not None]
-        sizes = [layout_of(self.size, int(nn), int(nq)).size for m in metas for nn, nq in np.unique(m[:, :2], axis=0)]
-        most = max([*sizes, NODES_SCRATCH])
-        return most if self.substructures is None else most + front_size(len(self.size))
-
     @property
     def panel_rows(self) -> int:
         """Rows of the panel of right-hand sides: those that the solver sees; with sliders all but those of condensed beams."""
@@ -339,103 +320,10 @@ class Model:
             carried = int(self.carriers.tables[self.carriers.tables[:, 1] == (tables is self.green), 3].sum())
         return len(tables.meta) - int(groups[:, 1].sum()) - carried
 
-    def scratch(self) -> Array:
-        """Scratch of one thread."""
-        return aligned(self._scratch)
-
-    def substructure_work(self) -> Substructures | None:
-        """The condensed beams with work arrays of one run."""
-        if self.substructures is None:
-            return None
-        return place_stores(self.substructures, len(self.size))
-
-    def work(self, keep: bool = True, rates: bool = False) -> Work:
-        """Work arrays of one run; keep: with room for the state before a step; rates: for a method with rates of its own
-        (generalised alpha)."""
-        n, s, size = self.n_nodes, self.n_sliders, len(self.size)
-        kept = int(keep)
-        q = self.q0.size
-        # what is not a beam takes the coordinates from these
-        moved = q * (rates or self.sliders is not None or self.ties is not None or self.bodies is not None or bool(self.links))
-        border = self.border * self.n_constraints
-        # what only a dense border needs
-        dense = 0 if self.by_rows or self.carriers is not None else border
-        panel = 0 if self.by_rows else size * self.panel_rows * self.width
-        theta = _padded((size - self.dim) * n)
-        return Work(dphi=_padded(self.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
-                    u=np.zeros(q * (rates or self.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
-                    r=np.zeros(8 * (n + 1)),
-                    blocks=aligned(8 * size * (self.n_blocks + 1)), pivots=np.zeros(size * self.pattern.n, np.int64),
-                    panel=aligned(panel), rows=aligned((dense + 1) * self.width),
-                    schur=np.zeros((dense, dense)), y=np.zeros(border),
-                    scratch=self.scratch(), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                    keep_force=np.zeros(kept * self.forces.sum()),
-                    keep_history=np.zeros(kept * self.history_size), keep_dphi=np.zeros(kept * self.dim * n),
-                    keep_theta=np.zeros(kept * theta.size),
-                    past=np.zeros(self.past_size),
-                    keep_past=np.zeros(kept * self.past_size),
-                    line=Line(np.array([0.0, self.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
-                              NoTies() if self.ties is None else _padded(self.dim * n)))
-
     @property
     def by_rows(self) -> bool:
         """Whether sliders are rows of the block matrix (theory.md 9) and not a dense border."""
         return self.n_constraints > 0 and self.pattern.plan is not None and self.substructures is None
-
-    @property
-    def entries(self) -> int:
-        """Entries that a constraint may have: those of every node of a slider's beam and its point, or of both ends of a joint;
-        fewer at first where constraints are rows, and room for more is made when one has them."""
-        # each as often as a tied node passes it on
-        widest = 1 if self.ties is None else int(np.max(np.diff(self.ties.start)))
-        ends = 2 * widest if self.kept else 0
-        if self.curves is None:
-            return ends
-        most = int(self.curves.shape[:, 2].max())
-        if self.by_rows:
-            most = min(most, int(self.curves.count.max()))
-            return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
-        # and the spin of every node
-        return max(ends, (most + 1) * widest + most)
-
-    def contact(self, entries: int | None = None) -> Contact | None:
-        """Work arrays of the constraints, with room for so many entries (default: `entries`)."""
-        n, row = self.n_constraints, 8 * len(self.size)
-        if not n:
-            return None
-        shape = np.zeros((1, 3), np.int64) if self.curves is None else self.curves.shape
-        entries = entries or (0 if self.carriers is not None else self.entries)
-        first = np.cumsum(self.unknowns) - self.unknowns if self.by_rows else self.border * np.arange(n)
-        kind = ContactInRows if self.by_rows else Contact if self.carriers is None else ContactOfCarriers
-        return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
-                    entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=np.zeros((n, row * entries)),
-                    line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
-                    element=np.zeros(n, np.int64), forces=self.forces, first=first,
-                    first_force=np.cumsum(self.forces) - self.forces, compliance=np.zeros(n), remaining=np.zeros(n),
-                    full=np.zeros(1, np.int64), augmented=np.zeros(4))
-
-    def inner_work(self) -> Inner | None:
-        """The eliminated nodes with work arrays of one run."""
-        if self.inner is None:
-            return None
-        inner = self.inner
-        rhs = np.zeros_like(inner.rhs) if isinstance(inner.rhs, np.ndarray) else inner.rhs
-        return inner._replace(store=aligned(inner.store.size), rhs=rhs,
-                              mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
-
-    def load_factors(self, times: Array, steps: Array) -> Array:
-        """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads
-        are exact to order 6 and a step stays symmetric."""
-        x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
-        w = np.array([5.0, 8.0, 5.0]) / 18.0
-        out = np.ones((len(times), len(self.load_times)))
-        points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
-        for k, time in enumerate(self.load_times):
-            if time is not None:
-                values = np.array([factor_at(time, float(t)) for t in points]).reshape(-1, 3)
-                # written out: a matrix product rounds a row differently in calls of different length
-                out[:, k] = w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
-        return out
 
     def __str__(self) -> str:
         return self.text
@@ -451,31 +339,3 @@ def check_model(who: str, model: Any) -> None:
     """
     if not isinstance(model, Model):
         raise SceneError(f"{who}: needs a model, got {shown(model)}; compile it first: model = fb.compile_scene(scene)")
-
-
-def factor_at(time: Callable[[float], float], t: float) -> float:
-    """A time function at t as a number.
-
-    Raises
-    ------
-    SceneError
-        It returned something else, or nothing finite.
-    """
-    value = time(t)
-    factor = real(value)
-    if factor is None or not abs(factor) <= LARGEST:
-        raise SceneError("time function of a load or of gravity: must return a finite number, got "
-                         f"{shown(value)} at t = {t:.6g} s")
-    return factor
-
-
-def _padded(n: int) -> Array:
-    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
-    return np.zeros(n + 8)[:n]
-
-
-def aligned(n: int) -> Array:
-    """n zeros on a cache line."""
-    raw = np.zeros(n + 8)
-    shift = (-raw.ctypes.data // 8) % 8
-    return raw[shift:shift + n]

@@ -23,9 +23,11 @@ from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
 from .kernels.work import State
 from .linsolve import LinearSystem
+from .load_times import load_factors
 from .methods import Method, empty_rates, start_rates
 from .model import Model
 from .starting import own_state
+from .workspace import check_border, contact_of, entries_of, inner_of, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -93,7 +95,8 @@ class Stepper:
     Raises
     ------
     SceneError
-        The state is not one of this model, or max_iterations, backend or augmentation is not usable.
+        The state is not one of this model, max_iterations, backend or augmentation is not usable, or its constraints are a dense
+        border that the memory does not hold.
     """
 
     def __init__(self, model: Model, weights: Array, state: State | None = None, max_iterations: int = 25,
@@ -120,16 +123,18 @@ class Stepper:
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
         self.core: Model = model if self.plane is None else self.plane.model
         core = self.core
+        if not static:
+            check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         self.weights = np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
-        self.work = core.work(keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
-        self.inner = core.inner_work()
-        self.contact = core.contact()
+        self.work = work_of(core, keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
+        self.inner = inner_of(core)
+        self.contact = contact_of(core)
         self.rows: Constraints | None = None
         if core.by_rows and not static:
-            self._make_rows(core.entries, 1.0)
+            self._make_rows(entries_of(core), 1.0)
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
@@ -155,7 +160,7 @@ class Stepper:
             kernels.external_forces(core.loads, self._factors[0], self.work.f_ext)
         if self.alpha is not None:
             if self._timed:
-                kernels.external_forces(model.loads, model.load_factors(np.full(1, t), np.zeros(1))[0], self.work.f_ext)
+                kernels.external_forces(model.loads, load_factors(model, np.full(1, t), np.zeros(1))[0], self.work.f_ext)
             if memory is None:
                 start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
         if memory is not None:
@@ -176,7 +181,7 @@ class Stepper:
     def _start_sliding(self) -> None:
         """Signs of the velocities of sliders with Coulomb friction, where no run before has left them."""
         model, state = self.model, self.state
-        rates, contact = np.zeros(model.n_sliders), model.contact()
+        rates, contact = np.zeros(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         self.core_state.history[:HISTORY * model.n_sliders:HISTORY] = np.where(moving, np.sign(rates), 0.0)
@@ -243,7 +248,7 @@ class Stepper:
         self.rows = constraints_of(self.core, self.inner, entries, scale)
         self.work = self.work._replace(blocks=self.rows.factors.store[:self.rows.couplings.end[0]])
         if self.contact.row.shape[1] != entries:
-            old, self.contact = self.contact, self.core.contact(entries)
+            old, self.contact = self.contact, contact_of(self.core, entries)
             assert self.contact is not None
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
@@ -321,7 +326,7 @@ class Stepper:
             lengths = np.tile(self.weights * h, n)
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
-            loads, factors = model.loads, model.load_factors(starts.reshape(-1), lengths)
+            loads, factors = model.loads, load_factors(model, starts.reshape(-1), lengths)
         drives = self._drives(t, h, n, done)
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():

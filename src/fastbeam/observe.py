@@ -14,8 +14,10 @@ from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
-from .model import Model, factor_at
+from .load_times import factor_at
+from .model import Model
 from .result import ALONG, ResultHeader
+from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
@@ -53,7 +55,7 @@ class Observer:
         self._out = np.zeros(9)
         self._work = np.zeros(6)
         self._gap = np.zeros(model.n_sliders)
-        self._contact = model.contact() if self.slider else None
+        self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
         self.balance = self.energy and model.history_size > 0
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}

@@ -1,180 +1,98 @@
-"""Scenes that stay in a plane: found from the compiled tables, and the same tables with 3 unknowns a node (theory.md 10)."""
+"""Scenes that stay in a plane: found from their arrays before anything is packed, and their tables with 3 unknowns a node
+(theory.md 10)."""
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .connections import TRIAD
 from .kernels.beam import ElementTables
 from .kernels.inner import Inner, NoColumns, store_size
-from .kernels.kinds import PLANE, SPACE
-from .kernels.layout import layout_of
+from .kernels.kinds import PLANE
+from .kernels.layout import CONSTANTS, FACTORS, NODES, POINTS, REFERENCE
 from .kernels.nodes import Held
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
 from .kernels.work import State
-from .tables import CHUNK, TablePool
+from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
+from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
+from .unpacked import Unpacked
 
 if TYPE_CHECKING:
     from .model import Model
 
 Array = np.ndarray
-# components out of the plane that count as round-off, relative to the largest quantity of the same kind
-TOLERANCE = 1e-12
-AXES = "xyz"
 
 
-class NotPlanar(Exception):
-    """Why a scene has to be run in space."""
+class Found(NamedTuple):
+    """A plane, and what stands in its tables instead of vectors and tensors."""
+
+    plane: Plane      # without its model
+    state: State      # at t = 0
+    inertia: Array    # float64 [B, 2]: mass and moment of inertia about the normal, of every body
+    ties: Array       # complex128 [M]: factor of every entry of `Connections.apart`
 
 
-@dataclass
-class Plane:
-    """The plane of a scene and its tables.
-
-    Attributes
-    ----------
-    axes : float64 [3, 3]
-        Two axes in the plane and its normal, by rows.
-    height : float
-        Of all nodes along the normal, m.
-    factor : complex128 [N, 3]
-        Director i of a node is factor_i u in the plane: a + i b stands for a u + b J u.
-    normal : float64 [N, 3]
-        Constant component of the directors along the normal.
-    vectors : int
-        Forces of constraints that are vectors; behind them come single ones.
-    model : Model
-        With 4 coordinates a node, x, y and u, and 3 unknowns.
-    """
-
-    axes: Array
-    height: float
-    factor: Array
-    normal: Array
-    vectors: int
-    model: Any = None
-
-    @property
-    def label(self) -> str:
-        """Text for `print(model)`."""
-        k = np.flatnonzero(self.axes[2] == 1.0)
-        if k.size:
-            return "plane normal to " + AXES[k[0]]
-        return "plane with normal (" + ", ".join(f"{x:.3g}" for x in self.axes[2]) + ")"
-
-    def reduce(self, state: State) -> State:
-        """Coordinates in the plane."""
-        n = len(self.factor)
-        flat = [_complex(x.reshape(n, 4, 3), self.axes) for x in (state.q, state.v)]
-        # u from the director that lies best in the plane
-        k = np.argmax(np.abs(self.factor), axis=1)
-        at = np.arange(n)
-        q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
-        vectors = 3 * self.vectors
-        force = _complex(state.force[:vectors].reshape(-1, 3), self.axes)
-        return State(_numbers(q), _numbers(v), state.s.copy(), np.concatenate((_numbers(force), state.force[vectors:])),
-                     state.history.copy())
-
-    def expand(self, flat: State) -> State:
-        """Coordinates in space."""
-        vectors = 2 * self.vectors
-        force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:]))
-        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force, flat.history.copy())
-
-    def _within(self, x: Array) -> Array:
-        """[12 N] from [4 N], without what points along the normal."""
-        z = x.view(complex).reshape(-1, 2)
-        place = np.empty((len(z), 4), complex)
-        place[:, 0] = z[:, 0]
-        np.multiply(self.factor, z[:, 1:], out=place[:, 1:])
-        return _vectors(place, self.axes).reshape(-1)
-
-    @cached_property
-    def _above(self) -> Array:
-        """What points along the normal, [12 N]."""
-        up = np.concatenate((np.full((len(self.factor), 1), self.height), self.normal), axis=1)
-        return (up[:, :, None] * self.axes[2]).reshape(-1)
-
-    def forces(self, force: Array) -> Array:
-        """Contact forces [..., 2 S] in space, [..., 3 S]."""
-        return _vectors(force.view(complex), self.axes).reshape(*force.shape[:-1], -1)
-
-    def holds(self, state: State) -> bool:
-        """Whether a state lies in the plane."""
-        try:
-            _check_state(state.q, state.v, self, self.model.length)
-        except NotPlanar:
-            return False
-        force = state.force[:3 * self.vectors].reshape(-1, 3)
-        # contact forces carry the round-off of the stiffest directions
-        return bool(np.all(np.abs(force @ self.axes[2]) <= 10.0 * TOLERANCE * np.max(np.abs(force), initial=1e-300)))
-
-
-def _complex(x: Array, axes: Array) -> Array:
-    return x @ axes[0] + 1j * (x @ axes[1])
-
-
-def _numbers(z: Array) -> Array:
-    return np.stack((z.real, z.imag), axis=-1).reshape(-1)
-
-
-def _vectors(z: Array, axes: Array) -> Array:
-    return z.view(float).reshape(*z.shape, 2) @ axes[:2]
-
-
-def find_plane(model: Model) -> tuple[Plane | None, str]:
-    """The plane in which a model stays, with its tables; or None and the reason."""
+def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
+    """The plane in which a scene stays; or None and the reason."""
     try:
-        plane = _plane_of(model)
-        plane.model = _reduced(model, plane)
+        plane = _plane_of(unpacked)
+        elements = unpacked.elements
+        kinds = [(part.strain, *part.shape) for part in elements]
+        for kind in sorted(set(kinds), key=lambda x: (x[0] != "simo_reissner", *x[1:])):
+            for part, own in zip(elements, kinds):
+                if own == kind:
+                    _check_elements(unpacked, part, plane)
+        state = plane.reduce(unpacked.state)
+        ties = _ties(unpacked, plane, state)
+        return Found(plane, state, _bodies(unpacked, plane), ties), ""
     except NotPlanar as reason:
         return None, str(reason)
-    return plane, ""
 
 
-def _plane_of(model: Model) -> Plane:
-    q, v = model.q0.reshape(-1, 4, 3), model.v0.reshape(-1, 4, 3)
-    rows = model.loads.reshape(-1, model.n_nodes + 1, 8)[:, model.pattern.row_of]
+def _plane_of(unpacked: Unpacked) -> Plane:
+    q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
+    length = unpacked.numbered.length
+    rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
     within = [(q[:, 0] - q[0, 0], "{} lies out of the plane of other nodes"),
               (v[:, 0], "the initial velocity of {} points out of the plane"),
-              (model.gravity[None], "gravity points out of the plane"),
+              (unpacked.gravity[None], "gravity points out of the plane"),
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     # round-off of spins and moments has no axis
     speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
-    spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / model.length)
+    spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
     across = [(spins, "the initial spin of {} is not about the normal of the plane")]
-    across += [(_without_noise(x, push * model.length), "the moment on {} is not about the normal of the plane")
+    across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
                for x in rows[:, :, 3:6]]
     normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
     axes = _axes(normal)
     normal = axes[2]
     for x, why in within:
-        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
+        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
     for x, why in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
-        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, model)
-    flat = _complex(q[:, 1:], axes)
+        _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
+    flat = to_plane(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
-    vectors = model.n_sliders + sum(link.law.is_vector for link in model.kept)
+    vectors = unpacked.state.s.size + sum(link.law.is_vector for link in unpacked.kept)
     plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors)
-    _check_state(model.q0, model.v0, plane, model.length)
-    _refuse((model.numbers.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
-            "the section of {} does not stand upright on the plane", model)
+    check_state(unpacked.state.q, unpacked.state.v, plane, length)
+    _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
+            "the section of {} does not stand upright on the plane", unpacked)
     return plane
 
 
-def _refuse(off: Array, limit: float | Array, why: str, model: Model, nodes: Array | None = None) -> None:
-    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the model) exceeds its limit; names it."""
+def _refuse(off: Array, limit: float | Array, why: str, unpacked: Unpacked, nodes: Array | None = None) -> None:
+    """Refuse the plane where `off` [n] of a node (of `nodes` [n]; default: all of the scene) exceeds its limit; names it."""
     if np.any(off > limit):
         k = int(np.argmax(off))
-        raise NotPlanar(why.format(model.node_label(k if nodes is None else int(nodes[k]))))
+        raise NotPlanar(why.format(unpacked.nodes.labels[k if nodes is None else int(nodes[k])]))
 
 
 def _without_noise(x: Array, size: float) -> Array:
@@ -227,92 +145,142 @@ def _axes(normal: Array) -> Array:
     return np.stack((first, np.cross(normal, first), normal))
 
 
-def _check_state(q: Array, v: Array, plane: Plane, length: float) -> None:
-    n = plane.axes[2]
-    q, v = q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)
-    size = length + float(np.max(np.abs(q[:, 0]), initial=0.0))
-    speed = float(np.max(np.abs(v), initial=0.0))
-    if np.any(np.abs(q[:, 0] @ n - plane.height) > TOLERANCE * size) or np.any(np.abs(v @ n) > TOLERANCE * speed):
-        raise NotPlanar("a node leaves the plane")
-    if np.any(np.abs(q[:, 1:] @ n - plane.normal) > TOLERANCE):
-        raise NotPlanar("a triad is turned out of the plane")
+def _sections(c: Array, s: Array) -> tuple[Array, Array]:
+    """With the angle t of d2 = (c, s) against J d1 and the normal the strains of space are T (stretch, shear, curvature) within
+    the plane and another matrix of those beyond: [..., 6, 3] each."""
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
+                       [zero, zero, c]])
+    beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
+                       [zero, zero, -s]])
+    return np.moveaxis(within, (0, 1), (-2, -1)), np.moveaxis(beyond, (0, 1), (-2, -1))
+
+
+def _angles(elements: Elements, some: Array, plane: Plane) -> tuple[Array, Array]:
+    """Of elements, int [...], and their nodes: d2 = cos J u + sin n; [..., nn] each."""
+    nodes = elements.nodes[some]
+    return plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
+
+
+def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> None:
+    """Refuse elements that leave the plane."""
+    for begin in range(0, len(elements.nodes), CHUNK):
+        some = np.arange(begin, min(begin + CHUNK, len(elements.nodes)))
+        cos, sin = _angles(elements, some, plane)
+
+        def refuse(wrong: Array, why: str, of: Any = slice(None), node: Array = elements.nodes[some, 0]) -> None:
+            """wrong: bool [element], of all or of some"""
+            if np.any(wrong):
+                raise NotPlanar(why.format(unpacked.nodes.labels[int(node[of][wrong][0])].split(" node ")[0]))
+
+        turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
+        refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
+        c, s = cos[:, 0], sin[:, 0]
+        # those that differ from the one before
+        kinds = np.stack((elements.section[some], c, s))
+        first = np.flatnonzero(np.concatenate(([True], np.any(kinds[:, 1:] != kinds[:, :-1], axis=0))))
+        within, beyond = _sections(c[first], s[first])
+        C = elements.stiffness[elements.section[some[first]]]
+        inner, outer, cross = (np.einsum("eia,eij,ejb->eab", x, C, y)
+                               for x, y in ((within, within), (beyond, beyond), (beyond, within)))
+        scale = np.einsum("eaa,ebb->eab", outer, inner)
+        refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)), "the section of {} couples strains in the plane with others",
+               first)
+        e0 = elements.reference_strains[some]
+        beyond = np.repeat(beyond, np.diff(np.append(first, some.size)), axis=0)
+        off = np.abs(np.einsum("eia,epi->epa", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
+        refuse(np.any(off, axis=(1, 2)), "{} is curved or twisted out of the plane")
+        _, i2, i3 = elements.inertia[elements.section[some]].T
+        refuse(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3), "the section inertia of {} is oblique to the plane")
+
+
+def _bodies(unpacked: Unpacked, plane: Plane) -> Array:
+    """Mass and moment of inertia about the normal of all bodies, [B, 2]."""
+    tensor = unpacked.inertia
+    factor, normal = plane.factor[unpacked.bodies], plane.normal[unpacked.bodies]
+    own = tensor[:, 1:, 1:]
+    about = np.einsum("ki,kij,kj->k", factor, own, factor.conj()).real
+    tilt = np.abs(np.einsum("ki,kij,kj->k", normal, own, factor))
+    size = np.trace(own, axis1=1, axis2=2)
+    _refuse(tilt / np.where(size > 0.0, size, 1.0), TOLERANCE, "the principal axes of {} are oblique to the plane", unpacked,
+            unpacked.bodies)
+    return np.stack((tensor[:, 0, 0], about), axis=1)
+
+
+def _ties(unpacked: Unpacked, plane: Plane, state: State) -> Array:
+    """Factors of the entries of all tied nodes but those that share a row, [M]."""
+    ties = unpacked.joints.apart()
+    slave = ties.owner
+    arm = np.einsum("ei,ei->e", ties.offset, plane.factor[ties.target])
+    up = np.einsum("ei,ei->e", ties.offset, plane.normal[ties.target])
+    _refuse(np.abs(up), TOLERANCE * unpacked.numbered.length, "{} is connected at an offset out of the plane", unpacked, slave)
+    u = state.q.reshape(-1, 2, 2)[:, 1] @ np.array([1.0, 1j])
+    turn = _snapped(u[slave] * np.conj(u[ties.target]))
+    return np.where(ties.kind == TRIAD, turn, arm)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
-def _reduced(model: Model, plane: Plane) -> Model:
-    axes = plane.axes
-    state = plane.reduce(model.state())
+def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) -> Plane:
+    """The plane with its model: the tables of the same scene with 3 unknowns a node. model: the tables in space, whose lists of
+    nodes, rows and blocks serve both; packers: the elements of its tables, by strain set."""
+    plane, axes = found.plane, found.plane.axes
     loads = np.zeros_like(model.loads)
     if loads.size:
         rows, out = (x.reshape(-1, model.n_nodes + 1, 8) for x in (model.loads, loads))
         out[:, :, 0], out[:, :, 1], out[:, :, 2] = rows[:, :, :3] @ axes[0], rows[:, :, :3] @ axes[1], rows[:, :, 3:6] @ axes[2]
-    simo, green = (_elements(model, tables, plane) for tables in (model.simo, model.green))
-    ties = _ties(model, plane, state)
-    flat = replace(
+    simo, green = (None if tables is None else _elements(tables, packers[strain], plane)
+                   for tables, strain in ((model.simo, "simo_reissner"), (model.green, "green_lagrange")))
+    ties, bodies = model.ties, model.bodies
+    if ties is not None:
+        ties = PlanarTies(ties.slave, ties.row, ties.start, ties.target, ties.target_row, ties.diagonal, ties.kind,
+                          numbers_of(found.ties), ties.moves)
+    if bodies is not None:
+        bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
+    return replace(plane, model=replace(
         model, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=_bodies(model, plane), links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
-        static_held=_held(model.static_held), loads=loads, q0=state.q,
-        v0=state.v, size=PLANE, plane=None)
-    flat.softest = model.softest
-    return flat
+        bodies=bodies, links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
+        static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, size=PLANE))
 
 
-def _elements(model: Model, tables: ElementTables | None, plane: Plane) -> ElementTables | None:
-    """With the angle t of d2 against J d1 the strains of space are T (stretch, shear, curvature)."""
-    if tables is None:
-        return None
+def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
+    """The groups of `tables` with constants of the plane."""
     meta = tables.meta.copy()
-    tab = TablePool()
-    for nn, nq in np.unique(meta[:, :2], axis=0).tolist():
-        every = np.flatnonzero((meta[:, 0] == nn) & (meta[:, 1] == nq))
+    pool = TablePool()
+    parts = [packer.parts[k] for k in packer.order]
+    begins = np.cumsum([0, *(lane.size // 8 for _, lane in parts)])
+    for nn, nq in np.unique(meta[:, [NODES, POINTS]], axis=0).tolist():
+        every = np.flatnonzero((meta[:, NODES] == nn) & (meta[:, POINTS] == nq))
         for begin in range(0, every.size, CHUNK // 8):
             some = every[begin:begin + CHUNK // 8]
-            meta[some, 2], meta[some, 7] = _group_tables(model, tables, plane, nn, nq, some, tab)
-    meta[:, 6] = np.where(meta[:, 6] >= 0, meta[:, 6] // 4, -1)
-    return ElementTables(meta, tab.array(), tables.nodes, tables.rows, tables.blocks)
+            part_of = np.searchsorted(begins, some, side="right") - 1
+            constants, strains = zip(*(_group_tables(*_some_groups(*parts[k], some[part_of == k] - begins[k]), plane)
+                                       for k in np.unique(part_of)))
+            meta[some, CONSTANTS] = pool.share(np.concatenate(constants))
+            meta[some, REFERENCE] = pool.append(np.concatenate(strains))
+    meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
+    return ElementTables(meta, pool.array(), tables.nodes, tables.rows, tables.blocks)
 
 
-def _group_tables(model: Model, tables: ElementTables, plane: Plane, nn: int, nq: int, some: Array,
-                  tab: TablePool) -> tuple[Array, Array]:
-    """Put the tables of some groups of equal size, int [S], into the pool; where they and their reference strains begin."""
-    meta = tables.meta
-    at = layout_of(SPACE, nn, nq)
-    lanes = tables.tab[meta[some, 2, None] + np.arange(at.table_size)].reshape(len(some), -1, 8)
-    nodes = tables.nodes[meta[some, 3, None] + np.arange(8 * nn)].reshape(-1, nn, 8)
-    # [group, node, lane]: d2 = cos J u + sin n
-    cos, sin = plane.factor[nodes, 1].imag, plane.normal[nodes, 1]
+def _some_groups(elements: Elements, lane: Array, groups: Array) -> tuple[Elements, Array]:
+    return elements, lane.reshape(-1, 8)[groups].reshape(-1)
 
-    def refuse(wrong: Array, why: str) -> None:
-        """wrong: bool [group, lane]"""
-        if np.any(wrong):
-            raise NotPlanar(why.format(model.node_label(int(nodes[:, 0][wrong][0])).split(" node ")[0]))
 
-    turned = np.abs(cos - cos[:, :1]) + np.abs(sin - sin[:, :1])
-    refuse(np.any(turned > TOLERANCE, axis=1), "{} is twisted")
-    c, s = cos[:, 0], sin[:, 0]
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    within = np.array([[one, zero, zero], [zero, c, zero], [zero, -s, zero], [zero, zero, zero], [zero, zero, s],
-                       [zero, zero, c]]).transpose(2, 3, 0, 1)
-    beyond = np.array([[zero, zero, zero], [s, zero, zero], [c, zero, zero], [zero, one, zero], [zero, zero, c],
-                       [zero, zero, -s]]).transpose(2, 3, 0, 1)
-    C = lanes[:, :36].reshape(-1, 6, 6, 8).transpose(0, 3, 1, 2)
-    inner, outer, cross = (np.einsum("glia,glij,gljb->glab", x, C, y)
-                           for x, y in ((within, within), (beyond, beyond), (beyond, within)))
-    scale = np.einsum("glaa,glbb->glab", outer, inner)
-    refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(2, 3)), "the section of {} couples strains in the plane with others")
-    e0 = tables.tab[meta[some, 7, None] + np.arange(48 * nq)].reshape(-1, nq, 6, 8).transpose(0, 1, 3, 2)
-    off = np.abs(np.einsum("glia,gpli->gpla", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
-    refuse(np.any(off, axis=(1, 3)), "{} is curved or twisted out of the plane")
+def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array, Array]:
+    """Constants and reference strains of groups of 8 elements, int [8 G]: [G, doubles] each."""
+    groups = lane.size // 8
+    cos, sin = _angles(elements, lane, plane)
+    c, s = cos[:, 0].reshape(groups, 8), sin[:, 0].reshape(groups, 8)
+    within, _ = _sections(c, s)
+    section = elements.section[lane].reshape(groups, 8)
+    inner = np.einsum("glia,glij,gljb->glab", within, elements.stiffness[section], within)
+    e0 = elements.reference_strains[lane]
+    e0 = e0.reshape(groups, 8, *e0.shape[1:]).transpose(0, 2, 1, 3)
     strains = np.einsum("glia,gpli->gpal", within, e0)
-    points = lanes[:, at.point // 8:at.inertia // 8]
-    rho, i2, i3 = (lanes[:, at.inertia // 8 + k] for k in range(3))
-    refuse(np.abs((i2 - i3) * s * c) > TOLERANCE * (i2 + i3), "the section inertia of {} is oblique to the plane")
+    rho, i2, i3 = np.moveaxis(elements.inertia[section], 2, 0)
     inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
-    masses = lanes[:, at.masses // 8:]
-    flat = np.concatenate((inner.reshape(-1, 8, 9).transpose(0, 2, 1), points, inertia, masses), axis=1).reshape(len(some), -1)
-    assert flat.shape[1] == layout_of(PLANE, nn, nq).table_size
-    return tab.share(flat), tab.append(strains.reshape(len(some), -1))
+    flat = group_tables(elements, lane, PLANE, inner.reshape(groups, 8, 9).transpose(0, 2, 1), inertia)
+    return flat, strains.reshape(groups, -1)
 
 
 def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | None:
@@ -333,37 +301,6 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
     lane = where[:, 0] % 8
     where[:, 0] = (where[:, 0] - lane) // 4 + lane
     return inner._replace(store=np.zeros(inner.store.size // 4), where=where)
-
-
-def _bodies(model: Model, plane: Plane) -> PlanarBodies | None:
-    bodies = model.bodies
-    if bodies is None:
-        return None
-    tensor = bodies.inertia.reshape(-1, 4, 4)
-    factor, normal = plane.factor[bodies.node], plane.normal[bodies.node]
-    own = tensor[:, 1:, 1:]
-    about = np.einsum("ki,kij,kj->k", factor, own, factor.conj()).real
-    tilt = np.abs(np.einsum("ki,kij,kj->k", normal, own, factor))
-    size = np.trace(own, axis1=1, axis2=2)
-    _refuse(tilt / np.where(size > 0.0, size, 1.0), TOLERANCE, "the principal axes of {} are oblique to the plane", model,
-            bodies.node)
-    return PlanarBodies(bodies.node, bodies.row, bodies.block, np.stack((tensor[:, 0, 0], about), axis=1).reshape(-1))
-
-
-def _ties(model: Model, plane: Plane, state: State) -> PlanarTies | None:
-    ties = model.ties
-    if ties is None:
-        return None
-    slave = np.repeat(ties.slave, np.diff(ties.start)[ties.slave])
-    offset = ties.offset.reshape(-1, 3)
-    arm = np.einsum("ei,ei->e", offset, plane.factor[ties.target])
-    up = np.einsum("ei,ei->e", offset, plane.normal[ties.target])
-    _refuse(np.abs(up), TOLERANCE * model.length, "{} is connected at an offset out of the plane", model, slave)
-    u = state.q.reshape(-1, 2, 2)[:, 1] @ np.array([1.0, 1j])
-    turn = _snapped(u[slave] * np.conj(u[ties.target]))
-    factor = np.where(ties.kind == 2, turn, arm)
-    return PlanarTies(ties.slave, ties.row, ties.start, ties.target, ties.target_row, ties.diagonal, ties.kind, _numbers(factor),
-                      ties.moves)
 
 
 def _link(table: Any, ties: PlanarTies | None) -> Any:

@@ -1,4 +1,4 @@
-"""Equations with constraints as one matrix: solved by SuperLU with pivoting across all of it, and its inertia.
+"""Equations with constraints as one matrix: solved by PARDISO, or by SuperLU with pivoting across all of it, and its inertia.
 
     [ A   B^T ] [ x ]   [ b ]      x: coordinates (nodes in m and rad, sliding coordinates in m)
     [ B'   0  ] [ m ] = [ c ]      m: multipliers (forces), in any number and any units
@@ -7,14 +7,23 @@ A may be singular and so may be its diagonal (a mass has no stiffness): only the
 a size of 1 first, so units do not matter. Where the matrix is singular to round-off (a free motion, the same constraint twice)
 its null vectors are found by inverse iteration and left out of the solution; what the right-hand side asks for along them is
 kept apart.
+
+PARDISO perturbs small pivots and may return garbage without an error code: what it finds counts where the residual says so and no
+singular value is near round-off; else SuperLU goes on.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from .linsolve import SuperLU, _inertia
+from .errors import BackendError
+from .halves import on_threads, settings
+from .kernels import sparse as kernels
+from .kernels.sparse import PardisoTables
+from .linsolve import SuperLU, _inertia, load_mkl
 
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing
@@ -26,11 +35,102 @@ LEAST_PIVOT = 1e-15
 # of the scaled matrix: singular values that are round-off, what is added to the diagonal so that it can be factored, and null
 # vectors that are looked for at most
 NULL, SMALL, MOST_NULL = 1e-12, 1e-13, 12
+# a matrix whose smallest singular value, as two inverse iterations find it, lies above this has no null vectors
+CLEARLY_REGULAR = 10.0 * NULL
 # share of B^T B that is added to A before its pivots are counted: any gives the same number; and multipliers up to which
 # the rest is counted by eigenvalues of a dense matrix
 PENALTIES, DENSE = (1e2, 1e4, 1e6), 4000
 # eigenvalues of the matrix of the multipliers, next to its largest, that are round-off
 ZERO = 1e-13
+
+
+class Factors:
+    """PARDISO's factors of one matrix after another, on one thread. A structure is analysed once; with it goes the permutation
+    that brings large entries to the diagonal, for the values that it is analysed with.
+
+    Parameters
+    ----------
+    mkl : the MKL runtime
+
+    Attributes
+    ----------
+    count, analyses, refused : int
+        Factorisations and analyses until now, and equations that SuperLU solved instead.
+    """
+
+    def __init__(self, mkl: Any) -> None:
+        self._mkl = mkl
+        self._tables: PardisoTables | None = None
+        self._indices = self._indptr = np.zeros(0, np.int32)
+        self.count = self.analyses = self.refused = 0
+        self.is_fresh = False
+
+    def factor(self, matrix: Any, again: bool = False) -> bool:
+        """Factor a sparse matrix by rows; again: analyse it even if its structure is that of the last one."""
+        known = self._tables is not None and not again and self._indices.size == matrix.indices.size
+        if known and self._indices is not matrix.indices:
+            known = np.array_equal(self._indices, matrix.indices) and np.array_equal(self._indptr, matrix.indptr)
+        self.is_fresh = not known
+        if not known:
+            self._begin(matrix)
+        t = self._tables
+        assert t is not None
+        t.data[:] = matrix.data
+        with on_threads(self._mkl, 1):
+            if not known:
+                self.analyses += 1
+                if kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x):
+                    return False
+            self.count += 1
+            return bool(kernels.call_pardiso(t, kernels.FACTOR, t.b, t.x) == 0)
+
+    def _begin(self, matrix: Any) -> None:
+        """Tables of another structure."""
+        self._release()
+        n, none = matrix.shape[0], np.zeros(0, np.int64)
+        self._indices, self._indptr = matrix.indices, matrix.indptr
+        # with scaling and matching
+        self._tables = PardisoTables(
+            np.zeros(64, np.int64), settings({10: 1, 12: 1}), np.array([1, 1, kernels.UNSYMMETRIC, 0, n, 1, 0, 0], np.int32),
+            np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
+            np.zeros(matrix.nnz), *(np.zeros((1, n)) for _ in range(4)), np.zeros(5, np.int64), np.zeros(2))
+
+    @property
+    def perturbed(self) -> int:
+        """Number of pivots of the last matrix that were so small that PARDISO changed them."""
+        return 0 if self._tables is None else int(self._tables.iparm[13])
+
+    def solve(self, right: Array) -> Array:
+        """Of the last matrix for right-hand side [n]; NaN where PARDISO fails."""
+        t = self._tables
+        assert t is not None
+        t.b[0] = right
+        with on_threads(self._mkl, 1):
+            code = kernels.call_pardiso(t, kernels.SOLVE, t.b, t.x)
+        return t.x[0].copy() if code == 0 else np.full(right.size, np.nan)
+
+    def _release(self) -> None:
+        if self._tables is not None and self._tables.handle.any():
+            with on_threads(self._mkl, 1):
+                kernels.call_pardiso(self._tables, kernels.RELEASE, self._tables.b, self._tables.x)
+        self._tables = None
+
+    def __del__(self) -> None:
+        self._release()
+
+
+def factors_for(backend: str) -> Factors | None:
+    """PARDISO where it is wanted and there, else None.
+
+    Raises
+    ------
+    BackendError
+        backend='pardiso' without MKL.
+    """
+    mkl = None if backend == "superlu" else load_mkl()
+    if mkl is None and backend == "pardiso":
+        raise BackendError("backend='pardiso': no MKL runtime was found; pip install pypardiso, or use backend='auto'")
+    return None if mkl is None else Factors(mkl)
 
 
 class Saddle:
@@ -42,6 +142,10 @@ class Saddle:
         All rows and columns, coordinates and multipliers in any order.
     multiplier : bool [n]
         Which unknowns are multipliers.
+    factors : Factors, optional
+        Asked before SuperLU.
+    measured_in : (float64 [n], float64 [n]), optional
+        `scales` of a matrix like this one, in which residuals of PARDISO's solutions are measured; default: its own.
 
     Attributes
     ----------
@@ -55,28 +159,90 @@ class Saddle:
         Of the rest of the last solution, relative to the right-hand side, in scaled rows.
     """
 
-    def __init__(self, matrix: Any, multiplier: Array) -> None:
-        from scipy import sparse
-        self.matrix, self.multiplier = matrix.tocsc(), multiplier
+    def __init__(self, matrix: Any, multiplier: Array, factors: Factors | None = None,
+                 measured_in: tuple[Array, Array] | None = None) -> None:
+        self.measured_in = measured_in
+        self.matrix, self.multiplier, self._factors = matrix.tocsr(), multiplier, factors
         self.is_finite = bool(np.isfinite(self.matrix.data).all())
-        self.row, self.column = equilibrated(self.matrix) if self.is_finite else (np.ones(multiplier.size),) * 2
-        self.scaled = (sparse.diags(self.row) @ self.matrix @ sparse.diags(self.column)).tocsc()
         self.is_singular = False
         self.residual = self.unbalanced = 0.0
         self.drift = np.zeros(multiplier.size)
 
+    @cached_property
+    def scales(self) -> tuple[Array, Array]:
+        """Factors of rows and columns that bring them to a size of 1, [n] each."""
+        return equilibrated(self.matrix) if self.is_finite else (np.ones(self.multiplier.size),) * 2
+
+    @property
+    def _measure(self) -> tuple[Array, Array]:
+        """Those of this matrix, or of one like it."""
+        return self.scales if self.measured_in is None else self.measured_in
+
+    @property
+    def row(self) -> Array:
+        """Factors of the rows that bring them to a size of 1 [n]."""
+        return self.scales[0]
+
+    @property
+    def column(self) -> Array:
+        """The same of the columns [n]."""
+        return self.scales[1]
+
+    @cached_property
+    def scaled(self) -> Any:
+        """The matrix with rows and columns of size 1, by columns."""
+        from scipy import sparse
+        return (sparse.diags(self.row) @ self.matrix.tocsc() @ sparse.diags(self.column)).tocsc()
+
     def stiffened(self, by: float) -> Saddle:
         """The same with this much on the diagonal of the coordinates, in scaled rows."""
         from scipy import sparse
-        more = np.where(self.multiplier, 0.0, by / (self.row * self.column))
-        return Saddle(self.matrix + sparse.diags(more), self.multiplier)
+        row, column = self._measure
+        more = np.where(self.multiplier, 0.0, by / (row * column))
+        n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
+        at = np.flatnonzero(indices == np.repeat(np.arange(n), np.diff(indptr)))
+        if not np.array_equal(indices[at][~self.multiplier[indices[at]]], np.flatnonzero(~self.multiplier)):
+            return Saddle(self.matrix + sparse.diags(more), self.multiplier, self._factors, self.measured_in)
+        data = self.matrix.data.copy()
+        data[at] += more[indices[at]]
+        stiff = sparse.csr_matrix((data, indices, indptr), shape=self.matrix.shape)
+        return Saddle(stiff, self.multiplier, self._factors, self.measured_in)
 
     def solve(self, right: Array) -> Array | None:
         """x [n] with matrix x = right [n]. None where nothing acceptable is found."""
         if not (self.is_finite and np.isfinite(right).all()):
             return None
+        self.is_singular, self.unbalanced, self.drift = False, 0.0, np.zeros(right.size)
+        x = self._by_pardiso(right) if self._factors is not None else None
+        return self._by_superlu(right) if x is None else x
+
+    def _by_pardiso(self, right: Array) -> Array | None:
+        """None where it is not certain that the matrix is regular and the solution good."""
+        factors = self._factors
+        assert factors is not None
+        for again in (False, True):
+            if factors.factor(self.matrix, again):
+                row, column = self._measure
+
+                def solved(b: Array, row: Array = row, column: Array = column) -> Array:
+                    return factors.solve(b / row) / column
+
+                def times(x: Array, row: Array = row, column: Array = column) -> Array:
+                    return row * (self.matrix @ (column * x))
+
+                b = row * right
+                x, self.residual = _refine(solved, lambda x: b - times(x), b)
+                if self.residual <= REGULAR and not factors.perturbed:
+                    return column * x
+                if self._is_fair(x, b, row, column) and _least(solved, times, b.size) > CLEARLY_REGULAR:
+                    return column * x
+            if factors.is_fresh:
+                break
+        factors.refused += 1
+        return None
+
+    def _by_superlu(self, right: Array) -> Array | None:
         b = self.row * right
-        self.is_singular, self.unbalanced, self.drift = False, 0.0, np.zeros(b.size)
         fair = last = None
         # the order that suits a symmetric structure first, then plain partial pivoting
         for options in ({"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.1, "options": {"SymmetricMode": True}}, {}):
@@ -87,7 +253,7 @@ class Saddle:
             if self.residual <= REGULAR:
                 return self.column * x
             last = factors
-            if self._is_fair(x, b):
+            if self._is_fair(x, b, self.row, self.column):
                 fair = x
                 break
         found = self._deflated(b, last)
@@ -103,29 +269,17 @@ class Saddle:
             x = factors.solve(rest)
             return x if without is None else x - without[1] @ (without[1].T @ x)
 
-        def residual(x: Array) -> tuple[Array, float]:
+        def rest_of(x: Array) -> Array:
             rest = b - self.scaled @ x
-            if without is not None:
-                rest = rest - without[0] @ (without[0].T @ rest)
-            return rest, float(np.linalg.norm(rest)) / size
+            return rest if without is None else rest - without[0] @ (without[0].T @ rest)
 
-        size = float(np.linalg.norm(b)) or 1.0
-        x = solved(b)
-        rest, left = residual(x)
-        for _ in range(refinements):
-            if not 1e-15 < left < 1e3:
-                break
-            better = x + solved(rest)
-            rest, found = residual(better)
-            if not found < left:
-                break
-            x, left = better, found
-        return x, left
+        return _refine(solved, rest_of, b, refinements)
 
-    def _is_fair(self, x: Array, b: Array) -> bool:
-        """Whether the residual is small, or what round-off leaves of large terms."""
-        rest = np.abs(b - self.scaled @ x)
-        size = np.max(abs(self.scaled) @ np.abs(x) + np.abs(b))
+    def _is_fair(self, x: Array, b: Array, row: Array, column: Array) -> bool:
+        """Whether the residual is small, or what round-off leaves of large terms; x, b: scaled by row, column."""
+        y = column * x
+        rest = np.abs(b - row * (self.matrix @ y))
+        size = np.max(row * (abs(self.matrix) @ np.abs(y)) + np.abs(b))
         return bool(self.residual <= FAIR and np.max(rest) <= ROUND_OFF * size)
 
     def _deflated(self, b: Array, factors: Any) -> Array | None:
@@ -136,7 +290,8 @@ class Saddle:
             factors = _factors(near, {}, 0.0)
         if factors is None:
             return None
-        right, left = (self._null(factors, trans) for trans in ("N", "T"))
+        right = self._null(factors, "N")
+        left = self._null(factors, "T") if right.shape[1] else right
         if not right.shape[1] or right.shape[1] != left.shape[1]:
             return None
         asked = left.T @ b
@@ -171,7 +326,8 @@ class Saddle:
         from scipy import sparse
         skew = (self.matrix - self.matrix.T).tocoo()
         # the same factor for a row and its column
-        factor = np.sqrt(np.abs(self.row * self.column))
+        row, column = self._measure
+        factor = np.sqrt(np.abs(row * column))
         small = np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8
         scale = sparse.diags(factor)
         whole = (scale @ (0.5 * (self.matrix + self.matrix.T)) @ scale).tocsr()
@@ -180,8 +336,45 @@ class Saddle:
         found = _signs(a, b)
         if symmetric or small or found == (0, 0):
             return found
-        sign = SuperLU._determinant_sign(self.matrix) * (-1)**int(np.sum(self.multiplier))
+        sign = SuperLU._determinant_sign(self.matrix.tocsc()) * (-1)**int(np.sum(self.multiplier))
         return (1, 0) if sign < 0 else None
+
+
+def _norm(x: Array) -> float:
+    """Without BLAS, which begins threads for it."""
+    return float(np.sqrt(np.sum(x * x)))
+
+
+def _refine(solved: Callable[[Array], Array], rest_of: Callable[[Array], Array], b: Array,
+            refinements: int = 2) -> tuple[Array, float]:
+    """Solution for b, refined as long as that helps, and its relative residual. solved: solution by factors; rest_of: residual of
+    a solution."""
+    size = _norm(b) or 1.0
+    x = solved(b)
+    rest = rest_of(x)
+    left = _norm(rest) / size
+    for _ in range(refinements):
+        if not 1e-15 < left < 1e3:
+            break
+        better = x + solved(rest)
+        rest = rest_of(better)
+        found = _norm(rest) / size
+        if not found < left:
+            break
+        x, left = better, found
+    return x, left
+
+
+def _least(solved: Callable[[Array], Array], times: Callable[[Array], Array], n: int) -> float:
+    """The smallest singular value of a matrix, from above, by inverse iteration; 0 where that fails."""
+    v = np.random.default_rng(0).standard_normal(n)
+    for _ in range(2):
+        v = solved(v)
+        size = _norm(v)
+        if not 0.0 < size < np.inf:
+            return 0.0
+        v /= size
+    return _norm(times(v))
 
 
 def _orthonormal(v: Array) -> tuple[Array, Array]:
@@ -233,12 +426,24 @@ def _signs(a: Any, b: Any) -> tuple[int, int] | None:
 def equilibrated(matrix: Any) -> tuple[Array, Array]:
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
     same for both where the matrix is symmetric. 1 for those without entries."""
-    size = abs(matrix).tocoo()
-    row, column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
+    from scipy.sparse import csr_matrix
+    size = abs(matrix).tocsr()
+    n = size.shape[0]
+    rows, columns = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
+    by_column = csr_matrix((np.arange(size.nnz), columns, size.indptr), shape=size.shape).tocsc().data
+    ends = [np.concatenate(([0], np.cumsum(np.bincount(x, minlength=m)))) for x, m in ((rows, n), (columns, size.shape[1]))]
+    row, column = np.ones(n), np.ones(size.shape[1])
     for _ in range(SWEEPS):
-        data = size.data * row[size.row] * column[size.col]
-        most = np.zeros(row.size), np.zeros(column.size)
-        np.maximum.at(most[0], size.row, data)
-        np.maximum.at(most[1], size.col, data)
+        data = size.data * row[rows] * column[columns]
+        most = (_largest(data, ends[0]), _largest(data[by_column], ends[1]))
         row, column = (x / np.sqrt(np.where(y > 0.0, y, 1.0)) for x, y in zip((row, column), most))
     return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
+
+
+def _largest(data: Array, ends: Array) -> Array:
+    """Of each part of non-negative data between ends [n + 1]; 0 of those without any."""
+    out = np.zeros(ends.size - 1)
+    live = np.flatnonzero(np.diff(ends))
+    if live.size:
+        out[live] = np.maximum.reduceat(data, ends[live])
+    return out

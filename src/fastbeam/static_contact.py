@@ -18,8 +18,11 @@ from .kept import gap_matrix
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
+from .pattern import Pattern
 
 Array = np.ndarray
+# entries of constraints that a structure keeps, next to those that there are
+MOST_IDLE = 3
 
 
 class Border(NamedTuple):
@@ -33,6 +36,18 @@ class Border(NamedTuple):
     slide: Any        # sparse [S, m]: of the sliding equations
     joint_gap: Array  # float64 [F - d S]: of joints with multipliers, m
     bent: Any         # sparse [m, m]: second derivative of - sum F . gap of joints, N/m
+
+
+class Weights(NamedTuple):
+    """Of all sliders at their places: maps from the positions of all nodes, and from the rates of the coordinates of those nodes
+    that take part, once tied ones have theirs from their targets."""
+
+    gap: Any      # sparse [3 S, 12 N]
+    tangent: Any  # sparse [3 S, 12 N]
+    second: Any   # sparse [3 S, 12 N]: second derivatives of the curves
+    by_nodes: Any  # sparse [6 S, 12 T]: gaps, then tangents
+    nodes: Array  # int64 [T]
+    by_unknowns: tuple[Any, Any] | None  # derivatives by the unknowns of the rows, where they do not depend on the shape
 
 
 class StaticContacts:
@@ -59,6 +74,12 @@ class StaticContacts:
             within = np.zeros((6, 3))
             within[:3, 0], within[:3, 1], within[3:, 2] = axes
         self._rows = (sparse.kron(pick, within, format="csr") @ sparse.diags(self._free(within.shape[1]))).tocsr()
+        self._s: Array | None = None
+        self._weights: Weights | None = None
+        ends = np.array([link.node for link in model.kept], np.int64).reshape(-1)
+        at = (12 * np.unique(ends)[:, None] + np.arange(3)).reshape(-1)
+        self._joint_ties, self._joint_nodes = _reduced(sparse.csr_matrix(
+            (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self._ties)
 
     def _free(self, size: int) -> Array:
         """1 for free unknowns of the rows, 0 for held ones [size rows]."""
@@ -69,8 +90,13 @@ class StaticContacts:
             free[core.static_held.row] *= 1 - held
         return free.reshape(-1)
 
-    def weights(self, s: Array) -> list[Any]:
-        """Positions of all nodes -> gaps, tangents, second derivatives of the curves at s [S]; sparse [3 S, 12 N] each."""
+    def weights(self, s: Array) -> Weights:
+        """At s [S]; the last ones where s is the same."""
+        if self._weights is None or self._s is None or not np.array_equal(s, self._s):
+            self._s, self._weights = s.copy(), self._weights_at(s)
+        return self._weights
+
+    def _weights_at(self, s: Array) -> Weights:
         from scipy import sparse
         n = self.model.n_nodes
         entries: list[list[tuple[Array, Array, Array]]] = [[], [], []]
@@ -88,34 +114,52 @@ class StaticContacts:
             k, nodes, values = (np.concatenate(x) for x in zip(nothing, *part))
             out.append(sparse.csr_matrix((np.repeat(values, 3), ((3 * k[:, None] + c).reshape(-1),
                                                                  (12 * nodes[:, None] + c).reshape(-1))), (3 * s.size, 12 * n)))
-        return out
+        by_nodes, nodes = _reduced(sparse.vstack(out[:2], format="csr") @ self._ties)
+        # where no triad takes part nothing depends on the shape
+        fixed = not np.any(by_nodes.indices % 12 >= 3)
+        found = Weights(*out, by_nodes, nodes, None)
+        return found._replace(by_unknowns=self._by_unknowns(found, self.model.q0)) if fixed else found
 
-    def border(self, weights: list[Any], q: Array, force: Array) -> Border:
+    def _by_unknowns(self, weights: Weights, q: Array) -> tuple[Any, Any]:
+        """Derivatives of gaps and of tangents by the unknowns of the rows, sparse [d S, m]; q [12 N]."""
+        from scipy import sparse
+        both = weights.by_nodes @ self._rates(q, weights.nodes)
+        n = both.shape[0] // 2
+        gradient, turn = both[:n], both[n:]
+        if self.axes is not None:
+            within = sparse.kron(sparse.eye(n // 3), self.axes[:2], format="csr")
+            gradient, turn = within @ gradient, within @ turn
+        return gradient, turn
+
+    def _rates(self, q: Array, nodes: Array) -> Any:
+        """Unknowns of the rows -> rates of the coordinates of some nodes [T], sparse [12 T, m]; q [12 N]."""
+        unknowns = (6 * nodes[:, None] + np.arange(6)).reshape(-1)
+        return velocity_map(q.reshape(-1, 4, 3)[nodes]) @ self._rows[unknowns]
+
+    def border(self, weights: Weights, q: Array, force: Array) -> Border:
         """At coordinates q [12 N] and forces of all constraints."""
         from scipy import sparse
-        gap, tangent, second = ((w @ q).reshape(-1, 3) for w in weights)
-        gradient, turn = (w @ self._ties for w in weights[:2])
-        rates = velocity_map(q.reshape(-1, 4, 3)) @ self._rows
-        gradient, turn = gradient @ rates, turn @ rates
+        gap, tangent, second = ((w @ q).reshape(-1, 3) for w in weights[:3])
+        gradient, turn = weights.by_unknowns or self._by_unknowns(weights, q)
         if self.axes is not None:
             gap, tangent, second = (x @ self.axes[:2].T for x in (gap, tangent, second))
-            within = sparse.kron(sparse.eye(len(gap)), self.axes[:2], format="csr")
-            gradient, turn = within @ gradient, within @ turn
         s, d = gap.shape
         f = force[:s * d].reshape(s, d)
         pick = sparse.csr_matrix((force[:s * d], (np.repeat(np.arange(s), d), np.arange(s * d))), shape=(s, s * d))
-        joint_gap, of_joints, bent = self._joints(q, force[s * d:], rates)
+        joint_gap, of_joints, bent = self._joints(q, force[s * d:])
         return Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
                       sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent)
 
-    def _joints(self, q: Array, force: Array, rates: Any) -> tuple[Array, Any, Any]:
-        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and the second ones of - force . gap.
-        rates: unknowns of the nodes -> coordinates."""
+    def _joints(self, q: Array, force: Array) -> tuple[Array, Any, Any]:
+        """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and second ones of -force . gap."""
         from scipy import sparse
         kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
+        m = self._rows.shape[1]
+        if not kept:
+            return np.zeros(0), sparse.csr_matrix((0, m)), sparse.csr_matrix((m, m))
         at_start = self.model.q0.reshape(-1, 4, 3)[:, 0]
-        gaps, bent = [np.zeros(0)], sparse.lil_matrix((q.size, q.size))
-        within = []
+        gaps, within = [np.zeros(0)], []
+        second: list[tuple[int, int, Array]] = []
         for link, part in zip(kept, self._parts(force)):
             a, b = link.node
             r = x[b] - x[a]
@@ -123,15 +167,20 @@ class StaticContacts:
             axes = np.eye(1) if not link.law.is_vector else np.eye(3) if self.axes is None else self.axes[:2]
             gaps.append(axes @ gap)
             within.append(axes)
-            second = link.law.curvature(r, part)
-            for i in (a, b):
-                for j in (a, b):
-                    bent[12 * i:12 * i + 3, 12 * j:12 * j + 3] += (-1.0 if i == j else 1.0) * second
-        lift = self._ties @ rates
-        lead = sparse.csr_matrix((0, lift.shape[1]))
-        if kept:
-            lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift
-        return np.concatenate(gaps), lead, (lift.T @ bent.tocsr() @ lift).tocsr()
+            if not link.law.is_vector:
+                bend = link.law.curvature(r, part)
+                second += [(i, j, -bend if i == j else bend) for i in (a, b) for j in (a, b)]
+        lift = self._joint_ties @ self._rates(q, self._joint_nodes)
+        lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift
+        bent = sparse.csr_matrix((m, m))
+        if second:
+            i, j = (np.array([entry[k] for entry in second]) for k in (0, 1))
+            values = np.array([entry[2] for entry in second])
+            rows, columns = np.broadcast_arrays((12 * i)[:, None, None] + np.arange(3)[:, None],
+                                                (12 * j)[:, None, None] + np.arange(3))
+            curved = sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
+            bent = (lift.T @ curved @ lift).tocsr()
+        return np.concatenate(gaps), lead, bent
 
     def _parts(self, force: Array) -> list[Array]:
         """Forces of every joint with multipliers in space, [3] or [1], from all of them."""
@@ -143,7 +192,7 @@ class StaticContacts:
             at += m
         return out
 
-    def loads(self, weights: list[Any], q: Array, force: Array) -> Array:
+    def loads(self, weights: Weights, q: Array, force: Array) -> Array:
         """The forces of all constraints as loads on the rows, flat as `Work.f_ext` [8 (N + 1)]."""
         n = self.model.n_nodes
         flat = self.axes is not None
@@ -161,3 +210,93 @@ class StaticContacts:
         out = np.zeros((n + 1, 8))
         np.add.at(out[:, :of_node.shape[1]], self.model.pattern.row_of, of_node)
         return out.reshape(-1)
+
+
+def _reduced(matrix: Any) -> tuple[Any, Array]:
+    """The columns of the nodes that a sparse matrix [k, 12 N] has entries for, [k, 12 T], and these nodes [T]."""
+    nodes = np.unique(matrix.indices // 12).astype(np.int64)
+    return matrix[:, (12 * nodes[:, None] + np.arange(12)).reshape(-1)], nodes
+
+
+class SaddleMatrix:
+    """Puts blocks of nodes and what constraints add into one matrix by rows: nodes, sliding coordinates, multipliers.
+
+    Parameters
+    ----------
+    pattern : Pattern
+    size : int
+        Unknowns a node.
+    sliders, forces : int
+        Numbers of sliding coordinates and of multipliers.
+    """
+
+    def __init__(self, pattern: Pattern, size: int, sliders: int, forces: int) -> None:
+        self.nodes = size * pattern.n
+        self.sliders, self.n = sliders, self.nodes + sliders + forces
+        row, column = (size * x for x in (pattern.rows, pattern.columns))
+        within = np.arange(size)
+        shape = (row.size, size, size)
+        row = np.broadcast_to(row[:, None, None] + within[:, None], shape).reshape(-1)
+        column = np.broadcast_to(column[:, None, None] + within, shape).reshape(-1)
+        block = np.arange(len(pattern.rows))[:, None, None]
+        at = (8 * size * block + 8 * within[:, None] + within).reshape(-1)
+        order = np.argsort(row * self.n + column)
+        self._keys, self._blocks = (row * self.n + column)[order], at[order]
+        self._known = np.zeros(0, np.int64)
+        self._merge(self._known)
+
+    def _merge(self, keys: Array) -> None:
+        """The structure with entries of constraints at these keys, row n + column, ascending."""
+        at = np.searchsorted(self._keys, keys)
+        there = self._keys[np.minimum(at, self._keys.size - 1)] == keys
+        new = np.flatnonzero(~there)
+        before = np.cumsum(np.bincount(at[new], minlength=self._keys.size + 1))
+        of_blocks = np.arange(self._keys.size) + before[:-1]
+        self._position = at + before[at]
+        self._position[new] = at[new] + np.arange(new.size)
+        merged = np.empty(self._keys.size + new.size, np.int64)
+        merged[of_blocks], merged[self._position[new]] = self._keys, keys[new]
+        self._source = np.zeros(merged.size, np.int64)
+        self._source[of_blocks] = self._blocks
+        self._added = self._position[new]
+        self._indices = (merged % self.n).astype(np.int32)
+        self._indptr = np.searchsorted(merged, self.n * np.arange(self.n + 1)).astype(np.int32)
+        self._known = keys
+
+    def of(self, blocks: Array, border: Border, sliding: Array, drag: float) -> Any:
+        """The matrix, sparse [n, n], of blocks as assembled, which are half the static tangent.
+
+        Parameters
+        ----------
+        sliding : bool [S]
+            Which sliders are free; the others have an increment of zero.
+        drag : float
+            Stiffness against increments of sliding coordinates, N/m.
+        """
+        from scipy import sparse
+        m, s = self.nodes, self.sliders
+        free = sliding.astype(float)
+        gradient, slide, bent = (x.tocoo() for x in (border.gradient, border.slide, border.bent))
+        dim = border.tangent.shape[1]
+        of, component = np.repeat(np.arange(s), dim), m + s + np.arange(dim * s)
+        turn = (border.tangent * free[:, None]).reshape(-1)
+        push = slide.data * free[slide.row]
+        diagonal = m + np.arange(s)
+        rows = np.concatenate((bent.row, slide.col, gradient.col, m + slide.row, diagonal, m + of, m + s + gradient.row,
+                               component))
+        columns = np.concatenate((bent.col, m + slide.row, m + s + gradient.row, slide.col, diagonal, component, gradient.col,
+                                  m + of))
+        values = np.concatenate((bent.data, push, -gradient.data, push, np.where(sliding, border.bend + drag, 1.0), turn,
+                                 -gradient.data, turn))
+        keys = rows.astype(np.int64) * self.n + columns
+        place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
+        if not (self._known.size and np.array_equal(self._known[place], keys)):
+            # what was there before stays for a while: entries that vanish come back
+            before = self._known if self._known.size <= MOST_IDLE * keys.size else keys
+            self._merge(np.unique(np.concatenate((keys, before))))
+            place = np.searchsorted(self._known, keys)
+        data = blocks[self._source]
+        data *= 2.0
+        data[self._added] = 0.0
+        np.add.at(data, self._position[place], values)
+        return sparse.csr_matrix((data, self._indices, self._indptr), shape=(self.n, self.n))

@@ -14,8 +14,8 @@ from .equilibrium import StaticSolver
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, has_converged, next_increment
 from .kernels.work import State
 from .model import Model
-from .saddle import Saddle
-from .static_contact import Border, StaticContacts
+from .saddle import Saddle, factors_for
+from .static_contact import Border, SaddleMatrix, StaticContacts
 
 Array = np.ndarray
 # a Newton increment moves and turns nodes by this much at most, in sizes of the scene and rad
@@ -27,6 +27,8 @@ AT_END, CLOSE = 1e-6, 1e-9
 # increments up to this share of the beam are accepted as those of Newton's method, whose size it squares
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
+# iterations after which those that are tried and do not become smaller are given up
+LEAST_PATIENCE = 6
 LEAST_TRUST = 1e-4
 # added to the diagonal of the scaled matrix, one after the other, until no increment is too long
 STIFFNESSES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
@@ -46,7 +48,8 @@ class Increment(NamedTuple):
 
 
 class SlidingSolver(StaticSolver):
-    """As `StaticSolver`, around one sparse matrix without elimination of inner nodes.
+    """As `StaticSolver`, around one sparse matrix without elimination of inner nodes: PARDISO, SuperLU where that finds nothing
+    that is certain.
 
     Parameters
     ----------
@@ -58,9 +61,11 @@ class SlidingSolver(StaticSolver):
         Sliders that stay at their s.
     flat : bool, optional
         Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
+    backend : {'auto', 'pardiso', 'superlu'}
     """
 
-    def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None) -> None:
+    def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,
+                 backend: str = "auto") -> None:
         if flat is None:
             flat = model.plane is not None and (start is None or model.plane.holds(start))
         assert model.plain is not None
@@ -68,6 +73,12 @@ class SlidingSolver(StaticSolver):
         super().__init__(plain, start, max_iterations, "superlu")
         plane = self.stepper.plane
         self.contacts = StaticContacts(plain, None if plane is None else plane.axes)
+        core = self.core
+        self._matrix = SaddleMatrix(core.pattern, len(core.size), core.n_sliders, int(core.forces.sum()))
+        self._factors = factors_for(backend)
+        self._refused = 0
+        # of the first matrix of those with the same free sliders
+        self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.sliding = ~held
         self.lengths = plain.slider_lengths
         # the slider that ran off its beam, and one at a kink of its curve
@@ -78,7 +89,10 @@ class SlidingSolver(StaticSolver):
     @property
     def name(self) -> str:
         """What was used, for the result."""
-        return "SuperLU on nodes and sliders"
+        if self._factors is None or not self._factors.count:
+            return "SuperLU on nodes and sliders"
+        f = self._factors
+        return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before = self._saved()
@@ -95,6 +109,10 @@ class SlidingSolver(StaticSolver):
         self._load(factors)
         self._loads[:] = self.work.f_ext
         self.longest, self.runaway, self.stuck = 0, -1, -1
+        if self._factors is not None and self._factors.refused > self._refused:
+            # they may have changed too much
+            self._scales.clear()
+            self._refused = self._factors.refused
         status, sizes = self._newton(np.zeros(self.sliding.size, bool))
         if status == OK and self.sliding.any():
             status, more = self._release()
@@ -103,7 +121,8 @@ class SlidingSolver(StaticSolver):
 
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
-            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self.sliding, in_plane)
+            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self.sliding, in_plane,
+                                  "superlu")
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext
@@ -136,28 +155,20 @@ class SlidingSolver(StaticSolver):
     # --- Newton's method ----------------------------------------------------------------------------------------------
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
         """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
-        from scipy import sparse
         model, work, state = self.core, self.work, self.stepper.core_state
         size, n = len(model.size), model.pattern.n
         border = self._border()
         work.f_ext[:] = self._loads + self.contacts.loads(self._weights, self.state.q, state.force)
         self.stepper.parts.assemble(0.0)
-        # the kernels give half the static tangent
-        blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
-        nodes = 2.0 * self.linear.superlu.matrix(blocks) + border.bent
-        free = sparse.diags(sliding.astype(float))
-        slide = free @ border.slide
-        dim, count = model.dim, sliding.size
-        of_tangent = sparse.csr_matrix((border.tangent.reshape(-1), (np.arange(dim * count), np.repeat(np.arange(count), dim))),
-                                       shape=(border.gradient.shape[0], count)) @ free
-        bend = sparse.diags(np.where(sliding, border.bend + drag, 1.0))
-        matrix = sparse.bmat([[nodes, slide.T, -border.gradient.T], [slide, bend, of_tangent.T],
-                              [-border.gradient, of_tangent, None]], format="csc")
+        matrix = self._matrix.of(work.blocks, border, sliding, drag)
         r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
         right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), border.gap.reshape(-1), border.joint_gap))
         multiplier = np.zeros(right.size, bool)
-        multiplier[r.size + count:] = True
-        return Saddle(matrix, multiplier), right
+        multiplier[r.size + sliding.size:] = True
+        saddle = Saddle(matrix, multiplier, self._factors, self._scales.get(sliding.tobytes()))
+        if saddle.measured_in is None and self._factors is not None:
+            saddle.measured_in = self._scales[sliding.tobytes()] = saddle.scales
+        return saddle, right
 
     def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
         saddle, right = self._assembled(sliding, drag)
@@ -167,7 +178,7 @@ class SlidingSolver(StaticSolver):
             x = used.solve(right)
             if x is None or not np.isfinite(x).all():
                 return None
-            if used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
+            if used.unbalanced > 0.0 and used.unbalanced > np.linalg.norm(used.row[:n] * self._round_off(used)):
                 # forces push where nothing resists: a little along
                 size = self._size(used.drift[:n])
                 if size > 0.0:
@@ -204,8 +215,8 @@ class SlidingSolver(StaticSolver):
         state.force[:] += x.force
         return moved + float(np.max(np.abs(x.s), initial=0.0)) / core.length
 
-    def _newton(self, sliding: Array) -> tuple[int, list[float]]:
-        """Newton iteration with these sliders [S] free."""
+    def _newton(self, sliding: Array, patient: bool = True) -> tuple[int, list[float]]:
+        """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
         sizes: list[float] = []
         before = expected = np.inf
         self.work.line.use[0] = 0.0
@@ -225,6 +236,8 @@ class SlidingSolver(StaticSolver):
                 return NOT_FINITE, sizes
             if share == 1.0 and x.whole and has_converged(sizes[-1], before, expected):
                 return OK, sizes
+            if not patient and len(sizes) >= LEAST_PATIENCE and sizes[-1] > sizes[0]:
+                break
             before, expected = sizes[-1], next_increment(sizes[-1], before)
             self.interrupts.serve()
         return NOT_CONVERGED, sizes
@@ -252,7 +265,7 @@ class SlidingSolver(StaticSolver):
                 continue
             saved = self._saved()
             if close or (largest <= near and drag == 0.0):
-                status, more = self._newton(free)
+                status, more = self._newton(free, close)
                 sizes += more
                 way = state.s - saved[1]
                 if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * self.lengths) and self._rises(way))):

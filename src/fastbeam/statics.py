@@ -15,7 +15,8 @@ from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
-from .model import Model, check_model, factor_at
+from .load_times import factor_at
+from .model import Model, check_model
 from .newton import BACKENDS, Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
@@ -83,7 +84,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
     threads : int
-        As in `simulate`; scenes with sliders are solved by SuperLU on one thread.
+        As in `simulate`; scenes with sliders are solved on one thread.
     mend_start : bool
         As in `simulate`.
     held : bool, str or sequence of str
@@ -129,7 +130,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
     if model.n_constraints:
-        solver = SlidingSolver(model, start, max_iterations, stays)
+        solver = SlidingSolver(model, start, max_iterations, stays, backend=backend)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
     flat = solver.stepper.plane is not None

@@ -6,7 +6,6 @@ import numpy as np
 from .errors import SceneError
 from .mapping import curve_at
 from .model import Model
-from .planar import find_plane
 
 Array = np.ndarray
 
@@ -115,9 +114,14 @@ def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:
 
 def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
     """What to say to someone whose scene would do in its plane."""
-    plane, reason = (model.plane, "") if model.plane is not None else find_plane(model)
+    plane = model.plane
     if plane is None:
-        return f"; it would do in a plane, but it is not planar: {reason}" if reason and model.not_planar == reason else ""
+        assert model.plain is not None
+        other = model.plain(planar="auto")
+        plane = other.plane
+        if plane is None:
+            told = model.not_planar == other.not_planar
+            return f"; it would do in a plane, but it is not planar: {model.not_planar}" if told else ""
     normal = plane.axes[2]
     inside = np.concatenate((shift - (shift @ normal) * normal, [turn @ normal]))
     if np.linalg.norm(inside) > 1e-6:

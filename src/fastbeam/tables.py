@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from .kernels.beam import ElementTables
 from .kernels.inner import Inner, NoColumns, store_size
 from .kernels.curves import Curves
 from .kernels.kinds import SPACE
-from .kernels.layout import layout_of
+from .kernels.layout import CONSTANTS, REFERENCE, layout_of
 from .kernels.substructures import Substructures, place_stores
 from .scene import Beam, Net
 
@@ -37,6 +38,8 @@ class Elements:
     section : int [E]
         Which one an element has.
     coupled : bool [E]
+    phi, directors : float64 [N, 3], [N, 3, 3]
+        Reference positions and triads of all nodes of the scene.
     """
 
     strain: str
@@ -51,10 +54,33 @@ class Elements:
     inertia: Array
     section: Array
     coupled: Array
+    phi: Array
+    directors: Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Nodes and points of an element."""
+        return self.phi_s.shape[2], self.phi_s.shape[1]
+
+    def softest(self, length: float) -> float:
+        """EI / (EA length^2), the smallest of all, with the stiffest of extension and shear and the softest of torsion and
+        bending."""
+        stiff = self.stiffness[np.unique(self.section)][:, np.arange(6), np.arange(6)]
+        long, bend = stiff[:, :3].max(axis=1), stiff[:, 3:]
+        bend = np.where(bend > 0.0, bend, np.inf).min(axis=1)
+        return float(np.min(bend / (long * length**2)))
+
+    @cached_property
+    def reference_strains(self) -> Array:
+        """The six strains in the reference configuration, but for the constant 1 or 1/2 of the first: [E, nq, 6]. The kernels
+        subtract it, so that any initial shape is free of stress (theory.md 2)."""
+        every = np.arange(len(self.nodes))
+        parts = [_reference_strains(self, every[k:k + CHUNK], self.phi, self.directors) for k in range(0, every.size, CHUNK)]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def elements_of(part: Beam | Net, first: int) -> Elements:
-    """Elements of a beam or net whose nodes start at `first`."""
+def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> Elements:
+    """Elements of a beam or net whose nodes start at `first`, from the reference of all nodes."""
     if isinstance(part, Net):
         # equal elements on every beam: those of an element of length 1, scaled
         unit = build_basis("lagrange", part.degree, 1, 1.0)
@@ -64,17 +90,15 @@ def elements_of(part: Beam | Net, first: int) -> Elements:
                         unit.phi_s / h, np.broadcast_to(unit.dir, (len(h), *unit.dir.shape[1:])), unit.dir_s / h,
                         unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
                         np.array([s.inertia for s in part.sections]), section_of,
-                        ~np.array([s.is_diagonal for s in part.sections])[section_of])
+                        ~np.array([s.is_diagonal for s in part.sections])[section_of], phi, directors)
     basis, section = part.basis, part.section
     none = np.zeros(basis.n_elements, np.int64)
     coupled = np.full(basis.n_elements, not section.is_diagonal)
     return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
-                    basis.mass_dir, section.C[None], np.array([section.inertia]), none, coupled)
+                    basis.mass_dir, section.C[None], np.array([section.inertia]), none, coupled, phi, directors)
 
 
-def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
-    """The six strains of some elements, int [S], in the reference configuration phi [N, 3], d [N, 3, 3], but for the constant 1
-    or 1/2 of the first: [S, nq, 6]. The kernels subtract it, so that any initial shape is free of stress (theory.md 2)."""
+def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
     nodes = elements.nodes[some]
     f = np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes])
     d_g = np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes])
@@ -92,24 +116,32 @@ def reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> 
     return np.stack(e, axis=-1)
 
 
-def _group_tables(elements: Elements, lane: Array) -> Array:
-    """Constants of groups of 8 elements but their reference strains, as kernels/layout.py has them: [groups, doubles]; lane: int
-    [8 groups]."""
-    nq, nn = elements.phi_s.shape[1:]
+def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffness: Array, inertia: Array) -> Array:
+    """Constants of groups of 8 elements but their reference strains, as kernels/layout.py has them: [groups, doubles].
+
+    Parameters
+    ----------
+    lane : int [8 groups]
+        The elements.
+    size : tuple
+        `kinds.SPACE` or `PLANE`.
+    stiffness, inertia : float64 [groups, 36, 8], [groups, 3, 8]
+        In a plane [groups, 9, 8], [groups, 2, 8].
+    """
+    nn, nq = elements.shape
     groups = lane.size // 8
 
     def lanes(x: Array) -> Array:
         return x[lane].reshape(groups, 8, *x.shape[1:])
 
-    at = layout_of(SPACE, nn, nq)
+    at = layout_of(size, nn, nq)
     tab = np.empty((groups, at.table_size // 8, 8))
-    section = elements.section[lane].reshape(groups, 8)
-    tab[:, :at.point // 8] = elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1)
+    tab[:, :at.point // 8] = stiffness
     points = tab[:, at.point // 8:at.inertia // 8].reshape(groups, nq, at.point_size // 8, 8)
     points[:, :, 0] = lanes(elements.weight).transpose(0, 2, 1)
     for k, shape in enumerate((elements.phi_s, elements.dir, elements.dir_s)):
         points[:, :, 1 + k::3] = lanes(shape).transpose(0, 2, 3, 1)
-    tab[:, at.inertia // 8:at.masses // 8] = elements.inertia[section].transpose(0, 2, 1)
+    tab[:, at.inertia // 8:at.masses // 8] = inertia
     for mass, first in ((elements.mass_phi, at.masses // 8), (elements.mass_dir, at.director_masses // 8)):
         tab[:, first:first + nn * nn] = lanes(mass.reshape(len(mass), -1)).transpose(0, 2, 1)
     return tab.reshape(groups, -1)
@@ -152,44 +184,49 @@ class TablePool:
 
 @dataclass
 class ElementPacker:
-    """Collects the elements of one strain set."""
+    """Collects the elements of one strain set in groups of 8; their constants are packed at last, by `tables`.
+
+    Attributes
+    ----------
+    meta : list of int arrays [groups, 8]
+        Of every `add`, columns as in kernels/layout.py; without constants and reference strains.
+    nodes : list of int arrays [*, 2]
+        Nodes of the lanes, and the same with -1 in idle ones.
+    beam : list of int
+        As `add` has it.
+    parts : list of (Elements, int [8 groups])
+        Elements of the lanes.
+    """
 
     meta: list[Array] = field(default_factory=list)
-    tab: TablePool = field(default_factory=TablePool)
     nodes: list[Array] = field(default_factory=list)
     beam: list[int] = field(default_factory=list)
+    parts: list[tuple[Elements, Array]] = field(default_factory=list)
     n_nodes: int = 0
     n_blocks: int = 0
 
-    def add(self, elements: Elements, phi: Array, d: Array, some: Array | None = None, beam: int = 0) -> None:
-        """Append elements; phi [N, 3], d [N, 3, 3]: reference of all nodes. some: int [S], which of them and in what order, all
-        by default; beam: where beams are condensed, elements of each: lane l of so many groups are those of beam l; -1 - g where
-        they belong to group g of carriers."""
-        nq, nn = elements.phi_s.shape[1:]
+    def add(self, elements: Elements, some: Array | None = None, beam: int = 0) -> None:
+        """Append elements. some: int [S], which of them and in what order, all by default; beam: where beams are condensed,
+        elements of each: lane l of so many groups are those of beam l; -1 - g where they belong to group g of carriers."""
+        nn, nq = elements.shape
         some = np.arange(len(elements.nodes)) if some is None else some
         if not some.size:
             return
         groups = -(-some.size // 8)
         # idle lanes of the last group repeat its last element
         lane = some[np.minimum(np.arange(8 * groups), some.size - 1)]
-
         k = np.arange(groups)
-        offset, strains = [], []
-        for begin in range(0, lane.size, CHUNK):
-            part = lane[begin:begin + CHUNK]
-            offset.append(self.tab.share(_group_tables(elements, part)))
-            reference = reference_strains(elements, part, phi, d).reshape(-1, 8, 6 * nq)
-            strains.append(self.tab.append(reference.transpose(0, 2, 1).reshape(-1, 48 * nq)))
         coupled = elements.coupled[lane].reshape(groups, 8).any(axis=1)
-        self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), np.concatenate(offset), self.n_nodes + 8 * nn * k,
+        self.meta.append(np.stack((np.full(groups, nn), np.full(groups, nq), 0 * k, self.n_nodes + 8 * nn * k,
                                    0 * k if beam else self.n_blocks + 8 * nn * nn * k, coupled.astype(np.int64),
-                                   np.full(groups, -1), np.concatenate(strains)), axis=1))
+                                   np.full(groups, -1), 0 * k), axis=1))
         nodes = elements.nodes[lane].reshape(groups, 8, nn)
         idle = (np.arange(8 * groups) >= some.size).reshape(groups, 8)
         self.nodes.append(np.stack((nodes, np.where(idle[:, :, None], -1, nodes)), axis=-1).transpose(0, 2, 1, 3).reshape(-1, 2))
         self.n_nodes += 8 * nn * groups
         self.n_blocks += 0 if beam else 8 * nn * nn * groups
         self.beam.append(beam)
+        self.parts.append((elements, lane))
 
     def lanes(self) -> Any:
         """(meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams and
@@ -241,14 +278,30 @@ class ElementPacker:
             out.append(np.where((a < 0) | (b < 0), -1, a * n + b).reshape(-1))
         return np.concatenate([np.zeros(0, np.int64), *out])
 
+    @property
+    def order(self) -> list[int]:
+        """Numbers of the calls of `add` in the order of the tables: condensed beams behind the others, carriers last."""
+        return [k for kind in (0, 1, -1) for k, beam in enumerate(self.beam) if np.sign(beam) == kind]
+
     def tables(self, row_of: Array, blocks: Array) -> ElementTables | None:
         """The finished tables; blocks: block of every pair (idle ones already set), in the order of `pairs`."""
         if not self.meta:
             return None
+        pool = TablePool()
+        for meta, (elements, every) in zip(self.meta, self.parts):
+            for begin in range(0, every.size, CHUNK):
+                lane = every[begin:begin + CHUNK]
+                groups, some = lane.size // 8, slice(begin // 8, (begin + lane.size) // 8)
+                section = elements.section[lane].reshape(groups, 8)
+                meta[some, CONSTANTS] = pool.share(group_tables(
+                    elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
+                    elements.inertia[section].transpose(0, 2, 1)))
+                strains = elements.reference_strains[lane].reshape(groups, 8, -1)
+                meta[some, REFERENCE] = pool.append(strains.transpose(0, 2, 1).reshape(groups, -1))
         nodes = np.concatenate(self.nodes)
         rows = np.where(nodes[:, 1] < 0, row_of.size, row_of[nodes[:, 0]])
-        meta = [x for kind in (0, 1, -1) for x, beam in zip(self.meta, self.beam) if np.sign(beam) == kind]
-        return ElementTables(np.ascontiguousarray(np.concatenate(meta)).astype(np.int64), self.tab.array(),
+        meta = np.concatenate([self.meta[k] for k in self.order])
+        return ElementTables(np.ascontiguousarray(meta).astype(np.int64), pool.array(),
                              np.ascontiguousarray(nodes[:, 0]).astype(np.int64), rows.astype(np.int64), blocks.astype(np.int64))
 
 

@@ -11,6 +11,7 @@ from fastbeam.compile import compile_scene
 from fastbeam.connections import ARM, HOLD_POSITION, HOLD_TRIAD, POSITION, TRIAD, Connections, connect
 from fastbeam.errors import SceneError
 from fastbeam.scene import BallJoint, Beam, Clamp, Pin, PointMass, RigidBody, RigidConnection, Scene, Section, Slider
+from fastbeam.workspace import contact_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import Twin, cay  # noqa: E402
@@ -328,4 +329,4 @@ def test_a_contact_has_room_for_a_point_on_many_arms(bodies: int) -> None:
     arms = int(model.ties.start[point + 1] - model.ties.start[point])
     assert arms == bodies + 2  # position, an arm on every body, triad
     # two nodes of the rail, position and arms of the point
-    assert model.contact().row.shape[1] >= 2 + (arms - 1)
+    assert contact_of(model).row.shape[1] >= 2 + (arms - 1)

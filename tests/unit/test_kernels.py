@@ -28,6 +28,7 @@ from fastbeam.kernels.work import Line
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
 from fastbeam.tables import pack_curves
+from fastbeam.workspace import scratch_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import (Twin, beam_forms, beam_strains, cay, cayley_vector, form_matrix, increments, internal_forces,  # noqa: E402
@@ -305,7 +306,7 @@ def test_first_guess_from_the_rates_of_two_steps(first: int, last: int, size: fl
 def test_a_scene_without_beams_has_room_for_eight_nodes() -> None:
     bodies = [RigidBody(f"b{k}", mass=1.0, inertia=np.eye(3), position=(k, 0, 0)) for k in range(9)]
     model = compile_scene(Scene(*bodies))
-    assert model.scratch().size >= NODES_SCRATCH
+    assert scratch_of(model).size >= NODES_SCRATCH
     room = np.full(NODES_SCRATCH + 64, np.nan)
     advance(np.zeros(108), np.zeros(108), np.zeros(27), np.zeros(27), 1.0, 0, 9, room)
     assert not np.isnan(room[:NODES_SCRATCH]).any() and np.isnan(room[NODES_SCRATCH:]).all()

@@ -11,6 +11,7 @@ import pytest
 
 import fastbeam as fb
 from fastbeam.newton import Stepper
+from fastbeam.workspace import work_of
 
 Array = np.ndarray
 ROUND = fb.Section.circle(radius=0.03, E=2e8, rho=800.0, name="round")
@@ -230,7 +231,7 @@ def test_statics_of_a_ball_net_holds_the_spin_that_nothing_holds() -> None:
     from fastbeam.kernels import step as kernels
     from fastbeam.assembly import system_of, terms_of
     from fastbeam.kernels.terms import AtRest
-    work = model.work(rates=True)
+    work = work_of(model, rates=True)
     kernels.external_forces(model.loads, np.ones(1), work.f_ext)
     work.u[:] = 0.0
     kernels.assemble_all(terms_of(model, None), system_of(model, AtRest(), None, None, result.state, work), 0.0)

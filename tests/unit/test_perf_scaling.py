@@ -19,6 +19,7 @@ from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.motions import OverStep
 from fastbeam.kernels.terms import Conserving
 from fastbeam.newton import Stepper
+from fastbeam.workspace import work_of
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "perf"))
@@ -86,7 +87,7 @@ def test_operations_of_short_kernels_are_those_counted_by_hand() -> None:
 
 def test_an_operation_without_a_counter_is_named() -> None:
     model = compiled(8, 1)
-    work = model.work()
+    work = work_of(model)
     with pytest.raises(LookupError, match="'perp' has no counter"):
         motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, work.line, 1.0, 1.0)
         counting.count(beam.evaluate_group, model.simo, 0, layout_of(PLANE, 2, 1), strain_sets.SIMO_REISSNER, motion,
@@ -99,7 +100,7 @@ def test_formulas_of_the_elimination_agree_with_its_source(degree: int) -> None:
     assert counting.inner_elimination(model) == (counting.inner_elimination_formula(degree + 1) if degree > 1 else 0)
     for options in ({}, {"eliminate_inner": False}):
         model = compiled(9, degree, **options)
-        work, plan = model.work(), model.pattern.plan
+        work, plan = work_of(model), model.pattern.plan
         found = counting.count(chain.factor, plan, work.blocks, work.pivots, chain.OneSide(work.panel), model.size)
         found += counting.count(chain.back_substitute, plan, work.blocks, chain.OneSide(work.panel), model.size)
         # the right-hand side goes along in the columns that pad a block, but for sums with what is known of it, the rows that

@@ -16,6 +16,7 @@ from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.kernels.work import State
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
+from fastbeam.workspace import contact_of, work_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from planar_scenes import FLAT, SECTION, flight, mechanism, plane, wave  # noqa: E402
@@ -209,7 +210,7 @@ class Assembled:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.state, self.work, self.contact = model.state(), model.work(), model.contact(64)
+        self.state, self.work, self.contact = model.state(), work_of(model), contact_of(model, 64)
         kernels.external_forces(model.loads, np.ones(len(model.loads)), self.work.f_ext)
 
     def step(self, h: float) -> None:

@@ -9,7 +9,7 @@ import pytest
 from test_condensed import ROD, grid
 
 import fastbeam as fb
-from fastbeam import carriers
+from fastbeam import carriers, workspace
 from fastbeam.kernels import step as kernels
 from fastbeam.newton import Stepper
 
@@ -184,3 +184,16 @@ def test_what_concerns_more_than_one_beam_keeps_the_dense_border(kind: str) -> N
 def test_the_report_and_the_supports_know_carriers() -> None:
     model = model_of(scene())
     assert "carriers           5 beams with sliders" in str(model)
+
+
+def test_a_border_that_the_memory_does_not_hold_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = fb.compile_scene(scene(), condense=False, solver="sparse", planar=False)
+    assert not model.by_rows and model.carriers is None
+    Stepper(model, np.ones(1))
+    monkeypatch.setattr(workspace, "physical_memory", lambda: 1e5)
+    with pytest.raises(fb.SceneError, match=r"sliders and 0 joints with multipliers are a dense border of \d+ columns") as caught:
+        fb.simulate(model, t_end=0.01, step=0.01)
+    assert "condense=True" in str(caught.value) and "GB" in str(caught.value)
+    # carriers have no border
+    assert model_of(scene(), planar=False).border_size > 0
+    Stepper(model_of(scene(), planar=False), np.ones(1))

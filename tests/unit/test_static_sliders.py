@@ -15,8 +15,10 @@ from fastbeam.mapping import contact, follow
 from fastbeam.maps import free_unknowns, share_map
 from fastbeam.model import Model
 from fastbeam.observe import strain_energy
-from fastbeam.saddle import Saddle, equilibrated
-from fastbeam.static_contact import StaticContacts
+from fastbeam.linsolve import load_mkl
+from fastbeam.pattern import build_pattern
+from fastbeam.saddle import Saddle, equilibrated, factors_for
+from fastbeam.static_contact import Border, SaddleMatrix, StaticContacts
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_scenes import SECTION, bead, cantilever, straight  # noqa: E402
@@ -187,13 +189,17 @@ def test_directions_of_an_unsymmetric_matrix_follow_from_its_determinant() -> No
         assert Saddle(sparse.csc_matrix(matrix), np.arange(4) == 3).signs(symmetric=False) == found
 
 
-def test_saddle_is_solved_whatever_the_units() -> None:
+BACKENDS = ["superlu", pytest.param("pardiso", marks=pytest.mark.skipif(load_mkl() is None, reason="no MKL"))]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_saddle_is_solved_whatever_the_units(backend: str) -> None:
     from scipy import sparse
     matrix, multiplier, _ = dense(12, 4, 3)
     x = np.random.default_rng(0).standard_normal(16)
     # of the size of the units
     x *= np.sqrt(1.0 / np.abs(matrix).max(axis=0))
-    saddle = Saddle(sparse.csc_matrix(matrix), multiplier)
+    saddle = Saddle(sparse.csc_matrix(matrix), multiplier, factors_for(backend))
     found = saddle.solve(matrix @ x)
     assert found is not None and not saddle.is_singular
     np.testing.assert_allclose(found / x, 1.0, rtol=0.0, atol=1e-9)
@@ -205,17 +211,79 @@ def test_saddle_is_solved_whatever_the_units() -> None:
     assert Saddle(sparse.csc_matrix(np.full((2, 2), np.nan)), np.zeros(2, bool)).solve(np.ones(2)) is None
 
 
-def test_what_a_singular_saddle_is_not_asked_for_stays_small() -> None:
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_a_singular_saddle_is_not_asked_for_stays_small(backend: str) -> None:
     from scipy import sparse
     # the same constraint twice, and a coordinate that nothing holds
     matrix = np.zeros((5, 5))
     matrix[0, 0], matrix[3, 0], matrix[4, 0] = 2e6, 1.0, 1.0
     matrix[0, 3:] = 1.0
     matrix[1, 1] = 5e3
-    saddle = Saddle(sparse.csc_matrix(matrix), np.array([False, False, False, True, True]))
+    factors = factors_for(backend)
+    saddle = Saddle(sparse.csc_matrix(matrix), np.array([False, False, False, True, True]), factors)
     x = saddle.solve(np.array([7.0, 1.0, 0.0, 0.0, 0.0]))
     assert x is not None and saddle.is_singular
     np.testing.assert_allclose(x, [0.0, 2e-4, 0.0, 3.5, 3.5], rtol=0.0, atol=1e-7)
+    assert factors is None or factors.refused == 1
+
+
+@pytest.mark.skipif(load_mkl() is None, reason="no MKL")
+def test_pardiso_gives_the_solution_of_superlu_and_analyses_a_structure_once() -> None:
+    from scipy import sparse
+    factors = factors_for("pardiso")
+    assert factors is not None
+    for seed in range(6):
+        matrix, multiplier, _ = dense(30, 8, seed, seed % 2)
+        right = np.sum(np.abs(matrix), axis=1)
+        one, other = (Saddle(sparse.csr_matrix(matrix), multiplier, x).solve(right) for x in (factors, None))
+        assert one is not None and other is not None
+        np.testing.assert_allclose(one * np.abs(matrix).max(axis=0), other * np.abs(matrix).max(axis=0), rtol=1e-7, atol=1e-7)
+    assert factors.refused == 0 and factors.count >= 6
+    analyses = factors.analyses
+    assert Saddle(sparse.csr_matrix(matrix), multiplier, factors).solve(right) is not None
+    assert factors.analyses == analyses
+    assert Saddle(sparse.csr_matrix(matrix[:-1, :-1]), multiplier[:-1], factors).solve(right[:-1]) is not None
+    assert factors.analyses == analyses + 1
+
+
+def test_a_stiffened_saddle_keeps_its_structure() -> None:
+    from scipy import sparse
+    matrix, multiplier, _ = dense(12, 4, 2)
+    saddle = Saddle(sparse.csr_matrix(matrix), multiplier)
+    stiff = saddle.stiffened(1e-3)
+    np.testing.assert_array_equal(stiff.matrix.indices, saddle.matrix.indices)
+    np.testing.assert_array_equal(stiff.matrix.indptr, saddle.matrix.indptr)
+    more = (stiff.matrix - saddle.matrix).toarray() * saddle.row[:, None] * saddle.column
+    np.testing.assert_allclose(more, np.diag(np.where(multiplier, 0.0, 1e-3)), rtol=0.0, atol=1e-15)
+
+
+def test_blocks_and_constraints_are_put_together_as_they_stand_in_the_equations() -> None:
+    from scipy import sparse
+    rng = np.random.default_rng(0)
+    pairs = [(i, j) for i in range(5) for j in range(5) if abs(i - j) <= 1]
+    pattern = build_pattern(5, np.array(pairs), 2, allow_elimination=False)
+    size, s, m = 3, 2, 5
+    blocks = rng.standard_normal((pattern.keys.size + 1, size, 8))
+    assembled = SaddleMatrix(pattern, size, s, m)
+    for density in (0.2, 0.5, 0.2):
+        gradient, slide = (sparse.random(k, 15, density, random_state=rng, format="csr") for k in (m, s))
+        bent = sparse.random(15, 15, 0.1, random_state=rng, format="csr")
+        tangent, bend = rng.standard_normal((s, 2)), rng.standard_normal(s)
+        border = Border(np.zeros((s, 2)), tangent, np.zeros(s), bend, gradient, slide, np.zeros(1), bent)
+        for sliding in (np.array([True, False]), np.array([False, False]), np.array([True, True])):
+            nodes = np.zeros((15, 15))
+            for k, (i, j) in enumerate(zip(pattern.rows, pattern.columns)):
+                nodes[3 * i:3 * i + 3, 3 * j:3 * j + 3] = 2.0 * blocks[k, :, :3]
+            whole = np.zeros((22, 22))
+            push = slide.toarray() * sliding[:, None]
+            whole[:15, :15], whole[15:17, :15], whole[:15, 15:17] = nodes + bent.toarray(), push, push.T
+            whole[17:, :15], whole[:15, 17:] = -gradient.toarray(), -gradient.toarray().T
+            whole[15:17, 15:17] = np.diag(np.where(sliding, bend + 0.5, 1.0))
+            for k in range(s):
+                whole[15 + k, 17 + 2 * k:19 + 2 * k] = whole[17 + 2 * k:19 + 2 * k, 15 + k] = tangent[k] * sliding[k]
+            found = assembled.of(blocks.reshape(-1), border, sliding, 0.5)
+            np.testing.assert_allclose(found.toarray(), whole, rtol=1e-14, atol=1e-15)
+            assert found.has_sorted_indices
 
 
 # -------------------------------------------------------------------------------------------------------------- plane, space

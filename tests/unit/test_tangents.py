@@ -23,6 +23,8 @@ from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
 from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
                             Section, Slider)
+from fastbeam.load_times import load_factors
+from fastbeam.workspace import contact_of, work_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, increments  # noqa: E402
@@ -185,7 +187,7 @@ class Kernels:
     """The compiled equations of one model, in the order of the twin: nodes [N, 6], sliders [S, 4]."""
 
     def __init__(self, model: Model) -> None:
-        self.model, self.state, self.work, self.contact = model, model.state(), model.work(), model.contact(ENTRIES)
+        self.model, self.state, self.work, self.contact = model, model.state(), work_of(model), contact_of(model, ENTRIES)
         self.solver = model.pattern.plan
         if model.by_rows:
             self.solver = constraints_of(model, None, ENTRIES, 4.0)
@@ -437,7 +439,7 @@ def test_loads_follow_their_time_factors() -> None:
     model = compile_scene(scene, eliminate_inner=False, planar=False)
     twin = Twin(scene, model)
     kernel = Kernels(model)
-    kernels.external_forces(model.loads, model.load_factors(np.array([1.0]), np.array([0.5]))[0], kernel.work.f_ext)
+    kernels.external_forces(model.loads, load_factors(model, np.array([1.0]), np.array([0.5]))[0], kernel.work.f_ext)
     # the mean of 2 + t over [1, 1.5]
     force, torque = twin.dead_loads({None: 1.0, wind: 3.25, weight: 3.0}.__getitem__)
     found = kernel.work.f_ext.reshape(-1, 8)

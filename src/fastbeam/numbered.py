@@ -1,0 +1,73 @@
+"""The first stage of the compiler: global numbers of all nodes, what connects them, and the size of the scene."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .connections import NO_PAIRS, Connections, connect
+from .initial import place_points
+from .links import Links
+from .numbering import NodeList
+from .scene import RigidBody, Scene
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """Nodes of a scene and what they have to do with each other.
+
+    Attributes
+    ----------
+    nodes : NodeList
+        Numbers, reference positions and triads of all nodes.
+    length : float
+        Size of the scene, m.
+    joints : Connections
+        Ties, shared rows and spins, what supports hold.
+    links : Links
+        Springs and joints with multipliers.
+    """
+
+    nodes: NodeList
+    length: float
+    joints: Connections
+    links: Links
+
+
+def number(scene: Scene) -> Numbered:
+    """Number the nodes of a scene.
+
+    Raises
+    ------
+    SceneError
+        Joints that cannot be eliminated, or make no sense where their ends are.
+    """
+    nodes = NodeList(scene)
+    place_points(scene, nodes)
+    extent = float(np.max(np.ptp(nodes.phi, axis=0)))
+    length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
+    joints, hinges = _connections(scene, nodes, length)
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges))
+
+
+def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array]:
+    """How nodes are tied, and the ball joints of nets, int [*, 2]."""
+    held = np.zeros(len(nodes), np.int64)
+    welds, hinges = [NO_PAIRS], [NO_PAIRS]
+    for net in scene.nets:
+        held[nodes.span(net)] |= net.held()
+        for found, pairs in zip((welds, hinges), net.pairs()):
+            found.append(nodes.start(net) + pairs)
+    for mass in scene.masses:
+        held[nodes.start(mass)] = 56
+    for pin in scene.pins:
+        held[nodes.number(pin.at)] |= 7
+    for clamp in scene.clamps:
+        held[nodes.start(clamp.at.owner) if isinstance(clamp.at.owner, RigidBody) else nodes.number(clamp.at)] = 63
+    rigid = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
+    rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]
+    balls = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.balls]
+    return connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
+                   np.concatenate(welds), np.concatenate(hinges)), np.concatenate(hinges)

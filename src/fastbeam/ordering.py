@@ -1,0 +1,175 @@
+"""The fifth stage of the compiler: which nodes the solver sees, in what order they are eliminated, and numbers of all blocks."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .condensing import Condensed
+from .connections import Connections
+from .errors import SceneError
+from .numbered import Numbered
+from .pattern import Pattern, ascending, build_pattern, widen
+from .tables import ElementPacker
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """Order of elimination and numbers of blocks.
+
+    Attributes
+    ----------
+    blocks : Blocks
+    store : int
+        Doubles that the elimination of inner nodes of elements keeps.
+    columns : bool
+        Whether right-hand sides follow in there.
+    n_panel : int
+        Rows of all nodes but those of condensed beams.
+    """
+
+    blocks: Blocks
+    store: int
+    columns: bool
+    n_panel: int
+
+
+def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner: bool, constraints: int) -> Ordered:
+    """Order what is condensed; constraints: number of those with multipliers.
+
+    Raises
+    ------
+    SceneError
+        solver='chain' where that would fill the matrix.
+    """
+    joints, links, n = numbered.joints, numbered.links, len(numbered.nodes)
+    used, carriers, ends = condensed.used, condensed.carriers, condensed.ends
+    size, columns = 0, constraints > 0 and carriers is None
+    if eliminate_inner:
+        eligible = _inner_nodes(n, used, joints)
+        eligible[links.touched] = False
+        for packer in used:
+            size = packer.eliminate(eligible, size, columns)
+    root = joints.row_root[ends]
+    pairs = np.concatenate([np.zeros(0, np.int64), *(p.pairs(joints.row_root) for p in used),
+                            (root[:, [0, 0, 1, 1]] * n + root[:, [0, 1, 0, 1]]).reshape(-1),
+                            links.pairs])
+    band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
+    level = _levels(n, used)
+    if carriers is not None:
+        level[carriers.apart] = 2
+    level[ends] = 0
+    blocks = Blocks(n, pairs, joints, band, solver, level)
+    return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
+
+
+def _inner_nodes(n: int, packers: list[ElementPacker], joints: Connections) -> Array:
+    """Whether a node may be eliminated within its element: no other element, no joint, no support; bool [N + 1], the last one for
+    idle lanes."""
+    nodes = [live.reshape(-1) for packer in packers for _, live in packer.lanes()]
+    # -1 of idle lanes counts for the last
+    eligible = np.roll(np.bincount(np.concatenate([np.zeros(0, np.int64), *nodes]) + 1, minlength=n + 1), -1) == 1
+    eligible[:n] &= (joints.held == 0) & (joints.spin_root == np.arange(n)) & ~joints.tied
+    eligible[joints.target] = False
+    eligible[n] = True
+    return eligible
+
+
+def _levels(n: int, packers: list[ElementPacker]) -> Array:
+    """Of every node 0 where the solver sees it, 1 where it is eliminated within its element, 2 where it belongs to a condensed
+    beam, [N]."""
+    level = np.zeros(n, np.int8)
+    for packer in packers:
+        for meta, live in packer.lanes():
+            gone = live[meta[:, 6] >= 0, 1:-1]
+            level[gone[gone >= 0]] = 1
+        for _, live in packer.condensed():
+            level[live] = 2
+    return level
+
+
+class Blocks:
+    """Numbers of all blocks: those of the pattern, then one for every pair with a tied node, then one idle block.
+
+    Parameters
+    ----------
+    n : int
+        Number of nodes.
+    pairs : int64 [*]
+        Coupled nodes as i N + j, or -1.
+    joints : Connections
+    band : int
+        Rows between those that an element couples, at most.
+    solver : str
+        As `compile_scene` takes it.
+    level : int8 [N]
+        0 for the nodes that the solver sees.
+    """
+
+    def __init__(self, n: int, pairs: Array, joints: Connections, band: int, solver: str, level: Array) -> None:
+        end = level == 0
+        own = joints.row_root == np.arange(n)
+        tied = joints.tied & own
+        live = pairs >= 0
+        coupled = ascending(pairs[live])
+        through = tied[coupled // n] | tied[coupled % n]
+        slaves = np.flatnonzero(tied)
+        # pairs with a tied node, ascending, and where each of their entries moves
+        self.raw = ascending(np.concatenate((coupled[through], slaves * (n + 1))))
+        self.moves = _moves(self.raw, joints, tied)
+        diagonal = np.flatnonzero(own) * (n + 1)
+        final = np.concatenate((coupled[~through], diagonal, self.moves[:, 3] * n + self.moves[:, 4]))
+        final = np.stack((final // n, final % n), axis=1)
+        final = final[end[final].all(axis=1)]
+        seen = end & own
+        number = np.cumsum(seen) - 1
+        among_ends = build_pattern(int(seen.sum()), number[final], band, allow_elimination=solver != "sparse")
+        del final
+        self.pattern: Pattern = widen(among_ends, level, joints.row_root)
+        if solver == "chain" and self.pattern.plan is None:
+            raise SceneError("compile_scene: solver='chain' would fill the matrix: this scene is a net; use solver='auto'")
+        self.root = joints.row_root
+        self.base = self.pattern.keys.size
+        self.n_blocks = self.base + self.raw.size
+        # block of every coupled pair, then of all pairs
+        block = np.empty(coupled.size + 1, np.int64)
+        block[:-1][~through] = self.pattern.block(coupled[~through] // n, coupled[~through] % n)
+        block[:-1][through] = self.base + np.searchsorted(self.raw, coupled[through])
+        block[-1] = self.n_blocks
+        self.element = block[np.where(live, np.searchsorted(coupled, pairs), coupled.size)]
+
+    def diagonal(self, nodes: Array) -> Array:
+        """Blocks that the own terms of nodes are added to."""
+        return self.between(nodes, nodes)
+
+    def between(self, a: Array, b: Array) -> Array:
+        """Blocks that terms of coupled nodes are added to, int [n]."""
+        a, b = self.root[a], self.root[b]
+        key = a * self.pattern.row_of.size + b
+        at = np.minimum(np.searchsorted(self.raw, key), max(self.raw.size - 1, 0))
+        tied = self.raw[at] == key if self.raw.size else np.zeros(key.shape, bool)
+        out = self.base + at
+        out[~tied] = self.pattern.block(a[~tied], b[~tied])
+        return out
+
+
+def _moves(raw: Array, joints: Connections, tied: Array) -> Array:
+    """Of all pairs with a tied node, i N + j: number of the pair, entry of its row or -1, entry of its column or -1, nodes that
+    it moves to, int [*, 5]. Entries are numbered without those of shared rows."""
+    n = tied.size
+    apart = joints.apart()
+    first, target = apart.start, apart.target
+    count = np.maximum(np.diff(first), 1)
+    i, j = raw // n, raw % n
+    size = count[i] * count[j]
+    pair = np.repeat(np.arange(raw.size), size)
+    local = np.arange(pair.size) - np.repeat(np.cumsum(size) - size, size)
+    out = [pair]
+    nodes = []
+    for side, step in ((i[pair], local // count[j[pair]]), (j[pair], local % count[j[pair]])):
+        entry = np.where(tied[side], first[side] + step, -1)
+        out.append(entry)
+        nodes.append(np.where(tied[side], target[entry] if target.size else side, side))
+    return np.stack((*out, *nodes), axis=1)

@@ -1,0 +1,148 @@
+"""Arrays that a run of a model writes, allocated once."""
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from .errors import SceneError
+from .kernels.inner import Inner
+from .kernels.layout import NODES, POINTS, layout_of
+from .kernels.nodes import NODES_SCRATCH
+from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
+from .kernels.substructures import Substructures, front_size, place_stores
+from .kernels.terms import NoTies
+from .kernels.work import Line, Work
+from .model import Model
+
+Array = np.ndarray
+
+
+def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
+    """Work arrays of one run; keep: with room for the state before a step; rates: for a method with rates of its own
+    (generalised alpha)."""
+    n, s, size = model.n_nodes, model.n_sliders, len(model.size)
+    kept = int(keep)
+    q = model.q0.size
+    # what is not a beam takes the coordinates from these
+    moved = q * (rates or model.sliders is not None or model.ties is not None or model.bodies is not None or bool(model.links))
+    border = model.border * model.n_constraints
+    # what only a dense border needs
+    dense = 0 if model.by_rows or model.carriers is not None else border
+    panel = 0 if model.by_rows else size * model.panel_rows * model.width
+    theta = _padded((size - model.dim) * n)
+    return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
+                u=np.zeros(q * (rates or model.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
+                r=np.zeros(8 * (n + 1)),
+                blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
+                panel=aligned(panel), rows=aligned((dense + 1) * model.width),
+                schur=np.zeros((dense, dense)), y=np.zeros(border),
+                scratch=scratch_of(model), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
+                keep_force=np.zeros(kept * model.forces.sum()),
+                keep_history=np.zeros(kept * model.history_size), keep_dphi=np.zeros(kept * model.dim * n),
+                keep_theta=np.zeros(kept * theta.size),
+                past=np.zeros(model.past_size),
+                keep_past=np.zeros(kept * model.past_size),
+                line=Line(np.array([0.0, model.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
+                          NoTies() if model.ties is None else _padded(model.dim * n)))
+
+
+def check_border(model: Model) -> None:
+    """Refuse a dense border of constraints that the memory of this computer does not hold.
+
+    Raises
+    ------
+    SceneError
+        Names the number of constraints and what to do.
+    """
+    if not model.n_constraints or model.by_rows or model.carriers is not None:
+        return
+    # the panel and its Schur complement, and what PARDISO solves with: right-hand sides, solutions, residuals and corrections
+    needed = 8 * (model.border_size + 4 * model.columns * len(model.size) * model.pattern.n)
+    there = physical_memory()
+    if needed > there:
+        of = f"{model.n_sliders} sliders and {len(model.kept)} joints with multipliers"
+        size = f"{needed / 1e9:.3g} GB where this computer has {there / 1e9:.3g} GB"
+        raise SceneError(f"scene {model.scene_name!r}: {of} are a dense border of {model.columns - 1} columns over all nodes of "
+                         f"a net, {size}. Let sliders be masses or bodies on beams that nothing else touches and compile with "
+                         "condense=True (docs/limits.md), and close loops of rigid parts by RigidConnection, elastic beams or "
+                         "springs instead of ball joints; or take fewer of them")
+
+
+def physical_memory() -> float:
+    """Bytes of memory of this computer; infinity where that is not known."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return np.inf
+
+
+def scratch_of(model: Model) -> Array:
+    """Scratch of one thread, as much as the largest group of elements needs, or eight nodes."""
+    metas = [t.meta for t in (model.simo, model.green) if t is not None]
+    kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
+    sizes = [layout_of(model.size, nn, nq).size for nn, nq in kinds]
+    most = max([*sizes, NODES_SCRATCH])
+    return aligned(most if model.substructures is None else most + front_size(len(model.size)))
+
+
+def entries_of(model: Model) -> int:
+    """Entries that a constraint may have: those of every node of a slider's beam and its point, or of both ends of a joint;
+    fewer at first where constraints are rows, and room for more is made when one has them."""
+    # each as often as a tied node passes it on
+    widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
+    ends = 2 * widest if model.kept else 0
+    if model.curves is None:
+        return ends
+    most = int(model.curves.shape[:, 2].max())
+    if model.by_rows:
+        most = min(most, int(model.curves.count.max()))
+        return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
+    # and the spin of every node
+    return max(ends, (most + 1) * widest + most)
+
+
+def contact_of(model: Model, entries: int | None = None) -> Contact | None:
+    """Work arrays of the constraints, with room for so many entries (default: `entries_of`)."""
+    n, row = model.n_constraints, 8 * len(model.size)
+    if not n:
+        return None
+    shape = np.zeros((1, 3), np.int64) if model.curves is None else model.curves.shape
+    entries = entries or (0 if model.carriers is not None else entries_of(model))
+    first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else model.border * np.arange(n)
+    kind = ContactInRows if model.by_rows else Contact if model.carriers is None else ContactOfCarriers
+    return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
+                entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=np.zeros((n, row * entries)),
+                line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
+                element=np.zeros(n, np.int64), forces=model.forces, first=first,
+                first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), remaining=np.zeros(n),
+                full=np.zeros(1, np.int64), augmented=np.zeros(4))
+
+
+def inner_of(model: Model) -> Inner | None:
+    """The eliminated nodes with work arrays of one run."""
+    if model.inner is None:
+        return None
+    inner = model.inner
+    rhs = np.zeros_like(inner.rhs) if isinstance(inner.rhs, np.ndarray) else inner.rhs
+    return inner._replace(store=aligned(inner.store.size), rhs=rhs,
+                          mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
+
+
+def condensed_of(model: Model) -> Substructures | None:
+    """The condensed beams with work arrays of one run."""
+    if model.substructures is None:
+        return None
+    return place_stores(model.substructures, len(model.size))
+
+
+def _padded(n: int) -> Array:
+    """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
+    return np.zeros(n + 8)[:n]
+
+
+def aligned(n: int) -> Array:
+    """n zeros on a cache line."""
+    raw = np.zeros(n + 8)
+    shift = (-raw.ctypes.data // 8) % 8
+    return raw[shift:shift + n]
