@@ -24,8 +24,11 @@ from typing import Any, Callable
 
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.imputils import impl_ret_borrowed
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model, typeof_impl
+
+from . import _outside
 
 
 class GenericFunction:
@@ -39,6 +42,8 @@ class GenericFunction:
         self.name, self.module = stub.__name__, stub.__module__
         self.__doc__ = stub.__doc__
         self.implementations: dict[tuple[Any, ...], Any] = {}
+        # classes from outside that kernels were compiled for
+        self._asked: set[type] = set()
         names = list(inspect.signature(stub).parameters)
         self.call = self._intrinsic(self._one, names, stub)
         self.each = self._intrinsic(self._forward, names, stub)
@@ -46,8 +51,22 @@ class GenericFunction:
         self.all = self._intrinsic(self._every, names, stub)
 
     def register(self, *classes: Any) -> Callable[[Any], Any]:
-        """Decorator: a kernel as the implementation for first arguments of these classes."""
+        """Decorator: a kernel as the implementation for first arguments of these classes.
+
+        Raises
+        ------
+        TypeError
+            From outside this package: what is registered is no kernel, none of the classes is from outside, there is an
+            implementation for them already, or kernels were compiled without it.
+        """
         def note(function: Any) -> Any:
+            _outside.note(self.name, classes, function)
+            for x in filter(_outside.is_term, classes):
+                if classes in self.implementations:
+                    raise TypeError(f"{self.name}.register: there is an implementation for {x.__name__} already")
+                if x in self._asked:
+                    raise TypeError(f"{self.name}.register: kernels for {x.__name__} have been compiled without it; register "
+                                    "all implementations before the first run")
             self.implementations[classes] = function
             return function
         return note
@@ -55,7 +74,13 @@ class GenericFunction:
     def find(self, arguments: tuple[Any, ...]) -> Any:
         """The implementation for arguments of these numba types, or None: the one registered for the nearest class of the first
         argument, among those the nearest of the second."""
+        of = (getattr(x, "instance_class", None) for x in arguments[:2])
+        self._asked.update(x for x in of if _outside.is_term(x))
         return self._nearest([_ancestors(x) for x in arguments[:self._depth]])
+
+    def covers(self, of: type) -> bool:
+        """Whether there is an implementation for values of a class, whatever the other arguments are."""
+        return self._nearest([of.__mro__]) is not None
 
     def implementation(self, *arguments: Any) -> Any:
         """The implementation for these values.
@@ -238,7 +263,9 @@ class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(RecordType)
 def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    return _item(builder, kind, value, kind.of.fields.index(name))
+    i = kind.of.fields.index(name)
+    # another reference where kernels count them
+    return impl_ret_borrowed(context, builder, item_type(kind.of[i]), _item(builder, kind, value, i))
 
 
 # --- generic functions as numba sees them --------------------------------------------------------------------------------

@@ -16,8 +16,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numba.np.linalg as _linalg
 from llvmlite import binding
-from numba import version_info
+
+# when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
+# does finds it all the same, later
+_look = _linalg.ensure_blas
+_linalg.ensure_blas = lambda: None
+import numba.np.arraymath  # noqa: E402, F401
+
+_linalg.ensure_blas = _look
+
+from numba import version_info  # noqa: E402
 from numba.core import compiler, sigutils, types, typing
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
@@ -191,7 +201,7 @@ class _PartCache(FunctionCache):  # type: ignore[misc]
 def is_kept(cache: FunctionCache, arguments: tuple[Any, ...], codegen: Any) -> bool:
     """Whether there is an entry on the disk."""
     try:
-        return cache._index_key(arguments, codegen) in cache._cache_file._load_index()
+        return bool(cache._cache_file.holds(cache._index_key(arguments, codegen)))
     except Exception:  # a damaged file, which `load_overload` reports
         return False
 
