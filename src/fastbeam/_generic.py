@@ -20,6 +20,7 @@ functools.singledispatch; `register(A, B)` looks at the first two arguments.
 from __future__ import annotations
 
 import inspect
+from functools import cached_property
 from typing import Any, Callable
 
 from llvmlite import ir
@@ -44,11 +45,28 @@ class GenericFunction:
         self.implementations: dict[tuple[Any, ...], Any] = {}
         # classes from outside that kernels were compiled for
         self._asked: set[type] = set()
-        names = list(inspect.signature(stub).parameters)
-        self.call = self._intrinsic(self._one, names, stub)
-        self.each = self._intrinsic(self._forward, names, stub)
-        self.each_backward = self._intrinsic(self._backward, names, stub)
-        self.all = self._intrinsic(self._every, names, stub)
+        self._stub = stub
+
+    # made when the first kernel asks, as most are never asked: a hundred functions take a twentieth of the time of a start
+    @cached_property
+    def call(self) -> Any:
+        """The implementation for the first arguments."""
+        return self._intrinsic(self._one)
+
+    @cached_property
+    def each(self) -> Any:
+        """Those of all terms of a tuple."""
+        return self._intrinsic(self._forward)
+
+    @cached_property
+    def each_backward(self) -> Any:
+        """The same from the last to the first."""
+        return self._intrinsic(self._backward)
+
+    @cached_property
+    def all(self) -> Any:
+        """Whether those of all terms return True."""
+        return self._intrinsic(self._every)
 
     def register(self, *classes: Any) -> Callable[[Any], Any]:
         """Decorator: a kernel as the implementation for first arguments of these classes.
@@ -119,13 +137,14 @@ class GenericFunction:
         found = [(self.find((term, *others)), (term, *others)) for term in _types(terms)]
         return [(function, arguments) for function, arguments in found if function is not None]
 
-    def _intrinsic(self, build: Callable[..., Any], names: list[str], stub: Any) -> Any:
+    def _intrinsic(self, build: Callable[..., Any]) -> Any:
         def definition(typingctx, *arguments):  # type: ignore[no-untyped-def]
             return build(typingctx, arguments)
         definition.__name__ = self.name
-        definition.__qualname__ = f"{stub.__module__}.{self.name}"
+        definition.__qualname__ = f"{self.module}.{self.name}"
+        names = "typingctx", *inspect.signature(self._stub).parameters
         definition.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-            [inspect.Parameter(x, inspect.Parameter.POSITIONAL_OR_KEYWORD) for x in ("typingctx", *names)])
+            [inspect.Parameter(x, inspect.Parameter.POSITIONAL_OR_KEYWORD) for x in names])
         return intrinsic(definition)
 
     def _one(self, typingctx: Any, arguments: tuple[Any, ...]) -> Any:
@@ -290,7 +309,11 @@ class _FunctionAttributes(AttributeTemplate):  # type: ignore[misc]
     key = _FunctionType
 
     def generic_resolve(self, kind: _FunctionType, name: str) -> Any:
-        return self.context.resolve_value_type(getattr(kind.function, name))
+        known = name in vars(kind.function)
+        function = getattr(kind.function, name)
+        if not known:
+            self.context.refresh()
+        return self.context.resolve_value_type(function)
 
 
 @lower_getattr_generic(_FunctionType)

@@ -92,8 +92,6 @@ def one_variant(function: F) -> F:
 
 
 def _compiled(function: F, one: bool = False, **options: Any) -> F:
-    before = config.CACHE_DIR
-    config.CACHE_DIR = _FOLDER
     try:
         compiled = _plainly(function, options) if PLAIN else _fast(function, one, options)
     except RuntimeError as error:
@@ -101,26 +99,28 @@ def _compiled(function: F, one: bool = False, **options: Any) -> F:
             raise RuntimeError(f"kernel {function.__name__}: compiled code is kept by the file that it stands in, and there is "
                                f"none; move it to a module ({error})") from error
         raise
-    finally:
-        config.CACHE_DIR = before
     KERNELS.append(compiled)
     return compiled
 
 
 def _fast(function: Any, one: bool, options: dict[str, Any]) -> Any:
     parts, sealed = _FAST
-    compiled = numba.njit(cache=True, _nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS,
-                          **options)(function)
-    part = parts.Part(compiled, one)
-    for cache in (compiled._cache, part.cache):
-        sealed.guard(cache, _FOLDER)
+    compiled = numba.njit(_nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS, **options)(function)
+    compiled._cache = sealed.KernelCache(function, parts.FunctionCache, _FOLDER)
+    parts.Part(compiled, one, sealed.KernelCache(function, parts.PartCache, _FOLDER))
+    if _outside.is_outside(function):
+        compiled._cache.make()  # which fails for what stands in no file
     return compiled
 
 
 def _plainly(function: Any, options: dict[str, Any]) -> Any:
     # numba would not notice edits in other files of a package that adds terms
     keep = not (_outside.is_outside(function) or _outside.known())
-    return numba.njit(cache=keep, **OPTIONS, **{x: value for x, value in options.items() if _takes(x)})(function)
+    before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
+    try:
+        return numba.njit(cache=keep, **OPTIONS, **{x: value for x, value in options.items() if _takes(x)})(function)
+    finally:
+        config.CACHE_DIR = before
 
 
 @functools.cache
@@ -167,7 +167,7 @@ def begin_beside(kernel: Any, arguments: tuple[Any, ...]) -> None:
     if PLAIN or kernel.overloads:
         return  # finding the types would cost every run a millisecond
     types = tuple(kernel.typeof_pyval(x) for x in arguments)
-    if not _FAST[0].is_kept(kernel._cache, types, kernel.targetctx.codegen()):
+    if not kernel._cache.holds(types, kernel.targetctx.codegen()):
         _beside.start(kernel.py_func, types, _FOLDER)
 
 

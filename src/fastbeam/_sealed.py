@@ -21,6 +21,7 @@ try:
 except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
+from numba import config
 from numba.core.caching import IndexDataCacheFile
 
 from . import _outside
@@ -146,33 +147,87 @@ class _Entries:
             file.flush()
 
 
-def guard(cache: Any, folder: str) -> None:
-    """Let a kernel's cache survive other processes, damaged files and a full disk: then it counts as empty."""
-    entries = cache._cache_file = _Entries(cache._py_func, cache._cache_file)
-    _close(cache._cache_path)
-    save = cache.save_overload
+class KernelCache:
+    """The cache of a kernel, made when it is first asked: most kernels never are, and making it looks for folders on the disk. It
+    survives other processes, damaged files and a full disk: then it counts as empty.
 
-    def guarded_load(arguments: Any, context: Any) -> Any:
+    Parameters
+    ----------
+    function : function
+        What is compiled.
+    kind : type
+        Numba's kind of cache.
+    folder : str
+        Of all kernels.
+    """
+
+    def __init__(self, function: Any, kind: Any, folder: str) -> None:
+        self._function, self._kind, self._folder = function, kind, folder
+        self._made: Any = None
+        self._enabled = True
+
+    @property
+    def cache_path(self) -> str:
+        """As numba's caches have it."""
+        return self._folder
+
+    def disable(self) -> None:
+        """Keep nothing from now on."""
+        self._enabled = False
+
+    def make(self) -> Any:
+        """Numba's cache.
+
+        Raises
+        ------
+        RuntimeError
+            The function stands in no file.
+        """
+        if self._made is None:
+            before, config.CACHE_DIR = config.CACHE_DIR, self._folder
+            try:
+                made = self._kind(self._function)
+            finally:
+                config.CACHE_DIR = before
+            made._cache_file = _Entries(self._function, made._cache_file)
+            _close(made._cache_path)
+            self._made = made
+        return self._made
+
+    def holds(self, arguments: Any, codegen: Any) -> bool:
+        """Whether there is an entry on the disk."""
+        try:
+            made = self.make()
+            return self._enabled and bool(made._cache_file.holds(made._index_key(arguments, codegen)))
+        except Exception:  # a damaged file, which `load_overload` reports
+            return False
+
+    def load_overload(self, arguments: Any, context: Any) -> Any:
+        """What is kept for argument types, or None."""
+        if not self._enabled:
+            return None
+        made = self.make()
         try:
             # numba's `load_overload` first registers all that it can compile: a quarter of the time of a warm start
-            with _locked(folder, exclusive=False), cache._guard_against_spurious_io_errors():
-                return cache._load_overload(arguments, context)
+            with _locked(self._folder, exclusive=False), made._guard_against_spurious_io_errors():
+                return made._load_overload(arguments, context)
         except Exception as error:  # whatever unpickling of a damaged file may raise
-            warnings.warn(f"fastbeam: the compiled kernels in {folder} are damaged ({type(error).__name__}: {error}); compiling "
-                          "them again", RuntimeWarning, stacklevel=2)
+            warnings.warn(f"fastbeam: the compiled kernels in {self._folder} are damaged ({type(error).__name__}: {error}); "
+                          "compiling them again", RuntimeWarning, stacklevel=2)
             try:
-                with _locked(folder, exclusive=True):
-                    entries.flush(cache._index_key(arguments, context.codegen()))
+                with _locked(self._folder, exclusive=True):
+                    made._cache_file.flush(made._index_key(arguments, context.codegen()))
             except OSError:
                 pass
-            return None
+        return None
 
-    def guarded_save(*arguments: Any) -> None:
+    def save_overload(self, arguments: Any, compiled: Any) -> None:
+        """Keep what was compiled."""
+        if not self._enabled:
+            return
         try:
-            with _locked(folder, exclusive=True):
-                save(*arguments)
+            with _locked(self._folder, exclusive=True):
+                self.make().save_overload(arguments, compiled)
         except OSError as error:
-            warnings.warn(f"fastbeam: compiled kernels cannot be kept in {folder} ({error}); the next process compiles them "
-                          "again", RuntimeWarning, stacklevel=2)
-
-    cache.load_overload, cache.save_overload = guarded_load, guarded_save
+            warnings.warn(f"fastbeam: compiled kernels cannot be kept in {self._folder} ({error}); the next process compiles "
+                          "them again", RuntimeWarning, stacklevel=2)
