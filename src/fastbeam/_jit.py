@@ -81,8 +81,8 @@ def kernel(function: F) -> F:
 
 def written_in(function: F) -> F:
     """Compile like `kernel`, written into every kernel that calls it, whatever its size: for short steps of loops, which pass
-    arrays, seven words each."""
-    return _compiled(function, forceinline=True)
+    arrays, seven words each. Numbers in the source of a caller reach it that way, so there is one variant for all."""
+    return _compiled(function, one=True, forceinline=True)
 
 
 def one_variant(function: F) -> F:

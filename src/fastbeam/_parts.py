@@ -34,6 +34,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
 from . import _beside
+from ._outside import is_outside
 
 # s; compilation that takes no longer shows nothing
 QUIET_TIME = 1.0
@@ -160,10 +161,37 @@ class _Progress:
 PROGRESS = _Progress()
 
 
-class WholeCompiler(compiler.Compiler):  # type: ignore[misc]
-    """Numba's compiler for a kernel that Python calls."""
+# passes of numba for what kernels do not have: `with`, closures, lists of literals, inlining at the level of Python, expressions of
+# whole arrays, exceptions, parallel loops
+LEFT_OUT = {"WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
+            "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "NopythonRewrites", "DumpParforDiagnostics"}
+
+
+class _ShortCompiler(compiler.Compiler):  # type: ignore[misc]
+    """Numba's compiler without passes that have nothing to do in kernels, and without the analysis that follows each of them."""
+
+    def define_pipelines(self) -> list[Any]:
+        out = []
+        for full in super().define_pipelines():
+            short = compiler.PassManager(full.pipeline_name)
+            pruned = False
+            for step, text in full.passes:
+                # dead branches are looked for three times, for the sake of passes that are left out
+                if step.__name__ not in LEFT_OUT and not (pruned and step.__name__ == "DeadBranchPrune"):
+                    short.add_pass(step, text)
+                pruned |= step.__name__ == "DeadBranchPrune"
+            short.finalize()
+            out.append(short)
+        return out
+
+
+class WholeCompiler(_ShortCompiler):
+    """The compiler for a kernel that Python calls."""
 
     folder = ""
+
+    def define_pipelines(self) -> list[Any]:
+        return compiler.Compiler.define_pipelines(self) if is_outside(self.state.func_id.func) else super().define_pipelines()
 
     def compile_extra(self, function: Any) -> Any:
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
@@ -263,8 +291,11 @@ class Part:
         flags = compiler.Flags()
         of.targetdescr.options.parse_as_flags(flags, of.targetoptions)
         flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+        # other packages may use all of numba's language
+        way = compiler.Compiler if is_outside(of.py_func) else _ShortCompiler
         library = _PartLibrary(of.targetctx.codegen(), of.py_func.__qualname__)
-        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library)
+        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
+                                      pipeline_class=way)
         library._ensure_finalized()
         return _Compiled(library, done.fndesc, done.signature)
 
