@@ -161,10 +161,11 @@ class _Progress:
 PROGRESS = _Progress()
 
 
-# passes of numba for what kernels do not have: `with`, closures, lists of literals, inlining at the level of Python, expressions of
-# whole arrays, exceptions, parallel loops
+# passes of numba for what kernels do not have: `with`, closures, lists of literals, inlining at the level of Python, expressions
+# of whole arrays, exceptions, parallel loops
 LEFT_OUT = {"WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
-            "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "NopythonRewrites", "DumpParforDiagnostics"}
+            "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "NopythonRewrites",
+            "DumpParforDiagnostics"}
 
 
 class _ShortCompiler(compiler.Compiler):  # type: ignore[misc]
