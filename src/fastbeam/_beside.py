@@ -13,6 +13,8 @@ import threading
 from pathlib import Path
 from typing import Any, Callable
 
+from . import _outside
+
 # (kernel, types of its arguments)
 Job = tuple[Any, tuple[Any, ...]]
 # s; longer than any part takes, even on a busy machine
@@ -42,10 +44,13 @@ def start(function: Any, arguments: tuple[Any, ...], folder: str) -> None:
     jobs = jobs_of(function, arguments)
     if not jobs:
         return
+    modules = _outside.modules(arguments)
+    if "__main__" in modules:
+        return  # the program itself is not run a second time
     names = [(kernel.py_func.__module__, kernel.py_func.__qualname__, some) for kernel, some in jobs]
     path = [str(Path(__file__).resolve().parents[1]), *sys.path]
     try:
-        message = pickle.dumps(path) + pickle.dumps((folder, names))
+        message = pickle.dumps(path) + pickle.dumps((folder, modules)) + pickle.dumps(names)
         process = subprocess.Popen([sys.executable, "-c", PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                    stderr=subprocess.DEVNULL, creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0))
         assert process.stdin is not None

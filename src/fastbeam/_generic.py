@@ -20,12 +20,16 @@ functools.singledispatch; `register(A, B)` looks at the first two arguments.
 from __future__ import annotations
 
 import inspect
+from functools import cached_property
 from typing import Any, Callable
 
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.imputils import impl_ret_borrowed
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model, typeof_impl
+
+from . import _outside
 
 
 class GenericFunction:
@@ -39,15 +43,48 @@ class GenericFunction:
         self.name, self.module = stub.__name__, stub.__module__
         self.__doc__ = stub.__doc__
         self.implementations: dict[tuple[Any, ...], Any] = {}
-        names = list(inspect.signature(stub).parameters)
-        self.call = self._intrinsic(self._one, names, stub)
-        self.each = self._intrinsic(self._forward, names, stub)
-        self.each_backward = self._intrinsic(self._backward, names, stub)
-        self.all = self._intrinsic(self._every, names, stub)
+        # classes from outside that kernels were compiled for
+        self._asked: set[type] = set()
+        self._stub = stub
+
+    # made when the first kernel asks, as most are never asked: a hundred functions take a twentieth of the time of a start
+    @cached_property
+    def call(self) -> Any:
+        """The implementation for the first arguments."""
+        return self._intrinsic(self._one)
+
+    @cached_property
+    def each(self) -> Any:
+        """Those of all terms of a tuple."""
+        return self._intrinsic(self._forward)
+
+    @cached_property
+    def each_backward(self) -> Any:
+        """The same from the last to the first."""
+        return self._intrinsic(self._backward)
+
+    @cached_property
+    def all(self) -> Any:
+        """Whether those of all terms return True."""
+        return self._intrinsic(self._every)
 
     def register(self, *classes: Any) -> Callable[[Any], Any]:
-        """Decorator: a kernel as the implementation for first arguments of these classes."""
+        """Decorator: a kernel as the implementation for first arguments of these classes.
+
+        Raises
+        ------
+        TypeError
+            From outside this package: what is registered is no kernel, none of the classes is from outside, there is an
+            implementation for them already, or kernels were compiled without it.
+        """
         def note(function: Any) -> Any:
+            _outside.note(self.name, classes, function)
+            for x in filter(_outside.is_term, classes):
+                if classes in self.implementations:
+                    raise TypeError(f"{self.name}.register: there is an implementation for {x.__name__} already")
+                if x in self._asked:
+                    raise TypeError(f"{self.name}.register: kernels for {x.__name__} have been compiled without it; register "
+                                    "all implementations before the first run")
             self.implementations[classes] = function
             return function
         return note
@@ -55,7 +92,13 @@ class GenericFunction:
     def find(self, arguments: tuple[Any, ...]) -> Any:
         """The implementation for arguments of these numba types, or None: the one registered for the nearest class of the first
         argument, among those the nearest of the second."""
+        of = (getattr(x, "instance_class", None) for x in arguments[:2])
+        self._asked.update(x for x in of if _outside.is_term(x))
         return self._nearest([_ancestors(x) for x in arguments[:self._depth]])
+
+    def covers(self, of: type) -> bool:
+        """Whether there is an implementation for values of a class, whatever the other arguments are."""
+        return self._nearest([of.__mro__]) is not None
 
     def implementation(self, *arguments: Any) -> Any:
         """The implementation for these values.
@@ -94,13 +137,14 @@ class GenericFunction:
         found = [(self.find((term, *others)), (term, *others)) for term in _types(terms)]
         return [(function, arguments) for function, arguments in found if function is not None]
 
-    def _intrinsic(self, build: Callable[..., Any], names: list[str], stub: Any) -> Any:
+    def _intrinsic(self, build: Callable[..., Any]) -> Any:
         def definition(typingctx, *arguments):  # type: ignore[no-untyped-def]
             return build(typingctx, arguments)
         definition.__name__ = self.name
-        definition.__qualname__ = f"{stub.__module__}.{self.name}"
+        definition.__qualname__ = f"{self.module}.{self.name}"
+        names = "typingctx", *inspect.signature(self._stub).parameters
         definition.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-            [inspect.Parameter(x, inspect.Parameter.POSITIONAL_OR_KEYWORD) for x in ("typingctx", *names)])
+            [inspect.Parameter(x, inspect.Parameter.POSITIONAL_OR_KEYWORD) for x in names])
         return intrinsic(definition)
 
     def _one(self, typingctx: Any, arguments: tuple[Any, ...]) -> Any:
@@ -238,7 +282,9 @@ class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(RecordType)
 def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    return _item(builder, kind, value, kind.of.fields.index(name))
+    i = kind.of.fields.index(name)
+    # another reference where kernels count them
+    return impl_ret_borrowed(context, builder, item_type(kind.of[i]), _item(builder, kind, value, i))
 
 
 # --- generic functions as numba sees them --------------------------------------------------------------------------------
@@ -263,7 +309,11 @@ class _FunctionAttributes(AttributeTemplate):  # type: ignore[misc]
     key = _FunctionType
 
     def generic_resolve(self, kind: _FunctionType, name: str) -> Any:
-        return self.context.resolve_value_type(getattr(kind.function, name))
+        known = name in vars(kind.function)
+        function = getattr(kind.function, name)
+        if not known:
+            self.context.refresh()
+        return self.context.resolve_value_type(function)
 
 
 @lower_getattr_generic(_FunctionType)

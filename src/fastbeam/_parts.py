@@ -16,14 +16,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numba.np.linalg as _linalg
 from llvmlite import binding
-from numba import version_info
+
+# when it starts, numba looks for SciPy's BLAS, which takes a tenth of a second to import; kernels call none, and other code that
+# does finds it all the same, later
+_look = _linalg.ensure_blas
+_linalg.ensure_blas = lambda: None
+import numba.np.arraymath  # noqa: E402, F401
+
+_linalg.ensure_blas = _look
+
+from numba import version_info  # noqa: E402
 from numba.core import compiler, sigutils, types, typing
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
 from . import _beside
+from ._outside import is_outside
 
 # s; compilation that takes no longer shows nothing
 QUIET_TIME = 1.0
@@ -44,6 +55,15 @@ class _WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
             return
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
+
+    def serialize_using_object_code(self) -> tuple[str, str, tuple[Any, bytes]]:
+        """Machine code, with the names that it defines in place of the LLVM code that numba keeps for callers: kernels call the
+        part. To read that code took a twentieth of the time of a warm start."""
+        self._ensure_finalized()
+        module = self._final_module
+        lines = [f'define void @"{x.name}"() {{ ret void }}' for x in module.functions if not x.is_declaration]
+        lines += [f'@"{x.name}" = global i8 0' for x in module.global_variables if not x.is_declaration]
+        return self.name, "object", (self._get_compiled_object(), binding.parse_assembly("\n".join(lines)).as_bitcode())
 
 
 class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -141,10 +161,38 @@ class _Progress:
 PROGRESS = _Progress()
 
 
-class WholeCompiler(compiler.Compiler):  # type: ignore[misc]
-    """Numba's compiler for a kernel that Python calls."""
+# passes of numba for what kernels do not have: `with`, closures, lists of literals, inlining at the level of Python, expressions
+# of whole arrays, exceptions, parallel loops
+LEFT_OUT = {"WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
+            "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "NopythonRewrites",
+            "DumpParforDiagnostics"}
+
+
+class _ShortCompiler(compiler.Compiler):  # type: ignore[misc]
+    """Numba's compiler without passes that have nothing to do in kernels, and without the analysis that follows each of them."""
+
+    def define_pipelines(self) -> list[Any]:
+        out = []
+        for full in super().define_pipelines():
+            short = compiler.PassManager(full.pipeline_name)
+            pruned = False
+            for step, text in full.passes:
+                # dead branches are looked for three times, for the sake of passes that are left out
+                if step.__name__ not in LEFT_OUT and not (pruned and step.__name__ == "DeadBranchPrune"):
+                    short.add_pass(step, text)
+                pruned |= step.__name__ == "DeadBranchPrune"
+            short.finalize()
+            out.append(short)
+        return out
+
+
+class WholeCompiler(_ShortCompiler):
+    """The compiler for a kernel that Python calls."""
 
     folder = ""
+
+    def define_pipelines(self) -> list[Any]:
+        return compiler.Compiler.define_pipelines(self) if is_outside(self.state.func_id.func) else super().define_pipelines()
 
     def compile_extra(self, function: Any) -> Any:
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
@@ -184,16 +232,10 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
         return not found.library.has_dynamic_globals
 
 
-class _PartCache(FunctionCache):  # type: ignore[misc]
+class PartCache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache of the parts of one kernel."""
+
     _impl_class = _PartCacheImpl
-
-
-def is_kept(cache: FunctionCache, arguments: tuple[Any, ...], codegen: Any) -> bool:
-    """Whether there is an entry on the disk."""
-    try:
-        return cache._index_key(arguments, codegen) in cache._cache_file._load_index()
-    except Exception:  # a damaged file, which `load_overload` reports
-        return False
 
 
 class Part:
@@ -205,11 +247,12 @@ class Part:
         The kernel; from now on calls from kernels go through this object.
     one_variant : bool
         Whether numbers in the source of a caller are like any others. Else they are types of their own.
+    cache : KernelCache
+        Of kind `PartCache`.
     """
 
-    def __init__(self, dispatcher: Any, one_variant: bool) -> None:
-        self.dispatcher, self.one_variant = dispatcher, one_variant
-        self.cache = _PartCache(dispatcher.py_func)
+    def __init__(self, dispatcher: Any, one_variant: bool, cache: Any) -> None:
+        self.dispatcher, self.one_variant, self.cache = dispatcher, one_variant, cache
         self.loaded: Counter[Any] = Counter()
         self.missed: Counter[Any] = Counter()
         self._known: dict[Any, _Compiled] = {}
@@ -242,15 +285,18 @@ class Part:
 
     def is_kept(self, arguments: tuple[Any, ...]) -> bool:
         """Whether this process or the disk has it."""
-        return arguments in self._known or is_kept(self.cache, arguments, self.dispatcher.targetctx.codegen())
+        return arguments in self._known or self.cache.holds(arguments, self.dispatcher.targetctx.codegen())
 
     def _compile(self, arguments: tuple[Any, ...]) -> _Compiled:
         of = self.dispatcher
         flags = compiler.Flags()
         of.targetdescr.options.parse_as_flags(flags, of.targetoptions)
         flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
+        # other packages may use all of numba's language
+        way = compiler.Compiler if is_outside(of.py_func) else _ShortCompiler
         library = _PartLibrary(of.targetctx.codegen(), of.py_func.__qualname__)
-        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library)
+        done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
+                                      pipeline_class=way)
         library._ensure_finalized()
         return _Compiled(library, done.fndesc, done.signature)
 

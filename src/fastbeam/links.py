@@ -1,6 +1,7 @@
 """Registry of what couples two points, springs and joints with multipliers: an entry turns all of a kind into a term's table.
 
-A new kind is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here.
+A new kind is a noun in scene/, a file in kernels/ with its table and what it adds to a step, and an entry here. `register` adds
+an entry from outside (docs/extending.md).
 """
 from __future__ import annotations
 
@@ -10,14 +11,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ._outside import is_outside
 from .connections import Connections
 from .errors import SceneError
 from .kept import Distance, KeptLink, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
+from .kernels.terms import assemble
 from .numbering import NodeList
 from .scene import BallJoint, DistanceJoint, Scene, Spring
+from .scene.links import Link
 
 Array = np.ndarray
 
@@ -94,11 +98,59 @@ def _distances(ends: Ends) -> DistanceJoints:
 
 
 # those whose force is a vector come before those with one force
-REGISTRY = (
+REGISTRY = [
     Entry(Spring, _springs),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
     Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
-)
+]
+
+
+def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
+    """Let scenes take a new kind of link between two points: one with a force law, without multipliers.
+
+    Parameters
+    ----------
+    noun : type
+        A class derived from `Link` with a text `kind` of its own; scenes take objects of it.
+    table : callable
+        The constants of all links of this kind from their `Ends`: a named tuple of C-contiguous arrays. Its class is the term for
+        which `assemble` and `potential_energy` have implementations.
+
+    Raises
+    ------
+    TypeError
+        `noun` is no class derived from `Link`, has no `kind`, or is registered already; `table` cannot be called.
+    """
+    if not (isinstance(noun, type) and issubclass(noun, Link)) or noun is Link:
+        raise TypeError(f"register_link: {noun!r} is no class derived from Link")
+    if not isinstance(noun.kind, str) or noun.kind == Link.kind:
+        raise TypeError(f"register_link: {noun.__name__}.kind is {noun.kind!r}; it has to be a text for messages")
+    if not callable(table):
+        raise TypeError(f"register_link: the table of {noun.__name__} is {table!r}; it has to be a function of Ends")
+    if any(entry.noun is noun for entry in REGISTRY):
+        raise TypeError(f"register_link: {noun.__name__} is registered already")
+    REGISTRY.append(Entry(noun, table))
+
+
+def _tested(entry: Entry, table: Any) -> Any:
+    """The table of a kind from outside, which kernels take without a question.
+
+    Raises
+    ------
+    TypeError
+        It is no named tuple of arrays, or there is no code for it.
+    """
+    who = f"the table of {entry.noun.__name__}"
+    if not (isinstance(table, tuple) and hasattr(table, "_fields")):
+        raise TypeError(f"{who} is {type(table).__name__}; it has to be a named tuple of arrays")
+    for name, x in zip(table._fields, table):
+        if not isinstance(x, np.ndarray) or x.dtype not in (np.float64, np.int64) or not x.flags.c_contiguous:
+            found = f"an array of {x.dtype}, shape {x.shape}" if isinstance(x, np.ndarray) else type(x).__name__
+            raise TypeError(f"{who}: {name} is {found}; it has to be a C-contiguous array of float64 or int64")
+    if not assemble.covers(type(table)):
+        raise TypeError(f"{who}: nothing assembles {type(table).__name__}; import the module with "
+                        f"@assemble.register({type(table).__name__}), which serves all methods")
+    return table
 
 
 class Links:
@@ -124,6 +176,11 @@ class Links:
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
         self._nodes, self._root = nodes, joints.row_root
         self.groups: list[tuple[Entry, list[Any], Array]] = []
+        known = {entry.noun for entry in REGISTRY}
+        for x in scene.links:
+            if type(x) not in known:
+                raise SceneError(f"{_label(x)}: a scene takes no {type(x).__name__} before "
+                                 f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
         for entry in REGISTRY:
             parts: list[Any] = [x for x in scene.links if type(x) is entry.noun]
             node = _nodes_of(parts, nodes)
@@ -166,7 +223,8 @@ class Links:
         out, first = [], sliders
         for entry, parts, node in self.groups:
             ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties)
-            out.append(entry.table(ends))
+            table = entry.table(ends)
+            out.append(_tested(entry, table) if is_outside(entry.noun) else table)
             first += len(parts) if entry.law is not None else 0
         return tuple(out)
 

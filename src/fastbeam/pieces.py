@@ -51,10 +51,18 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[i
 
 
 def _components(n: int, edges: Array) -> Array:
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(n, n))
-    return connected_components(graph, directed=False)[1]
+    """Number of the connected component of every node, int [n]. Every root takes the smallest neighbouring root until none has a
+    neighbour; SciPy's function would do the same, but to import it is a fifth of the time of a warm start."""
+    root = np.arange(n)
+    a, b = edges[:, 0], edges[:, 1]
+    while a.size:
+        np.minimum.at(root, np.maximum(a, b), np.minimum(a, b))
+        while not np.array_equal(root, up := root[root]):
+            root = up
+        a, b = root[a], root[b]
+        apart = a != b
+        a, b = a[apart], b[apart]
+    return np.unique(root, return_inverse=True)[1]
 
 
 def _touching(scene: Scene, nodes: NodeList, joined: Array, free: Array, held: Array, length: float) -> list[list[int]]:

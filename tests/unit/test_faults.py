@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam import _jit, reading, store
+from fastbeam import _folder, _jit, _sealed, reading, store
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "perf" / "stress"))
@@ -404,9 +404,9 @@ def test_no_flipped_bit_in_a_kernel_is_run(pattern: str, tmp_path: Path) -> None
     assert path.read_bytes() != broken
 
 
-def fresh_cache(folder: Path) -> _jit._SealedFile:
+def fresh_cache(folder: Path) -> _sealed.SealedFile:
     (index,) = (folder / "cache").rglob("*.nbi")
-    return _jit._SealedFile(str(index.parent), index.stem, None)
+    return _sealed.SealedFile(str(index.parent), index.stem, None)
 
 
 def test_kernels_that_changed_places_are_not_run(tmp_path: Path) -> None:
@@ -466,11 +466,11 @@ def test_rights_of_the_cache_do_not_depend_on_those_of_new_files(tmp_path: Path)
 def test_kernels_of_somebody_else_are_not_trusted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     folder = tmp_path / "cache" / "kernels"
     folder.mkdir(parents=True)
-    assert _jit._is_safe(folder)
+    assert _folder._is_safe(folder)
     found = os.stat(folder)
-    monkeypatch.setattr(_jit.os, "getuid", lambda: found.st_uid + 1)
-    assert _jit._is_safe(folder) == (found.st_uid == 0)
-    assert not _jit._is_private(os.stat_result((0o755, 0, 0, 1, found.st_uid + 7, 0, 0, 0, 0, 0)))
+    monkeypatch.setattr(_folder.os, "getuid", lambda: found.st_uid + 1)
+    assert _folder._is_safe(folder) == (found.st_uid == 0)
+    assert not _folder.is_private(os.stat_result((0o755, 0, 0, 1, found.st_uid + 7, 0, 0, 0, 0, 0)))
 
 
 def test_cache_that_cannot_be_written_costs_only_time(tmp_path: Path) -> None:
@@ -484,28 +484,28 @@ def test_cache_that_cannot_be_written_costs_only_time(tmp_path: Path) -> None:
 
 def test_spare_folder_that_others_could_write_to_is_not_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # cached machine code is run: a folder prepared by somebody else must not be trusted
-    monkeypatch.setattr(_jit.tempfile, "tempdir", str(tmp_path))
-    root = _jit._spare_root()
-    assert root.stat().st_mode & 0o777 == 0o700 and root == _jit._spare_root()
+    monkeypatch.setattr(_folder.tempfile, "tempdir", str(tmp_path))
+    root = _folder._spare_root()
+    assert root.stat().st_mode & 0o777 == 0o700 and root == _folder._spare_root()
     root.chmod(0o777)
-    fresh = _jit._spare_root()
+    fresh = _folder._spare_root()
     assert fresh != root and fresh.parent == tmp_path and fresh.stat().st_mode & 0o777 == 0o700
     root.rmdir()
     (tmp_path / "elsewhere").mkdir()
     root.symlink_to(tmp_path / "elsewhere")
-    assert _jit._spare_root() not in (root, tmp_path / "elsewhere")
+    assert _folder._spare_root() not in (root, tmp_path / "elsewhere")
 
 
 def test_kernels_that_can_only_be_read_are_copied(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    shared = tmp_path / "shared" / _jit._source_hash()
+    shared = tmp_path / "shared" / _folder._source_hash("")
     (shared / "kernels").mkdir(parents=True)
     (shared / "kernels" / "run.nbi").write_bytes(b"index")
     monkeypatch.setenv("FASTBEAM_CACHE_DIR", str(tmp_path / "shared"))
-    monkeypatch.setattr(_jit.tempfile, "tempdir", str(tmp_path))
-    usable = _jit._usable
-    monkeypatch.setattr(_jit, "_usable", lambda folder: folder != shared and usable(folder))
+    monkeypatch.setattr(_folder.tempfile, "tempdir", str(tmp_path))
+    usable = _folder._usable
+    monkeypatch.setattr(_folder, "_usable", lambda folder: folder != shared and usable(folder))
     for _ in range(2):
-        folder = Path(_jit.cache_folder())
+        folder = Path(_folder.cache_folder())
         assert folder != shared and (folder / "kernels" / "run.nbi").read_bytes() == b"index"
         assert sorted(x.name for x in folder.parent.iterdir()) == [folder.name]
 
@@ -518,7 +518,7 @@ def test_cache_that_fills_the_disk_is_only_a_warning(monkeypatch: pytest.MonkeyP
     def full(*arguments: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(double._cache._cache_file, "_save_index", full)
+    monkeypatch.setattr(_sealed.SealedFile, "_save_index", full)
     with pytest.warns(RuntimeWarning, match="compiled kernels cannot be kept in .*No space left on device"):
         assert double(1.5) == 3.0
     _jit.KERNELS.remove(double)

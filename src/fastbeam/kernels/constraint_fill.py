@@ -1,7 +1,7 @@
 """Fill of the elimination of nodes and constraints in an order of kernels/constraint_rows.py, and where every block stands."""
 from __future__ import annotations
 
-from .._jit import kernel, written_in
+from .._jit import kernel, one_variant, written_in
 from .constraint_rows import collect, find_waiting, is_changed, put_in_order, sweep
 
 
@@ -41,7 +41,7 @@ def own_columns(couplings, touched, order, i, at):
     return at
 
 
-@kernel
+@one_variant
 def sort_columns(column, first, last):
     """Sort column [*] from `first` to before `last`, ascending, in place."""
     for x in range(first + 1, last):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, written_in
+from .._jit import kernel, one_variant, written_in
 from .inner import Inner, NoInner
 from .planar_nodes import PlanarTies
 from .terms import NoTies
@@ -128,7 +128,7 @@ def find_waiting(contact, couplings, touched, size):
     return changed
 
 
-@kernel
+@one_variant
 def touch(touched, k, row, at):
     """Let constraint k touch a row. Returns where the next new row goes; the count goes on where the arrays are full."""
     if touched.mark[row] != k:
@@ -272,7 +272,7 @@ def count_jobs(inner, touched, n):
     touched.counts[3] = pairs
 
 
-@kernel
+@one_variant
 def list_users(touched, at, n):
     """The constraints of every row. Returns False where there is not enough room for pairs."""
     start = touched.user_start

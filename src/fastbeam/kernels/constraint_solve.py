@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel, written_in
+from .._jit import kernel, one_variant, written_in
 from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
@@ -258,7 +258,7 @@ def solve_behind_constraint(couplings, order, factors, i, k, c, size):
             solve_behind_any(couplings, order, factors, i, k, c, order.upper[x], x == first)
 
 
-@kernel
+@one_variant
 def solve_behind_any(couplings, order, factors, i, k, c, u, right):
     """The block at u behind a constraint of any number of unknowns; right: with the right-hand side."""
     store = factors.store
