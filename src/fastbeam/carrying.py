@@ -230,7 +230,7 @@ class Group:
                 self.apart = self.apart._replace(kept=aligned(int(self.apart.end[0])))
                 continue
             if own["full"][0]:
-                self.entries += max(2, self.entries // 4)
+                self.entries += self.owner.core.entries_of_an_element
             else:
                 self.room *= 1.25
             self._make_room()

@@ -360,6 +360,12 @@ class Model:
         # and the spin of every node
         return max(ends, (most + 1) * widest + most)
 
+    @property
+    def entries_of_an_element(self) -> int:
+        """Entries more of a slider that passes from one element to the next in a step, 2 where nothing is known."""
+        first = np.zeros(0, np.int64) if self.curves is None else self.curves.first
+        return max(2, int(np.max(np.diff(first), initial=0)))
+
     def contact(self, entries: int | None = None) -> Contact | None:
         """Work arrays of the constraints, with room for so many entries (default: `entries`)."""
         n, row = self.n_constraints, 8 * len(self.size)

@@ -228,7 +228,7 @@ class Stepper:
         assert self.contact is not None
         entries = self.contact.row.shape[1]
         if self.contact.full[0]:
-            self._make_rows(entries + max(2, entries // 4), self.room)
+            self._make_rows(entries + self.core.entries_of_an_element, self.room)
         else:
             self._make_rows(entries, 1.5 * self.room)
 
