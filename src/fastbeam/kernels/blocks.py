@@ -354,4 +354,5 @@ solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 subtract_rows, subtract_column = make_subtract(LANES), make_subtract(1)
 
 __all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "make_subtract", "solve_column",
-           "solve_lanes", "solve_rows", "solve_rows_beside", "solve_rows_with_last", "subtract_column", "subtract_lanes", "subtract_rows"]
+           "solve_lanes", "solve_rows", "solve_rows_beside", "solve_rows_with_last", "subtract_column", "subtract_lanes",
+           "subtract_rows"]

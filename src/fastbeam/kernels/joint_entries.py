@@ -88,9 +88,8 @@ def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, size
 
 @generic
 def put_joint(joints, j, system):
-    """Forces of joint j into the residual, its gaps into the residual of its constraint. Returns its number of forces, what its
-    forces do to node b, negative (all of it, where the node matrix holds the whole tangent), and the derivative of its gaps by the
-    position of b; those of a are the opposite."""
+    """Forces of joint j into the residual, its gaps into that of its constraint. Returns its number of forces, the derivative of
+    the residual of node b by them, and that of the gaps by the position of b; those of node a are the opposite."""
 
 
 @kernel
