@@ -98,10 +98,7 @@ def follow_rate(v, k, move, h):
     """Rate of a vector after its increment."""
 
 
-@follow_rate.register(NoRates)
-@kernel
-def follow_no_rate(v, k, move, h):
-    pass
+follow_rate.nothing_for(NoRates)
 
 
 @follow_rate.register(object)

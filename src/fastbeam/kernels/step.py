@@ -44,10 +44,7 @@ def begin_in_time(method, terms, system, h):
     first_guess.each(terms, system, h, c)
 
 
-@begin_contact.register(NoContact)
-@kernel
-def begin_without_contact(contact):
-    pass
+begin_contact.nothing_for(NoContact)
 
 
 @begin_contact.register(Contact)
@@ -63,19 +60,8 @@ def begin_at_rest(method, terms, system, h):
     system.work.line.use[0] = 0.0
 
 
-@save.register(object)
-@restore.register(object)
-@kernel
-def keep_nothing(method):
-    pass
-
-
-@weigh_residual.register(object)
-@clear_increments.register(object)
-@take_increments.register(object)
-@kernel
-def do_nothing(method, system):
-    pass
+for _function in (save, restore, weigh_residual, clear_increments, take_increments):
+    _function.nothing_for(object)
 
 
 @node_share.register(object)
@@ -144,10 +130,7 @@ def fill_bordered(contact, terms, system):
     carry_columns.each(terms, system)
 
 
-@begin_solver.register(object)
-@kernel
-def begin_with_nothing(solver):
-    pass
+begin_solver.nothing_for(object)
 
 
 @begin_solver.register(PardisoTables)
