@@ -113,6 +113,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     """
     check_model("solve_static", model)
     stays = _held_sliders(model, held)
+    _check_forces(model, stays)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     load_step = min(load_step, largest_load_step)
@@ -233,6 +234,17 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
         buffer.event({"kind": "interrupted", "time": bar.done, "text": f"at load factor {bar.done:.6g}: interrupted"})
         result = finish()
         raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
+
+
+def _check_forces(model: Model, stays: Array) -> None:
+    """Refuse sliders that are free and have forces along their beam: with friction there is an interval of equilibria."""
+    if model.slider_forces is None:
+        return
+    forced = np.flatnonzero(model.slider_forces.acts_on & ~stays)
+    if forced.size:
+        name = model.names["sliders"][forced[0]]
+        raise SceneError(f"solve_static: slider {name!r} has friction, a drive or stops, which equilibria do not know; hold it "
+                         f"where it stands with held=({name!r},), leave them out for the equilibrium, or run until it rests")
 
 
 def _held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:

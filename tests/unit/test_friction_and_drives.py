@@ -48,6 +48,7 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "order 4 with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, order=4), ("order=4", "order=2")),
     "midpoint with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, method="midpoint"),
                                ("midpoint", "use the default method")),
+    "equilibrium with friction": (lambda: fb.solve_static(model(friction=0.1)), ("slider 's'", "held=('s',)", "until it rests")),
     "nan on the way": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 if t < 0.05 else np.nan)), t_end=0.1,
                                            step=0.01), ("slider 's'", "position", "finite number")),
 }
@@ -60,6 +61,11 @@ def test_message_says_what_is_wrong(case: str) -> None:
         call()
     for word in words:
         assert word in str(caught.value), str(caught.value)
+
+
+def test_equilibria_with_held_sliders_take_friction() -> None:
+    result = fb.solve_static(model(friction=0.1), held=True)
+    assert result.slider("s")["s"][-1] == 0.5
 
 
 def test_a_prescribed_motion_gives_the_rate() -> None:
