@@ -1,4 +1,4 @@
-"""A slow twin of the conserving step with sleeves in plain NumPy, built on `naive.py`: one short function per equation, theory.md 5.6.
+"""A slow twin of the conserving step with sleeves in plain NumPy, built on `naive.py`: one short function an equation.
 
 A sleeve holds a point of a beam and the direction of its section there: its holder, a body or a node of another beam, with the
 triad D_1, D_2, D_3, sits at arc length s, D_1 along the beam. Every condition is a sum of a basis along the beam and of quadratic
@@ -6,14 +6,14 @@ invariants of a holder and a node, c = sum_A N_A(s) pi_A(q), and all of them sha
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from naive import Step, Twin, beam_strains, increments, skew
-from naive_methods import spins
+from naive_methods import newton, spins
 
 from fastbeam.basis import CurveBasis
 from fastbeam.scene import Beam, Scene
@@ -24,8 +24,8 @@ Ends = tuple[Array, Array]  # the same quantity at the start and at the end of a
 
 @dataclass(frozen=True, eq=False)
 class Sleeve:
-    """`holder` (a body or a node of another beam) slides on `beam` from arc length `at` on. D_i = sum_k turn_ik d_k of the holder;
-    keyed: the twist is held, too."""
+    """`holder`, a body or a node of another beam, slides on `beam` from arc length `at` on. D_i = sum_k turn_ik d_k of the
+    holder; keyed: the twist is held, too."""
 
     holder: Any
     beam: Beam
@@ -36,7 +36,7 @@ class Sleeve:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """(i, j) of the conditions D_i . d_j(s) = 0, counted from 0; theory.md (5.6)."""
+        """(i, j) of the conditions D_i . d_j(s) = 0, counted from 0."""
         return [(0, 1), (0, 2)] + [(1, 2)] * self.keyed
 
     @cached_property
@@ -62,19 +62,19 @@ class Sleeve:
         cuts = [s0, *(inner if s1 > s0 else inner[::-1]), s1]
         x, w = np.polynomial.legendre.leggauss(self.basis.coef.shape[2])
         return sum(0.5 * b * (right - left) / (s1 - s0) * self.shape(left + 0.5 * (1.0 + a) * (right - left), slope=True)
-                   for left, right in zip(cuts[:-1], cuts[1:]) for a, b in zip(x, w))
+                   for left, right in pairwise(cuts) for a, b in zip(x, w))
 
 
 # ---------------------------------------------------------------------------------------------------- conditions and forces
 def invariants(sleeve: Sleeve, x: Array, triad: Array, phi: Array, d: Array) -> Array:
-    """pi_A [n, 3 + pairs]: D_k . (x - phi_A) for k = 1 to 3, then D_i . d_jA of the pairs; theory.md (5.7)."""
+    """pi_A [n, 3 + pairs]: D_k . (x - phi_A) for k = 1 to 3, then D_i . d_jA of the pairs."""
     across = [(d[:, j] @ triad[i])[:, None] for i, j in sleeve.pairs]
     return np.concatenate(((x - phi) @ triad.T, *across), axis=1)
 
 
 def sleeve_forces(sleeve: Sleeve, m: Array, n_mean: Array, x: Array, triad: Array, phi: Array, d: Array) -> tuple[Array, Array]:
     """Forces of multipliers m on the holder [4, 3] and on the nodes of the beam [n, 4, 3], sum_A m Nbar_A grad pi_A at the mean
-    coordinates; theory.md (5.8)."""
+    coordinates."""
     holder, nodes = np.zeros((4, 3)), np.zeros((len(phi), 4, 3))
     force = m[:3] @ triad
     holder[0], nodes[:, 0] = force, -np.outer(n_mean, force)
@@ -87,30 +87,11 @@ def sleeve_forces(sleeve: Sleeve, m: Array, n_mean: Array, x: Array, triad: Arra
 
 
 def sliding(m: Array, n_divided: Array, pi: Ends) -> float:
-    """m . sum_A N[s0, s1]_A mean(pi_A); theory.md (5.9)."""
+    """m . sum_A N[s0, s1]_A mean(pi_A)."""
     return float(m @ (n_divided @ (0.5 * (pi[0] + pi[1]))))
 
 
 # ------------------------------------------------------------------------------------------------------------ the whole scene
-def newton(residual: Callable[[Array], Array], z: Array, matrix: Array | None) -> tuple[Array, Array]:
-    """Root of `residual` from z on, until increments stop to shrink, and the tangent of central differences, kept while they shrink
-    tenfold. Stiff rods need them: a forward difference of 1e9 N by 1e-7 is off by more than the inertia of a step."""
-    before, eps, fresh = np.inf, 3e-6, False
-    for _ in range(40):
-        if matrix is None:
-            matrix, fresh = np.array([(residual(z + x) - residual(z - x)) / (2.0 * eps) for x in eps * np.eye(z.size)]).T, True
-        dz = -np.linalg.solve(matrix, residual(z))
-        z = z + dz
-        size = float(np.max(np.abs(dz) / (1.0 + np.abs(z))))
-        if size < 1e-15 or (size < 1e-11 and size > 0.3 * before):
-            return z, matrix
-        if size > 0.1 * before:
-            matrix = None if not fresh or size > 1e-8 else matrix
-            fresh = False
-        before = size
-    raise ArithmeticError(f"the twin did not converge: last increment {before:.3g}")
-
-
 @dataclass(frozen=True)
 class State:
     """Coordinates and rates [N, 4, 3], s [S] and the multipliers of the last step, [3 + pairs] of every sleeve in a row."""
@@ -229,7 +210,8 @@ class SleeveTwin(Twin):
         total = self.kinetic(state) - np.sum(self.dead_loads()[0] * state.q[:, 0])
         for beam in self.scene.beams:
             nodes = beam.basis.element_nodes
-            strains = beam_strains(beam, state.q[self.of_beam(beam)][nodes]) - beam_strains(beam, self.reference[beam.name][nodes])
+            strains = beam_strains(beam, state.q[self.of_beam(beam)][nodes])
+            strains = strains - beam_strains(beam, self.reference[beam.name][nodes])
             total += 0.5 * np.einsum("eg,egi,ij,egj", beam.basis.weight, strains, beam.section.C, strains)
         return float(total)
 
