@@ -1,6 +1,8 @@
 """Random scenes keep their invariants, and block elimination and the sparse solver agree."""
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,3 +86,56 @@ def test_random_scene_conserves_with_both_solvers(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(100, 150))
 def test_many_random_scenes_conserve_with_both_solvers(seed: int) -> None:
     check(seed)
+
+
+def with_forces(scene: fb.Scene, rng: np.random.Generator) -> fb.Scene:
+    """The scene with friction, drives and stops on its sliders."""
+    def forces(length: float) -> dict[str, object]:
+        out: dict[str, object] = {}
+        kind = rng.integers(0, 6)
+        if kind < 4 and rng.random() < 0.8:
+            out["friction"] = float(rng.uniform(0, 0.8))
+        if kind == 1:
+            out["drive"] = fb.Drive(force=float(rng.normal()))
+        elif kind == 2:
+            out["drive"] = fb.Drive(force=lambda t, s, rate: np.sin(30.0 * t) - 0.5 * rate)
+        elif kind == 3:
+            out["stops"] = fb.Stops(0.2 * length, 0.8 * length, stiffness=10**rng.uniform(1, 4))
+        elif kind == 4:
+            out["drive"] = fb.Drive(speed=float(rng.uniform(-1, 1)))
+            out["rate"] = None
+        elif kind == 5:
+            out["stops"] = fb.Stops(0.2 * length, 0.8 * length, restitution=float(rng.uniform(0, 1)))
+        return out
+
+    parts = [replace(part, **forces(part.beam.length)) if isinstance(part, fb.Slider) else part for part in scene.parts]
+    return fb.Scene(*parts, project_velocities=True)
+
+
+def check_forces(seed: int) -> None:
+    """The balance of energies and the momenta, and friction that takes energy only."""
+    scene, step = random_scene(seed)
+    if not scene.sliders:
+        return
+    result = fb.simulate(fb.compile_scene(with_forces(scene, np.random.default_rng(seed))), t_end=STEPS * step, step=step, every=1)
+    assert result.info["fallbacks"] == 0
+    if "balance" not in result.series:
+        # no slider has drawn any
+        return
+    for name in ("balance", "lin_mom", "ang_mom"):
+        assert result.drift(name) < 1e-11, name
+    assert result.drift("gap") < 1e-14
+    loss = result.series["friction_loss"]
+    # a drive that prescribes the motion is no friction, one of (t, s, rate) has an account of its own
+    assert np.all(np.diff(loss, axis=0) >= -1e-12 * max(1.0, float(np.max(np.abs(loss)))))
+
+
+@pytest.mark.parametrize("seed", [2, 3, 5, 7, 11])
+def test_random_scene_with_forces_along_its_beams_keeps_the_balance(seed: int) -> None:
+    check_forces(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 140))
+def test_many_random_scenes_with_forces_along_their_beams(seed: int) -> None:
+    check_forces(seed)

@@ -301,7 +301,7 @@ def test_plane_and_space_agree(name: str) -> None:
 def test_a_run_goes_on_bit_for_bit(name: str, tmp_path: Any) -> None:
     model = flying(**ALL[name])
     whole = run(model, 0.1)
-    half = run(model, 0.05, checkpoint=tmp_path / "c")
+    run(model, 0.05, checkpoint=tmp_path / "c")
     rest = run(model, 0.1, start=fb.load_checkpoint(tmp_path / "c"))
     if name == "rigid stops":
         # steps are counted anew from an impact on, so that the half run ends with another step

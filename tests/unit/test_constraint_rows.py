@@ -1,6 +1,8 @@
 """Nodes and constraints as rows of one block matrix against dense linear algebra."""
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 

@@ -1,0 +1,77 @@
+"""What friction, drives and stops of sliders cost beside sliders without them, measured in turn.
+
+    python perf/friction.py
+    python perf/friction.py --counts 16 256
+
+Sliders of perf/sliders.py on one cable. Printed are microseconds of an iteration and of a step for each slider, those of the bare
+cable taken off, and their ratio to those of plain sliders. The bar: an iteration with friction takes at most 1.2 times as long.
+"""
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+from typing import Any
+
+import sliders as plain
+import numpy as np
+import fastbeam as fb
+from fastbeam.newton import Stepper
+from printing import table
+
+BAR, ROUNDS, STEPS = 1.2, 7, 30
+FORCES: dict[str, dict[str, Any]] = {
+    "plain": {}, "friction": {"friction": 0.2}, "viscous": {"friction": fb.Friction(viscous=0.1)},
+    "speed": {"drive": fb.Drive(speed=0.5), "rate": None},
+    "law": {"drive": fb.Drive(force=lambda t, s, rate: 0.1 * np.sin(t) - 0.1 * rate)},
+    "elastic stops": {"stops": fb.Stops(0.0, stiffness=1e4)}}
+
+
+def scene(n: int, forces: dict[str, Any] | None) -> fb.Scene:
+    """The cable with n sliders with these forces; None: without sliders."""
+    found = plain.cable(n, 2, "c1", bare=forces is None)
+    parts = [replace(x, **forces) if isinstance(x, fb.Slider) and forces else x for x in found.parts]
+    return fb.Scene(*parts, gravity=found.gravity)
+
+
+def measure(n: int, planar: bool) -> dict[str, tuple[float, float]]:
+    """Microseconds of an iteration and of a step, the smallest of several rounds in turn."""
+    steppers = {"bare": Stepper(fb.compile_scene(scene(n, None), planar=planar, condense=False), np.ones(1))}
+    steppers |= {name: Stepper(fb.compile_scene(scene(n, forces), planar=planar, condense=False), np.ones(1))
+                 for name, forces in FORCES.items()}
+    best = dict.fromkeys(steppers, (np.inf, np.inf))
+    for k in range(ROUNDS):
+        for name, stepper in steppers.items():
+            begin = time.thread_time()
+            outcome = stepper.advance(0.0, plain.STEP, STEPS, STEPS * k)
+            took = 1e6 * (time.thread_time() - begin)
+            assert outcome.status == 0 and stepper.linear.fallbacks == 0, (name, outcome)
+            if k:
+                best[name] = min(best[name][0], took / outcome.iterations), min(best[name][1], took / STEPS)
+    return best
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--counts", type=int, nargs="+", default=[16, 64])
+    given = parser.parse_args()
+    rows, missed = [], []
+    for kind, planar in (("plane", "auto"), ("space", False)):
+        for n in given.counts:
+            found = measure(n, planar)
+            own = {name: (a - found["bare"][0], b - found["bare"][1]) for name, (a, b) in found.items()}
+            for name in FORCES:
+                ratio = own[name][0] / own["plain"][0]
+                rows.append([kind, str(n), name, f"{own[name][0] / n:.2f}", f"{ratio:.2f}", f"{own[name][1] / n:.2f}",
+                             f"{own[name][1] / own['plain'][1]:.2f}"])
+                if name == "friction" and ratio > BAR:
+                    missed.append(f"{kind}, {n} sliders: {ratio:.2f}, at most {BAR}")
+    print(table(["kind", "sliders", "forces", "us an iteration", "ratio", "us a step", "ratio"], rows))
+    for line in missed:
+        print("missed:", line)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
