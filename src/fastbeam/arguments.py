@@ -37,10 +37,9 @@ ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "ten
         "poisson": "nu", "m": "mass", "I": "inertia", "J": "inertia", "x": "position", "pos": "position", "v": "velocity",
         "omega": "spin", "s": "at", "s0": "at", "node": "at", "F": "force", "M": "moment", "f": "force", "output": "file",
         "filename": "file", "path": "file", "restart": "start", "initial_state": "start", "load_steps": "load_step",
-        "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name"}
+        "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name", "mu": "friction"}
 # what is not there at all: docs/limits.md
-ABSENT = ("damping", "mu", "spring", "motor", "contact", "restitution", "follower", "drag", "plasticity", "prestress", "gpu",
-          "axes", "dofs")
+ABSENT = ("damping", "spring", "motor", "contact", "follower", "drag", "plasticity", "prestress", "gpu", "axes", "dofs")
 
 
 class Refusal(ValueError):

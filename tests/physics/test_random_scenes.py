@@ -117,7 +117,8 @@ def check_forces(seed: int) -> None:
     scene, step = random_scene(seed)
     if not scene.sliders:
         return
-    result = fb.simulate(fb.compile_scene(with_forces(scene, np.random.default_rng(seed))), t_end=STEPS * step, step=step, every=1)
+    model = fb.compile_scene(with_forces(scene, np.random.default_rng(seed)))
+    result = fb.simulate(model, t_end=STEPS * step, step=step, every=1)
     assert result.info["fallbacks"] == 0
     if "balance" not in result.series:
         # no slider has drawn any
@@ -130,7 +131,7 @@ def check_forces(seed: int) -> None:
     assert np.all(np.diff(loss, axis=0) >= -1e-12 * max(1.0, float(np.max(np.abs(loss)))))
 
 
-@pytest.mark.parametrize("seed", [2, 3, 5, 7, 11])
+@pytest.mark.parametrize("seed", [2, 5, 11])
 def test_random_scene_with_forces_along_its_beams_keeps_the_balance(seed: int) -> None:
     check_forces(seed)
 

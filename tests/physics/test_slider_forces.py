@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.scene.sliding import initial_rate
 
 G = 9.81
 STIFF = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
@@ -253,7 +254,7 @@ def flying(planar: Any = "auto", body: bool = False, section: fb.Section = SOFT,
     if body:
         along = np.array([1.0, 0.0, 0.2]) / np.sqrt(1.04)
         drive = forces.get("drive")
-        rate = drive.initial_rate("s") if drive is not None and drive.is_prescribed else forces.get("rate", 0.0)
+        rate = initial_rate(drive, "s") if drive is not None and drive.is_prescribed else forces.get("rate", 0.0)
         point = fb.RigidBody("body", mass=0.2, inertia=(1e-3, 2e-3, 2.5e-3), position=0.4 * along + (0, 0, 0.1),
                              velocity=rate * along + (0.0, across * np.cos(1.2), np.sin(1.2)))
         parts, point = [point], point.point((0, 0, -0.1))

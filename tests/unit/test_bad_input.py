@@ -88,7 +88,8 @@ WRONG: dict[str, Any] = {
     "function of two": lambda t, state: None, "builtin": len, "ufunc": np.sin,
     "zero byte": "a\0b", "long name": "x" * 300, "beam": BEAM, "node": BEAM.end, "mass": MASS, "body": BODY, "net": NET,
     "scene": SCENE, "section": SECTION, "parts": [BEAM, MASS], "foreign beam": fb.Beam.straight(
-        "other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1).end, "clamp": fb.Clamp(BEAM.start), "None": None}
+        "other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1).end, "clamp": fb.Clamp(BEAM.start), "None": None,
+    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9)}
 
 
 def pool(folder: Path) -> dict[str, Callable[[], Any]]:
@@ -134,6 +135,10 @@ def is_array(*shapes: int | None) -> Callable[[Any], bool]:
 
 def is_function(x: Any) -> bool:
     return callable(x) and not isinstance(x, type)
+
+
+def is_a(kind: type) -> Callable[[Any], bool]:
+    return lambda x: isinstance(x, kind)
 
 
 def among(*values: Any) -> Callable[[Any], bool]:
@@ -255,7 +260,13 @@ def calls(folder: Path) -> dict[str, Call]:
                            is_list_of(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody))),
             velocity=VECTOR, spin=VECTOR, about=VECTOR)),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
-                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text)),
+                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text, friction=is_real,
+                            drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
+        "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
+        "Drive": Call(fb.Drive, dict(speed=0.5), dict(
+            position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),
+            stiffness=is_real, damping=is_real, limit=is_real)),
+        "Stops": Call(fb.Stops, dict(start=0.1), dict(start=is_real, end=is_real, stiffness=is_real, restitution=is_real)),
         "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
             name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
             elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),

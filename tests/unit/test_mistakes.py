@@ -80,7 +80,7 @@ MISTAKES = {
     "fb.Slider('s', rod, bead, at=0.5)": "slider 's': point names all of beam 'rod'",
     "fb.Slider('s', bead, rod.end, at=0.5)": "beam must be a Beam, got <beam 'rod' node 6 (s = 1 m)>; give beam 'rod' itself",
     "fb.Slider('s', bead, net, at=0.5)": "beam must be a Beam, got <net 'roof': 1 beams, 1 elements, 2 nodes>; use its beam(k)",
-    "fb.Slider('s', bead, rod, at=0.5, friction=0.1)": "no argument 'friction'; fastbeam does not do that, docs/limits.md says",
+    "fb.Slider('s', bead, rod, at=0.5, damping=0.1)": "no argument 'damping'; fastbeam does not do that, docs/limits.md says",
     "fb.Scene([rod, bead])": "is no part of a scene; unpack it: scene.add(*parts)",
     "fb.Scene(rod.end)": "<beam 'rod' node 6 (s = 1 m)> is no part of a scene; add beam 'rod'",
     "fb.Scene(rod, fb.Clamp)": "is no part of a scene; call it to make one",

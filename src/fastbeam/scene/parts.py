@@ -14,7 +14,7 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, Field, FieldLike, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
-from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops
+from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
 
 ZERO = (0.0, 0.0, 0.0)
 CURVES = ("own", "c1")
@@ -482,7 +482,7 @@ class Slider:
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
                                  "between them")
         if drive is not None and drive.is_prescribed:
-            rate = drive.initial_rate(who)
+            rate = initial_rate(drive, who)
             if self.rate is not None and abs(rate - self.rate) > 1e-6 * max(abs(rate), abs(self.rate)):
                 raise SceneError(f"{who}: rate={self.rate:.6g} m/s, but its drive begins with {rate:.6g} m/s; leave rate out")
             checks.fill(self, rate=rate)

@@ -146,18 +146,6 @@ class Drive:
         """Whether it is a controller."""
         return self.stiffness > 0.0 or self.damping > 0.0
 
-    def initial_rate(self, who: str) -> float:
-        """ds/dt at t = 0 of a prescribed motion, m/s; who: in messages."""
-        value, what = (self.speed, "speed") if self.position is None else (self.position, "position")
-        if not callable(value):
-            return float(value) if what == "speed" else 0.0
-        found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
-        if any(x is None or not np.isfinite(x) for x in found):
-            raise SceneError(f"{who}: {what}(t) of its drive must return finite numbers")
-        if what == "speed":
-            return float(found[0])
-        return float(np.dot(FORWARD, found)) / SHORT
-
     @property
     def takes_state(self) -> bool:
         """Whether the force is a function of (t, s, rate)."""
@@ -172,6 +160,19 @@ class Drive:
     def is_prescribed(self) -> bool:
         """Whether the motion is given and the force found."""
         return self.force is None and not self.is_controlled
+
+
+def initial_rate(drive: Drive, who: str) -> float:
+    """ds/dt at t = 0 of a prescribed motion, m/s; who: in messages."""
+    value, what = (drive.speed, "speed") if drive.position is None else (drive.position, "position")
+    if not callable(value):
+        return float(value) if what == "speed" else 0.0
+    found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
+    if any(x is None or not np.isfinite(x) for x in found):
+        raise SceneError(f"{who}: {what}(t) of its drive must return finite numbers")
+    if what == "speed":
+        return float(found[0])
+    return float(np.dot(FORWARD, found)) / SHORT
 
 
 @checked(start=Number(least=0.0, unit="m"), end=Number(least=0.0, unit="m"), stiffness=Number(above=0.0, unit="N/m"),
