@@ -31,7 +31,7 @@ from ._folder import cache_folder
 F = TypeVar("F", bound=Callable[..., Any])
 
 __all__ = ["ABSENT", "KERNELS", "PLAIN", "announce_first_use", "begin_beside", "beside", "compile_counts", "compiled_law",
-           "kernel", "link_library", "one_variant", "work", "written_in"]
+           "inlined", "kernel", "link_library", "one_variant", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -79,7 +79,7 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
-def written_in(function: F) -> F:
+def inlined(function: F) -> F:
     """Compile like `kernel`, written into every kernel that calls it, whatever its size: for short steps of loops, which pass
     arrays, seven words each. Numbers in the source of a caller reach it that way, so there is one variant for all."""
     return _compiled(function, one=True, forceinline=True)
@@ -180,7 +180,7 @@ def work(source: BinaryIO) -> None:
     for module in modules:  # implementations that are not known here would be left out
         importlib.import_module(module)
     jobs = pickle.load(source)
-    with _FAST[0].in_haste():
+    with _FAST[0].memoized_typing():
         for module, name, arguments in jobs:
             getattr(importlib.import_module(module), name).part.compile(arguments)
             print(flush=True)

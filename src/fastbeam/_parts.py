@@ -110,7 +110,7 @@ def _remember(self: Any, context: Any, arguments: Any, keywords: Any) -> Any:
 
 
 @contextmanager
-def in_haste() -> Iterator[None]:
+def memoized_typing() -> Iterator[None]:
     """Compile without the garbage collector, which takes a seventh of the time and finds little, and with signatures of operators
     remembered: numba tries all their overloads anew at every call with the same types, which takes a tenth of the time."""
     before = gc.isenabled()
@@ -198,7 +198,7 @@ class WholeCompiler(_ShortCompiler):
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
         _beside.start(function, tuple(self.state.args), self.folder)
-        with in_haste(), PROGRESS:
+        with memoized_typing(), PROGRESS:
             return super().compile_extra(function)
 
 

@@ -132,7 +132,7 @@ def test_ctrl_c_does_not_wait_for_the_compiler(monkeypatch: pytest.MonkeyPatch) 
     def triple(x: float) -> float:
         return 3.0 * x
 
-    monkeypatch.setattr(_parts, "in_haste", interrupted)
+    monkeypatch.setattr(_parts, "memoized_typing", interrupted)
     try:
         with interrupt.Interrupts() as waiting, pytest.raises(KeyboardInterrupt):
             triple(1.5)

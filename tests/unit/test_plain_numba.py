@@ -123,7 +123,7 @@ with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     from fastbeam import _jit
 
-@_jit.written_in
+@_jit.inlined
 def part(x):
     return 2.0 * x
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jit import written_in
+from .._jit import inlined
 from .joint_entries import put_joint, register_joints
 from .kinds import add_to, dim, position, put, vector
 
@@ -23,7 +23,7 @@ class BallJoints(NamedTuple):
 
 
 @put_joint.register(BallJoints)
-@written_in
+@inlined
 def put_ball_joint(joints, j, system):
     work, contact, size = system.work, system.contact, system.size
     k = joints.first[0] + j

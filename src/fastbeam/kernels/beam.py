@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, one_variant, written_in
+from .._jit import kernel, one_variant, inlined
 from . import green_lagrange, simo_reissner  # noqa: F401  the strain sets
 from .algebra import WIDTH, add_iso, add_skew, address, cross, outer
 from .algebra import padd3 as vadd3
@@ -76,7 +76,7 @@ def add_no_inertia(method, constants, scratch, at, size):
 
 
 @add_inertia.register(object)
-@written_in
+@inlined
 def add_inertia_forces(method, constants, scratch, at, size):
     """M u with u = 2/h^2 (q_n+1 - q_n - h v_n); of the directors the last have inertia: in space d2 and d3 (1.2)."""
     for a in range(at.nn):
@@ -89,7 +89,7 @@ def add_node_inertia(size, constants, scratch, at, a):
 
 
 @add_node_inertia.register(Space)
-@written_in
+@inlined
 def add_node_inertia_in_space(size, constants, scratch, at, a):
     p = vzero3(); d2 = vzero3(); d3 = vzero3()
     for b in range(at.nn):
@@ -141,7 +141,7 @@ def rate_apart(method, rate):
     return 0.0
 
 
-@written_in
+@inlined
 def project_node(scratch, at, a, size):
     """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid, with what
     the tangent adds to the forces f."""
@@ -171,7 +171,7 @@ def evaluate_point(size, method, strains, constants, reference, g, scratch, at, 
 
 
 @evaluate_point.register(Space)
-@written_in
+@inlined
 def evaluate_point_in_space(size, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
     po = at.points + at.point_room * g
@@ -195,7 +195,7 @@ def evaluate_point_in_space(size, method, strains, constants, reference, g, scra
 
 # --- pairs of nodes in space: one pass over the points for each quarter of a 6 x 6 block, because more than 12 accumulators of 8
 # lanes and their factors do not stay in registers
-@written_in
+@inlined
 def rotation_position(constants, scratch, at, a, b, ko):
     """Rotation of a against position of b, with the sums of stress times basis products."""
     k = vzerom()
@@ -208,7 +208,7 @@ def rotation_position(constants, scratch, at, a, b, ko):
     vst_matrix(scratch, ko + 144, 48, 8, add_skew(k, 0.5 * u))
 
 
-@written_in
+@inlined
 def position_rotation(constants, scratch, at, a, b, ko):
     """Position of a against rotation of b."""
     k = vzerom()
@@ -221,7 +221,7 @@ def position_rotation(constants, scratch, at, a, b, ko):
     vst_matrix(scratch, ko + 24, 48, 8, add_skew(k, -0.5 * v))
 
 
-@written_in
+@inlined
 def rotation_rotation(strains, constants, scratch, at, a, b, rate, ko):
     """Rotation of a against rotation of b."""
     k = vzerom()
@@ -238,7 +238,7 @@ def rotation_rotation(strains, constants, scratch, at, a, b, rate, ko):
     vst_matrix(scratch, ko + 168, 48, 8, k)
 
 
-@written_in
+@inlined
 def position_position(constants, scratch, at, a, b, rate, ko):
     """Position of a against position of b."""
     k = vzerom()
@@ -257,7 +257,7 @@ def put_pairs(size, strains, constants, scratch, at, rate):
 
 
 @put_pairs.register(Space)
-@written_in
+@inlined
 def pair_stiffness(size, strains, constants, scratch, at, rate):
     for a in range(at.nn):
         for b in range(a, at.nn):
@@ -275,7 +275,7 @@ def pair_stiffness(size, strains, constants, scratch, at, rate):
 
 
 # --- groups of elements -------------------------------------------------------------------------------------------------
-@written_in
+@inlined
 def evaluate_at(method, strains, constants, reference, scratch, at, case, rate, size):
     """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; rate: factor of the
     mass matrix in the tangent, as in motions.py."""
@@ -312,13 +312,13 @@ def evaluate_part(size, method, strains, constants, reference, scratch, at, case
 
 
 @evaluate_part.register(Space)
-@written_in
+@inlined
 def evaluate_in_space(size, method, strains, constants, reference, scratch, at, case, rate):
     evaluate(method, strains, constants, reference, scratch, at, case, rate, size)
 
 
 @evaluate_part.register(Plane)
-@written_in
+@inlined
 def evaluate_in_plane(size, method, strains, constants, reference, scratch, at, case, rate):
     if at.nn == 2:
         evaluate_of(method, strains, constants, reference, scratch, TWO, case, rate, size)
@@ -330,7 +330,7 @@ def evaluate_in_plane(size, method, strains, constants, reference, scratch, at, 
         evaluate(method, strains, constants, reference, scratch, at, case, rate, size)
 
 
-@written_in
+@inlined
 def evaluate_group(tables, k, at, strains, motion, scratch, size):
     """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
     no = tables.meta[k, LIST]
@@ -347,7 +347,7 @@ def evaluate_group(tables, k, at, strains, motion, scratch, size):
                            address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.rate)
 
 
-@written_in
+@inlined
 def scatter_group(tables, k, at, every, scratch, r_out, blocks_out, size):
     """Add rows and blocks of the nodes of group k, or of the first and last of them where `every` is nn - 1."""
     n = 8 * len(size)

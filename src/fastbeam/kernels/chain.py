@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, one_variant, written_in
+from .._jit import kernel, one_variant, inlined
 from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
 from .rows import flush_column, flush_rows
@@ -160,7 +160,7 @@ def substitute_row(sides, plan, blocks, i, size):
 
 
 @exchange_row.register(object)
-@written_in
+@inlined
 def exchange_nothing(sides, r, pivots, size):
     pass
 
@@ -179,13 +179,13 @@ def exchange_one(sides, r, pivots, size):
 
 
 @solve_upper.register(object)
-@written_in
+@inlined
 def solve_block(sides, blocks, d, u, r, is_first, size):
     solve_rows(blocks, d, 8, 1, blocks, u, 8, size)
 
 
 @solve_upper.register(OneSide)
-@written_in
+@inlined
 def solve_block_and_one(sides, blocks, d, u, r, is_first, size):
     if is_first:
         solve_rows_beside(blocks, d, blocks, u, sides.panel, len(size) * r, size)
@@ -194,13 +194,13 @@ def solve_block_and_one(sides, blocks, d, u, r, is_first, size):
 
 
 @solve_row.register(NoSide)
-@written_in
+@inlined
 def solve_nothing(sides, blocks, d, r, has_upper, pivots, size):
     pass
 
 
 @solve_row.register(OneSide)
-@written_in
+@inlined
 def solve_one(sides, blocks, d, r, has_upper, pivots, size):
     if not has_upper:
         take_beside(blocks, d, sides.panel, len(size) * r, size)
@@ -209,19 +209,19 @@ def solve_one(sides, blocks, d, r, has_upper, pivots, size):
 
 
 @solve_row.register(RightSides)
-@written_in
+@inlined
 def solve_several(sides, blocks, d, r, has_upper, pivots, size):
     exchange_and_solve(blocks, d, pivots, len(size) * r, sides.panel, r, sides.width, size)
 
 
 @subtract_row.register(NoSide)
-@written_in
+@inlined
 def subtract_nothing(sides, plan, blocks, j, r, size):
     pass
 
 
 @subtract_row.register(OneSide)
-@written_in
+@inlined
 def subtract_one(sides, plan, blocks, j, r, size):
     """The first upper block holds the right-hand side in its padding, so the product of blocks has subtracted that already."""
     n = len(size)
@@ -232,13 +232,13 @@ def subtract_one(sides, plan, blocks, j, r, size):
 
 
 @subtract_row.register(RightSides)
-@written_in
+@inlined
 def subtract_several(sides, plan, blocks, j, r, size):
     subtract_product(blocks, plan.lower[j], sides.panel, r, plan.column[j], sides.width, size)
 
 
 @substitute_row.register(OneSide)
-@written_in
+@inlined
 def substitute_one(sides, plan, blocks, i, size):
     n = len(size)
     panel = sides.panel
@@ -250,7 +250,7 @@ def substitute_one(sides, plan, blocks, i, size):
 
 
 @substitute_row.register(RightSides)
-@written_in
+@inlined
 def substitute_several(sides, plan, blocks, i, size):
     panel, width = sides.panel, sides.width
     for k in range(plan.start[i], plan.start[i + 1]):

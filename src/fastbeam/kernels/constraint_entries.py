@@ -11,7 +11,7 @@ Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the const
 from __future__ import annotations
 
 from .._generic import generic
-from .._jit import kernel, written_in
+from .._jit import kernel, inlined
 from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
 from .constraint_blocks import subtract_on_slider
@@ -38,7 +38,7 @@ def add_line(store, to, line, at, n, m):
             store[to + 8 * a + c] += line[at + 8 * c + a]
 
 
-@written_in
+@inlined
 def start_blocks(contact, couplings, order, factors, r, size):
     """Right-hand sides, the blocks of constraints by themselves, and zeros."""
     n = len(size)
@@ -59,7 +59,7 @@ def start_blocks(contact, couplings, order, factors, r, size):
     factors.failed[1] = -1
 
 
-@written_in
+@inlined
 def put_entries(contact, couplings, touched, factors, size):
     """Entries on rows that the solver sees."""
     n = len(size)
@@ -71,7 +71,7 @@ def put_entries(contact, couplings, touched, factors, size):
                 add_line(factors.store, touched.line[t], contact.line[k], 8 * n * m, n, couplings.unknowns[k])
 
 
-@written_in
+@inlined
 def gather_job(contact, inner, touched, j, buffer, at, size):
     """Columns and lines of one job by the nodes of its element, columns of all nodes first."""
     n = len(size)
@@ -90,7 +90,7 @@ def gather_job(contact, inner, touched, j, buffer, at, size):
         m = touched.after[k, m]
 
 
-@written_in
+@inlined
 def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, size):
     """D_kl -= L_ki C_il and r_k -= L_ki y_i for inner node i of the element, whose columns are solved; y: where y_i stands in
     rhs."""
@@ -129,7 +129,7 @@ def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer
         p = touched.job[p, 3]
 
 
-@written_in
+@inlined
 def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size):
     """Eliminate the inner nodes of one element from the columns and lines of its constraints, side by side in buffer."""
     n = len(size)
@@ -258,7 +258,7 @@ def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mi
             j = touched.job[j, 3]
 
 
-@written_in
+@inlined
 def clear_held_columns(held, touched, factors, n):
     """Zero in the columns on held unknowns."""
     for k in range(held.row.shape[0]):

@@ -1,11 +1,11 @@
 """Fill of the elimination of nodes and constraints in an order of kernels/constraint_rows.py, and where every block stands."""
 from __future__ import annotations
 
-from .._jit import kernel, one_variant, written_in
+from .._jit import kernel, one_variant, inlined
 from .constraint_rows import collect, find_waiting, is_changed, put_in_order, sweep
 
 
-@written_in
+@inlined
 def enter_column(order, i, p, upper, lower, at):
     """A later position p in the row at position i, with its blocks or -1. Returns where the next goes."""
     if p > i:
@@ -20,7 +20,7 @@ def enter_column(order, i, p, upper, lower, at):
     return at
 
 
-@written_in
+@inlined
 def own_columns(couplings, touched, order, i, at):
     """Later positions that the row at position i is coupled with before the elimination."""
     n = couplings.diagonal.shape[0]
@@ -102,7 +102,7 @@ def find_fill(couplings, touched, order, size):
     return end
 
 
-@written_in
+@inlined
 def find_targets(order):
     """Where the products of every row belong. Returns False where there is not enough room."""
     at = 0
@@ -139,7 +139,7 @@ def block_at(order, i, j):
     return order.upper[e] if i < j else order.lower[e]
 
 
-@written_in
+@inlined
 def find_places(couplings, touched, order):
     """Where the entries of constraints belong, and the blocks between those that share an element."""
     n = couplings.diagonal.shape[0]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, one_variant, written_in
+from .._jit import kernel, one_variant, inlined
 from .inner import Inner, NoInner
 from .planar_nodes import PlanarTies
 from .terms import NoTies
@@ -86,7 +86,7 @@ class Order(NamedTuple):
     counts: np.ndarray      # int32 [2]: entries; where the blocks in use end in store
 
 
-@written_in
+@inlined
 def is_changed(contact, touched):
     """Whether other rows are touched than those for which the order was found."""
     if touched.counts[1] == 0:
@@ -100,7 +100,7 @@ def is_changed(contact, touched):
     return False
 
 
-@written_in
+@inlined
 def find_waiting(contact, couplings, touched, size):
     """Mark constraints whose force hardly moves the nodes that are eliminated before them, as at a clamp: they have to be
     eliminated behind all that they touch. Returns whether anything changed."""
@@ -290,7 +290,7 @@ def list_users(touched, at, n):
     return touched.counts[3] <= touched.pair.shape[0]
 
 
-@written_in
+@inlined
 def visit(couplings, touched, g, n, seen, came, queue, turn, tail):
     """Breadth-first search: append the neighbours of row g that were not seen in this turn. Returns the end of the queue."""
     if g >= n:
@@ -373,7 +373,7 @@ def next_root(queue, came, tail, n, turn):
     return r
 
 
-@written_in
+@inlined
 def last_rank(couplings, touched, order, k):
     """Rank of the last node that constraint k waits for."""
     last = -1

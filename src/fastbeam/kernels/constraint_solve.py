@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel, one_variant, written_in
+from .._jit import kernel, one_variant, inlined
 from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
@@ -48,7 +48,7 @@ def subtract_block(store, low, up, target, rows, inner):
         vst(store, target + 8 * i, 0, z)
 
 
-@written_in
+@inlined
 def subtract_row(store, order, x, first, last, t, rows, inner, size):
     """Blocks of later row x, from target t on, -= its block below the pivot times the row of the pivot, columns first to last.
     rows, inner: unknowns of both."""
@@ -72,7 +72,7 @@ def subtract_row(store, order, x, first, last, t, rows, inner, size):
             subtract_block(store, low, order.upper[y], order.target[t + y - first], rows, inner)
 
 
-@written_in
+@inlined
 def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner, size):
     """A column of numbers in target [*] at y, y_row apart, -= the block at low times one in source [*] at x; rows, inner: rows
     and columns of the block."""
@@ -94,7 +94,7 @@ def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner
             target[y + y_row * a] = z
 
 
-@written_in
+@inlined
 def update_rows(couplings, order, factors, i, is_node, size):
     """Take the products of the row at position i from the blocks behind it."""
     store = factors.store
@@ -118,7 +118,7 @@ def update_rows(couplings, order, factors, i, is_node, size):
             subtract_numbers(store, order.lower[x], store, order.upper[first] + RIGHT, 8, store, d + RIGHT, 8, rows, inner, size)
 
 
-@written_in
+@inlined
 def solve_behind_node(order, factors, i, size):
     """Blocks behind the factored diagonal block of a node <- D^-1 of them, the right-hand side with the first."""
     store = factors.store
@@ -137,7 +137,7 @@ def solve_behind_node(order, factors, i, size):
         solve_column(store, d, 8, 1, store, d + RIGHT, 8, size)
 
 
-@written_in
+@inlined
 def compliance_of(couplings, factors, contact, k):
     """Compliance of the parts that a constraint joins, 0 where there is none."""
     c = 0.0
@@ -149,7 +149,7 @@ def compliance_of(couplings, factors, contact, k):
     return c
 
 
-@written_in
+@inlined
 def scale_constraint(couplings, order, factors, contact, force, i, k, c):
     """Add the augmented Lagrangian and write forces in units of 1/compliance, as `factor_slider` does."""
     store = factors.store
@@ -214,7 +214,7 @@ def solve_block(store, d, m, u):
         vst(store, u + 8 * i, 0, store[d + 9 * i] * z)
 
 
-@written_in
+@inlined
 def solve_behind_constraint(couplings, order, factors, i, k, c, size):
     """Blocks behind the factored diagonal block of a constraint of compliance c <- D^-1 of them, the right-hand side with the
     first."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jit import written_in
+from .._jit import inlined
 from .algebra import dot
 from .joint_entries import put_joint, register_joints
 from .spring import add_pair, difference
@@ -27,7 +27,7 @@ class DistanceJoints(NamedTuple):
 
 
 @put_joint.register(DistanceJoints)
-@written_in
+@inlined
 def put_distance_joint(joints, j, system):
     work, contact, size = system.work, system.contact, system.size
     k = joints.first[0] + j

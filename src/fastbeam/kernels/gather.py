@@ -5,7 +5,7 @@ Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; of
 from __future__ import annotations
 
 from .._generic import generic
-from .._jit import kernel, written_in
+from .._jit import kernel, inlined
 from .algebra import cross, dot, perp, vld, vld2, vld3, vst2, vst3
 from .blocks import EIGHTEEN, FOUR, ONE, SIX, THREE, TWELVE, TWO
 from .kinds import Plane, Space
@@ -23,7 +23,7 @@ def put_step(motion, scratch, qo, uo, move):
 
 
 @put_step.register(OverStep)
-@written_in
+@inlined
 def put_middle_and_end(motion, scratch, qo, uo, move):
     h = motion.h
     x = vld3(scratch, qo, 8)
@@ -33,14 +33,14 @@ def put_middle_and_end(motion, scratch, qo, uo, move):
 
 
 @put_step.register(ToEnd)
-@written_in
+@inlined
 def put_end(motion, scratch, qo, uo, move):
     x = vld3(scratch, qo, 8)
     vst3(scratch, qo + 96, 8, x + move)
     vst3(scratch, qo, 8, x + move)
 
 
-@written_in
+@inlined
 def put_steps(motion, tables, no, scratch, qo, uo):
     """The vectors of 8 nodes, whose starts stand at qo."""
     e = qo + 96
@@ -55,7 +55,7 @@ def put_steps(motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Space, OverStep)
-@written_in
+@inlined
 def gather_over_step(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     gather_lanes(motion.v, tables.nodes, no, 12, scratch, uo, TWELVE)
@@ -63,7 +63,7 @@ def gather_over_step(size, motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Space, ToEnd)
-@written_in
+@inlined
 def gather_end(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     gather_lanes(motion.u, tables.nodes, no, 12, scratch, uo, TWELVE)
@@ -71,20 +71,20 @@ def gather_end(size, motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Space, Still)
-@written_in
+@inlined
 def gather_shape(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     copy_lanes(scratch, qo, 96, scratch, qo + 96)
 
 
 @gather_ends.register(Space, Resting)
-@written_in
+@inlined
 def gather_resting(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.u, tables.nodes, no, 12, scratch, uo, TWELVE)
     gather_shape(size, motion, tables, no, scratch, qo, uo)
 
 
-@written_in
+@inlined
 def put_planar_step(scratch, qo, uo, move, h):
     """`put_step` of a vector in a plane."""
     x = vld2(scratch, qo, 8)
@@ -94,7 +94,7 @@ def put_planar_step(scratch, qo, uo, move, h):
 
 
 @gather_ends.register(Plane, OverStep)
-@written_in
+@inlined
 def gather_planar_step(size, motion, tables, no, scratch, qo, uo):
     e = qo + 32
     gather_lanes(motion.q, tables.nodes, no, 4, scratch, qo, FOUR)
@@ -109,7 +109,7 @@ def gather_planar_step(size, motion, tables, no, scratch, qo, uo):
 
 
 @gather_ends.register(Plane, Still)
-@written_in
+@inlined
 def gather_planar_shape(size, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 4, scratch, qo, FOUR)
     copy_lanes(scratch, qo, 32, scratch, qo + 32)
@@ -117,7 +117,7 @@ def gather_planar_shape(size, motion, tables, no, scratch, qo, uo):
 
 # --- the last increment -------------------------------------------------------------------------------------------------
 @needs_line.register(object)
-@written_in
+@inlined
 def needs_line_after_start(motion):
     return motion.line.use[0] != FROM_START
 
@@ -134,20 +134,20 @@ def put_before(off, scratch, tables, no, lo, position, step):
 
 
 @put_before.register(NoTies)
-@written_in
+@inlined
 def put_before_step(off, scratch, tables, no, lo, position, step):
     vst3(scratch, lo, 8, position - step)
 
 
 @put_before.register(object)
-@written_in
+@inlined
 def put_beside_step(off, scratch, tables, no, lo, position, step):
     gather_lanes(off, tables.nodes, no, 3, scratch, lo, THREE)
     vst3(scratch, lo, 8, position - vld3(scratch, lo, 8) - step)
 
 
 @gather_line.register(Space)
-@written_in
+@inlined
 def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
     line = motion.line
     s = lo + 96
@@ -165,7 +165,7 @@ def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
 
 
 @gather_line.register(Space, ToEnd)
-@written_in
+@inlined
 def gather_line_to_end(size, motion, tables, no, scratch, end, lo):
     """Before the first increment of a step: its start, and zero for the increment."""
     if motion.line.use[0] == FROM_START:
@@ -181,20 +181,20 @@ def put_planar_before(off, scratch, tables, no, lo, position, step):
 
 
 @put_planar_before.register(NoTies)
-@written_in
+@inlined
 def put_planar_before_step(off, scratch, tables, no, lo, position, step):
     vst2(scratch, lo, 8, position - step)
 
 
 @put_planar_before.register(object)
-@written_in
+@inlined
 def put_planar_beside_step(off, scratch, tables, no, lo, position, step):
     gather_lanes(off, tables.nodes, no, 2, scratch, lo, TWO)
     vst2(scratch, lo, 8, position - vld2(scratch, lo, 8) - step)
 
 
 @gather_line.register(Plane)
-@written_in
+@inlined
 def gather_planar_line(size, motion, tables, no, scratch, end, lo):
     line = motion.line
     s = lo + 32
@@ -211,7 +211,7 @@ def gather_planar_line(size, motion, tables, no, scratch, end, lo):
 
 # --- spins of generalised alpha -----------------------------------------------------------------------------------------
 @gather_spin_rates.register(object)
-@written_in
+@inlined
 def gather_no_spin_rates(motion, tables, no, nn, scratch, at):
     pass
 

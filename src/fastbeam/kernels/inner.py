@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, written_in
+from .._jit import kernel, inlined
 from .algebra import vld, vst
 from .blocks import ONE, lu_lanes, solve_lanes, solve_rows, subtract_lanes, subtract_rows
 from .layout import FACTORS, LIST, NODES
@@ -122,13 +122,13 @@ def halve_columns(rhs):
 
 
 @kept.register(NoColumns)
-@written_in
+@inlined
 def keep_short(rhs, r):
     return Short(r)
 
 
 @kept.register(object)
-@written_in
+@inlined
 def keep_columns(rhs, r):
     return WithColumns(r, rhs)
 
@@ -155,7 +155,7 @@ def keep_solution(keep, scratch, y, tables, at, store, d, size):
 
 
 @take_loads.register(object)
-@written_in
+@inlined
 def take_rows(keep, tables, at, scratch, ro, spare, size):
     """Add the residual at ro to its rows, where loads and sliders have put theirs, and fetch the sum."""
     scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, size)
@@ -163,51 +163,51 @@ def take_rows(keep, tables, at, scratch, ro, spare, size):
 
 
 @take_loads.register(Condensed)
-@written_in
+@inlined
 def take_loads_alone(keep, tables, at, scratch, ro, spare, size):
     subtract_loads(keep.loads, tables, at, scratch, ro, spare, size)
 
 
 @place.register(object)
-@written_in
+@inlined
 def place_short(keep, store, d, scratch, spare, block):
     return scratch, spare, d, block
 
 
 @place.register(WithColumns)
-@written_in
+@inlined
 def place_with_columns(keep, store, d, scratch, spare, block):
     return store, d, d + block, 2 * block
 
 
 @keep_lower.register(object)
-@written_in
+@inlined
 def keep_no_lower(keep, scratch, low, store, d, block):
     pass
 
 
 @keep_lower.register(WithColumns)
-@written_in
+@inlined
 def keep_lower_block(keep, scratch, low, store, d, block):
     copy_lanes(scratch, low, block, store, d + block)
 
 
 @keep_solution.register(Short)
-@written_in
+@inlined
 def keep_in_store(keep, scratch, y, tables, at, store, d, size):
     copy_lanes(scratch, y, 8 * len(size), store, d)
     return d + 8 * len(size)
 
 
 @keep_solution.register(WithColumns)
-@written_in
+@inlined
 def keep_by_rows(keep, scratch, y, tables, at, store, d, size):
     scatter_rows(scratch, y, tables.rows, at, 8, 0, keep.rhs, size)
     return d
 
 
 @keep_solution.register(Condensed)
-@written_in
+@inlined
 def keep_in_rows(keep, scratch, y, tables, at, store, d, size):
     put_rows(scratch, y, tables.rows, at, 8, 0, keep.x, size)
     return d
@@ -265,13 +265,13 @@ def eliminate_group(inner, tables, k, at, scratch, r_out, size):
 
 
 @eliminate_group.register(NoInner)
-@written_in
+@inlined
 def eliminate_nothing(inner, tables, k, at, scratch, r_out, size):
     return 1
 
 
 @eliminate_group.register(Inner)
-@written_in
+@inlined
 def eliminate_inside(inner, tables, k, at, scratch, r_out, size):
     if tables.meta[k, FACTORS] < 0:
         return 1
@@ -347,14 +347,14 @@ def take_solution(where, store, end, tables, at, factor, scratch, xi, x, size):
 
 
 @take_solution.register(InStore)
-@written_in
+@inlined
 def take_from_store(where, store, end, tables, at, factor, scratch, xi, x, size):
     take_scaled(store, end - 8 * len(size), factor, scratch, xi, len(size))
     return end - 8 * len(size)
 
 
 @take_solution.register(InRows)
-@written_in
+@inlined
 def take_from_rows(where, store, end, tables, at, factor, scratch, xi, x, size):
     gather_lanes(x, tables.rows, at, 8, scratch, xi, size)
     take_scaled(scratch, xi, factor, scratch, xi, len(size))

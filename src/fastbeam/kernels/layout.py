@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .._jit import written_in
+from .._jit import inlined
 
 # columns of `ElementTables.meta`
 NODES, POINTS, CONSTANTS, LIST, BLOCKS, COUPLED, FACTORS, REFERENCE = range(8)
@@ -87,7 +87,7 @@ class Layout(NamedTuple):
 SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 64
 
 
-@written_in
+@inlined
 def layout(size, nn, nq):
     """The layout for nodes in space or in a plane."""
     n = len(size)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, written_in
+from .._jit import kernel, inlined
 from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
                       zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
@@ -312,25 +312,25 @@ store_rates.nothing_for(NoRates)
 
 
 @load_rates.register(object)
-@written_in
+@inlined
 def load_rates_of_nodes(v, i, scratch):
     load_rows(v, 12 * i, 12, scratch, 96, TWELVE)
 
 
 @store_rates.register(object)
-@written_in
+@inlined
 def store_rates_of_nodes(v, i, scratch):
     store_rows(scratch, 96, v, 12 * i, 12, TWELVE)
 
 
 @accept.register(NoRates)
-@written_in
+@inlined
 def accept_shape(v, scratch, k, move, h):
     vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
 
 
 @accept.register(object)
-@written_in
+@inlined
 def accept_motion(v, scratch, k, move, h):
     vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
     rate = vld3(scratch, k + 96, 8)
@@ -338,13 +338,13 @@ def accept_motion(v, scratch, k, move, h):
 
 
 @accept_one.register(NoRates)
-@written_in
+@inlined
 def accept_one_shape(v, q, k, move, h):
     st3(q, k, 1, ld3(q, k, 1) + move)
 
 
 @accept_one.register(object)
-@written_in
+@inlined
 def accept_one_motion(v, q, k, move, h):
     st3(q, k, 1, ld3(q, k, 1) + move)
     rate = ld3(v, k, 1)

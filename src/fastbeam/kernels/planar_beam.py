@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._jit import kernel, written_in
+from .._jit import kernel, inlined
 from .algebra import component0, component1, component2, cross2, dot, perp, square_root, triple
 from .algebra import padd2 as vadd2
 from .algebra import pld as vld
@@ -117,7 +117,7 @@ class PointForces(NamedTuple):
     slope: Any
 
 
-@written_in
+@inlined
 def planar_shapes(constants, to, nn, scratch, qo):
     """Of the nodes from qo on, 64 doubles apart, and of those 32 doubles behind."""
     f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
@@ -131,14 +131,14 @@ def planar_shapes(constants, to, nn, scratch, qo):
     return Shape(f, u, k), Shape(fe, ue, ke)
 
 
-@written_in
+@inlined
 def law_of_point(constants, to):
     w = vld(constants, to, 0)
     return Law(w * vld(constants, 0, 0), w * vld(constants, 8, 0), w * vld(constants, 16, 0), w * vld(constants, 32, 0),
                w * vld(constants, 40, 0), w * vld(constants, 64, 0))
 
 
-@written_in
+@inlined
 def apply_law(law, e):
     """Stresses of three strains."""
     x = component0(e); y = component1(e); z = component2(e)
@@ -146,7 +146,7 @@ def apply_law(law, e):
                   law.c02 * x + law.c12 * y + law.c22 * z)
 
 
-@written_in
+@inlined
 def add_node_forces(constants, t, scratch, fo, forces):
     """Forces of a point on the coordinates of a node; t: where its basis functions stand."""
     vadd2(scratch, fo, 8, vld(constants, t, 0) * forces.position)
@@ -154,7 +154,7 @@ def add_node_forces(constants, t, scratch, fo, forces):
 
 
 @add_node_inertia.register(Plane)
-@written_in
+@inlined
 def add_node_inertia_in_plane(size, constants, scratch, at, a):
     p = vzero2(); d = vzero2()
     for b in range(at.nn):
@@ -167,7 +167,7 @@ def add_node_inertia_in_plane(size, constants, scratch, at, a):
 
 
 @evaluate_point.register(Plane)
-@written_in
+@inlined
 def evaluate_point_in_plane(size, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
     middle, end = planar_shapes(constants, to, at.nn, scratch, 0)
@@ -198,7 +198,7 @@ def evaluate_point_in_plane(size, method, strains, constants, reference, g, scra
                                 at.points + at.point_room * g)
 
 
-@written_in
+@inlined
 def put_planar_node(scratch, b, rows, products, rotation_position, position_rotation):
     """Rows, products and columns of a node at a point, for the pairs of nodes."""
     vst(scratch, b + PLANAR_ROWS, 0, component0(rows)); vst(scratch, b + PLANAR_ROWS + 8, 0, component1(rows))
@@ -211,7 +211,7 @@ def put_planar_node(scratch, b, rows, products, rotation_position, position_rota
 
 # --- strain set (2.2) ---------------------------------------------------------------------------------------------------
 @planar_strains.register(SimoReissner)
-@written_in
+@inlined
 def simo_strains(strains, shape):
     g = cross2(shape.u, shape.f)
     return triple(square_root(dot(shape.f, shape.f) - g * g), g, (1.5 - 0.5 * dot(shape.u, shape.u)) * cross2(shape.u, shape.k))
@@ -229,7 +229,7 @@ def simo_extrapolated(strains, shape, step):
 
 
 @planar_point_data.register(SimoReissner)
-@written_in
+@inlined
 def simo_data(strains, middle, start, end):
     g0 = cross2(start.u, start.f); ge = cross2(end.u, end.f)
     r0 = square_root(dot(start.f, start.f) - g0 * g0); r_end = square_root(dot(end.f, end.f) - ge * ge)
@@ -241,7 +241,7 @@ def simo_data(strains, middle, start, end):
 
 
 @planar_form_stresses.register(SimoReissner)
-@written_in
+@inlined
 def simo_form_stresses(strains, data, s):
     """Of the curvature it stays the moment."""
     n = data.over * component0(s)
@@ -249,13 +249,13 @@ def simo_form_stresses(strains, data, s):
 
 
 @planar_position_force.register(SimoReissner)
-@written_in
+@inlined
 def simo_position_force(strains, data, middle, s):
     return component0(s) * middle.f + component1(s) * perp(middle.u)
 
 
 @planar_director_forces.register(SimoReissner)
-@written_in
+@inlined
 def simo_director_forces(strains, data, middle, s):
     m = component2(s)
     x = vzero2() - component1(s) * perp(middle.f) - data.a * (m * perp(middle.k)) - (m * data.c) * middle.u
@@ -263,7 +263,7 @@ def simo_director_forces(strains, data, middle, s):
 
 
 @planar_point_stiffness.register(SimoReissner)
-@written_in
+@inlined
 def simo_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
     """Rows are derivatives of the quadratic forms of shear, curvature and its factor, theory.md (4.8)."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
@@ -304,13 +304,13 @@ def simo_stiffness(strains, data, middle, end, law, t, forces, constants, to, sc
 
 
 @planar_no_sums.register(SimoReissner)
-@written_in
+@inlined
 def simo_no_sums(strains):
     return SimoSums(vzero(), vzero(), vzero(), vzero())
 
 
 @planar_sums.register(SimoReissner)
-@written_in
+@inlined
 def simo_sums(strains, sums, scratch, po, a, b):
     s2 = vld(scratch, po + 8, 0)
     return SimoSums(sums.shear + (a.director * b.position) * s2, sums.shear_reversed + (a.position * b.director) * s2,
@@ -319,20 +319,20 @@ def simo_sums(strains, sums, scratch, po, a, b):
 
 
 @planar_reversed.register(SimoReissner)
-@written_in
+@inlined
 def simo_reversed(strains, sums):
     return SimoSums(sums.shear_reversed, sums.shear, vzero() - sums.curvature, sums.factor)
 
 
 @planar_geometric.register(SimoReissner)
-@written_in
+@inlined
 def simo_geometric(strains, sums, ua, ub):
     return (0.5 * sums.curvature) * cross2(ua, ub) + (0.5 * sums.factor) * dot(ua, ub)
 
 
 # --- strain set (2.1) ---------------------------------------------------------------------------------------------------
 @planar_strains.register(GreenLagrange)
-@written_in
+@inlined
 def green_strains(strains, shape):
     return triple(0.5 * dot(shape.f, shape.f), cross2(shape.u, shape.f), cross2(shape.f, shape.k))
 
@@ -346,25 +346,25 @@ def green_extrapolated(strains, shape, step):
 
 
 @planar_point_data.register(GreenLagrange)
-@written_in
+@inlined
 def green_data(strains, middle, start, end):
     return GREEN_DATA
 
 
 @planar_form_stresses.register(GreenLagrange)
-@written_in
+@inlined
 def green_form_stresses(strains, data, s):
     return s
 
 
 @planar_position_force.register(GreenLagrange)
-@written_in
+@inlined
 def green_position_force(strains, data, middle, s):
     return component0(s) * middle.f + component1(s) * perp(middle.u) - component2(s) * perp(middle.k)
 
 
 @planar_director_forces.register(GreenLagrange)
-@written_in
+@inlined
 def green_director_forces(strains, data, middle, s):
     x = perp(middle.f)
     return vzero2() - component1(s) * x, component2(s) * x
@@ -399,13 +399,13 @@ def green_stiffness(strains, data, middle, end, law, t, forces, constants, to, s
 
 
 @planar_no_sums.register(GreenLagrange)
-@written_in
+@inlined
 def green_no_sums(strains):
     return GreenSums(vzero(), vzero())
 
 
 @planar_sums.register(GreenLagrange)
-@written_in
+@inlined
 def green_sums(strains, sums, scratch, po, a, b):
     s2 = vld(scratch, po + 8, 0); s3 = vld(scratch, po + 16, 0)
     return GreenSums(sums.shear + b.position * (a.director * s2 - a.slope * s3),
@@ -413,20 +413,20 @@ def green_sums(strains, sums, scratch, po, a, b):
 
 
 @planar_reversed.register(GreenLagrange)
-@written_in
+@inlined
 def green_reversed(strains, sums):
     return GreenSums(sums.shear_reversed, sums.shear)
 
 
 @planar_geometric.register(GreenLagrange)
-@written_in
+@inlined
 def green_geometric(strains, sums, ua, ub):
     return vzero()
 
 
 # --- pairs of nodes -----------------------------------------------------------------------------------------------------
 @put_pairs.register(Plane)
-@written_in
+@inlined
 def put_planar_pairs(size, strains, constants, scratch, at, rate):
     """Blocks (a, b) and (b, a) share sums of stresses and the part of the positions."""
     for a in range(at.nn):
@@ -437,13 +437,13 @@ def put_planar_pairs(size, strains, constants, scratch, at, rate):
                 put_planar_block(strains, constants, scratch, at, b, a, rate, shared, planar_reversed.call(strains, sums))
 
 
-@written_in
+@inlined
 def basis_of_node(constants, t, a):
     t_a = t + NODE_TABLE * a
     return Basis(vld(constants, t_a, 0), vld(constants, t_a + 8, 0), vld(constants, t_a + 16, 0))
 
 
-@written_in
+@inlined
 def planar_pair(strains, constants, scratch, at, a, b):
     """What the blocks of nodes a, b and b, a share, and sums of stresses."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
@@ -461,7 +461,7 @@ def planar_pair(strains, constants, scratch, at, a, b):
     return Shared(t00, t10, t01, t11), sums
 
 
-@written_in
+@inlined
 def put_planar_block(strains, constants, scratch, at, a, b, rate, shared, sums):
     """The 3 x 3 block of nodes a, b."""
     rr = vzero(); rt = vzero2(); tr = vzero2()

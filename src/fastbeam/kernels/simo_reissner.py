@@ -8,7 +8,7 @@ directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
-from .._jit import kernel, written_in
+from .._jit import kernel, inlined
 from .algebra import add_iso, cross, dot, outer, square_root
 from .algebra import padd3 as vadd3
 from .algebra import pld as vld
@@ -415,7 +415,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
 
 # --- pairs of nodes -----------------------------------------------------------------------------------------------------
 @sum_pair.register(SimoReissner)
-@written_in
+@inlined
 def sums_of_pair(strains, constants, scratch, at, a, b):
     g2 = vzero(); g3 = vzero(); h2 = vzero(); h3 = vzero(); e4 = vzero(); e5 = vzero(); e6 = vzero(); e7 = vzero()
     for g in range(at.nq):
@@ -436,7 +436,7 @@ def sums_of_pair(strains, constants, scratch, at, a, b):
     put_sums(scratch, at.pairs + at.pair_size * (at.nn * b + a), h2, h3, zero - e4, zero - e5, zero - e6, e7)
 
 
-@written_in
+@inlined
 def put_sums(scratch, o, g2, g3, e4, e5, e6, e7):
     vst(scratch, o + SHEAR_2, 0, g2); vst(scratch, o + SHEAR_3, 0, g3); vst(scratch, o + TWIST, 0, e4)
     vst(scratch, o + CURVATURE_2, 0, e5); vst(scratch, o + CURVATURE_3, 0, e6); vst(scratch, o + LENGTHS, 0, e7)
