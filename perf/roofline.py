@@ -21,6 +21,7 @@ os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREA
 
 import argparse  # noqa: E402
 import json  # noqa: E402
+import math  # noqa: E402
 import sys  # noqa: E402
 import time  # noqa: E402
 from dataclasses import asdict, dataclass  # noqa: E402
@@ -81,7 +82,11 @@ class Part:
     @property
     def share(self) -> float:
         """Of the time that the limit allows."""
-        return max(self.at_peak, self.at_bandwidth) / self.time
+        return self.per_time(max(self.at_peak, self.at_bandwidth))
+
+    def per_time(self, x: float) -> float:
+        """x over the time; infinite where the time is lost in those of other parts, of which it is the difference."""
+        return x / self.time if self.time > 0.0 else math.inf
 
     @property
     def binds(self) -> str:
@@ -93,8 +98,8 @@ class Part:
     def cells(self) -> list[str]:
         """One line of the table."""
         return [self.case, self.name, f"{self.threads}", f"{self.time:.4f}", f"{self.operations:.0f}", f"{self.moved:.0f}",
-                f"{1e-3 * self.operations / self.time:.1f}", f"{100.0 * self.at_peak / self.time:.0f} %",
-                f"{1e-3 * self.moved / self.time:.1f}", f"{100.0 * self.at_bandwidth / self.time:.0f} %", self.binds,
+                f"{1e-3 * self.per_time(self.operations):.1f}", f"{100.0 * self.per_time(self.at_peak):.0f} %",
+                f"{1e-3 * self.per_time(self.moved):.1f}", f"{100.0 * self.per_time(self.at_bandwidth):.0f} %", self.binds,
                 f"{self.time - max(self.at_peak, self.at_bandwidth):.4f}"]
 
 

@@ -35,7 +35,8 @@ class ContactForces:
     def __init__(self, stepper: Stepper, controlled: bool, t_start: float, t_end: float) -> None:
         self.stepper, self.controlled = stepper, controlled
         self.t_start, self.t_end = t_start, t_end
-        self.timed = any(time is not None for time in stepper.model.load_times)
+        forces = stepper.model.slider_forces
+        self.timed = any(time is not None for time in stepper.model.load_times) or (forces is not None and forces.timed)
 
     @property
     def unknown(self) -> Array:

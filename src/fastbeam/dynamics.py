@@ -178,6 +178,10 @@ class StepControl:
                     return h, h, halves
                 if halves.status == SLIDER_END:
                     stepper.load(start)
+                    if h > self.smallest * (1.0 + 1e-12):
+                        # beyond the end and back within a step: a shorter one meets it
+                        h = max(self.smallest, 0.5 * h)
+                        continue
                     return h, h, stepper.advance(t, h, 1)
                 if halves.status == OK:
                     error = self._error(stepper, coarse)

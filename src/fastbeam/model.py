@@ -235,7 +235,8 @@ class Model:
                   self.v0, self.s0, self.slider_lengths]
         if self.slider_forces is not None:
             t = self.slider_forces.tables
-            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given]
+            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
+                      self.slider_forces.restitutions]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:

@@ -16,7 +16,7 @@ from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .kernels import step as kernels
-from .kernels.along import HISTORY, DriveSchedule, put_drives
+from .kernels.along import AGAINST, HISTORY, DriveSchedule, put_drives
 from .kernels.constraints import Constraints
 from .kernels.observe import slider_motion
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
@@ -163,6 +163,8 @@ class Stepper:
                 kernels.external_forces(model.loads, load_factors(model, np.full(1, t), np.zeros(1))[0], self.work.f_ext)
             if memory is None:
                 start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
+        if self.along is not None:
+            core.slider_forces.check_start(t, self.core_state.s)
         if memory is not None:
             self.memory = memory
         elif self.along is not None:
@@ -184,6 +186,8 @@ class Stepper:
         rates, contact = np.zeros(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
+        # one at rest against a stop stays there
+        moving &= self.core_state.history[AGAINST:HISTORY * model.n_sliders:HISTORY] == 0.0
         self.core_state.history[:HISTORY * model.n_sliders:HISTORY] = np.where(moving, np.sign(rates), 0.0)
 
     @property

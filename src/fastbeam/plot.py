@@ -38,7 +38,8 @@ ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS
             ("total", "black"))
 A_RESULT = Instance(Result, "a Result", "what simulate, solve_static and load_result return")
 PLANE, SHAPES = Word(("auto", *PLANES)), Count(most=1000)
-DRIFTS = (("total", "total energy", "black"), ("lin_mom", "linear momentum", COLOURS[0]),
+DRIFTS = (("total", "total energy", "black"), ("balance", "energy balance", COLOURS[3]),
+          ("lin_mom", "linear momentum", COLOURS[0]),
           ("ang_mom", "angular momentum", COLOURS[1]), ("gap", "gap", COLOURS[2]))
 
 

@@ -18,7 +18,7 @@ from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to
 from .impacts import strike
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .interrupt import Calls, Interrupts
-from .kernels.step import OK, SLIDER_END
+from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
 from .model import Model, check_model
@@ -28,7 +28,7 @@ from .progress import Progress
 from .resolution import Resolution
 from .result import Result
 from .rows import Rows
-from .starting import check_start
+from .starting import AT_STOP, check_start
 
 Array = np.ndarray
 # steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
@@ -208,7 +208,7 @@ class _Run:
         self.calls = Calls(stepper, self.interrupts)
         # times of the last impacts by slider and end
         self.impacts: dict[tuple[int, str], float] = {}
-        self.n_impacts = 0
+        self.n_impacts = self.hits = 0
         # whether the clock lags behind the state
         self.between = False
         self.resolution: Resolution | None = None
@@ -449,6 +449,10 @@ class _Run:
         forces = self.model.slider_forces
         restitution = None if forces is None else forces.restitution(slider, end == "end")
         if restitution is not None:
+            away = min(abs(s - low), abs(s - high)) / float(self.model.slider_lengths[slider])
+            self.hits = self.hits + 1 if last == 0.0 else 0
+            if not away <= AT_STOP or self.hits > 3 + 2 * self.model.n_sliders:
+                raise failure(self.stepper, Outcome(NOT_CONVERGED, 0, 0, slider, final.sizes, final.force), t, self.steps, h)
             self.impact(slider, t, end, restitution)
             return True
         self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,

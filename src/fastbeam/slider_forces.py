@@ -18,6 +18,8 @@ Array = np.ndarray
 POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
 # a prescribed position may be so far from the place of the slider at the start, of the length of the beam
 AT_START = 1e-9
+# the same of the state that a run starts from
+JUMP = 1e-6
 
 
 @dataclass
@@ -178,6 +180,26 @@ class SliderForces:
             if slider.stops is not None and slider.stops.is_rigid:
                 out[k] = np.clip(slider.stops.between, *ends[k])
         return out
+
+    @property
+    def restitutions(self) -> Array:
+        """Of the rigid stops of all sliders at both ends, -1 where there is none, float64 [S, 2]."""
+        found = [[self.restitution(k, at_end) for at_end in (False, True)] for k in range(len(self.sliders))]
+        return np.array([[-1.0 if x is None else x for x in both] for both in found])
+
+    def check_start(self, t: float, s: Array) -> None:
+        """Prescribed positions at the time t where a run starts are those of its sliders.
+
+        Raises
+        ------
+        SceneError
+            One would jump.
+        """
+        for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
+            slider, place = self.sliders[k], self._value(k, "position", t)
+            if abs(place - s[k]) > JUMP * slider.beam.length:
+                raise SceneError(f"slider {slider.name!r} stands at s = {s[k]:.6g} m, its drive at t = {t:.6g} s at {place:.6g} "
+                                 "m; start at the time of the state (t_start=...), or let the position begin there")
 
     def restitution(self, k: int, at_end: bool) -> float | None:
         """Of the rigid stop of slider k at its end or start; None where it has none there."""

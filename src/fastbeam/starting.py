@@ -21,6 +21,8 @@ Array = np.ndarray
 TIED = 1e-7
 # gap of a slider at the start, relative to the size of the scene: a larger one would be closed by an impulse in the first step
 GAP = 1e-12
+# a slider at a rigid stop may be so far beyond it, of the length of the beam
+AT_STOP = 1e-9
 # velocity of a slider across its curve, relative to the largest velocity, beyond which an event says so, and beyond which the
 # state is refused; it is not zero, because velocities at the end of a step satisfy constraints on positions to second order only
 SIDEWAYS, UNTRUE = 0.01, 0.5
@@ -64,9 +66,11 @@ def own_state(model: Model, state: State) -> State:
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    for s, length, name in zip(own.s, model.slider_lengths, model.names["sliders"]):
+    for s, length, (low, high), name in zip(own.s, model.slider_lengths, model.slider_limits, model.names["sliders"]):
         if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
+        if not low - AT_STOP * length <= s <= high + AT_STOP * length:
+            raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, beyond its stops ({low:.6g} to {high:.6g} m)")
     return own
 
 

@@ -45,6 +45,13 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "position that begins elsewhere": (lambda: model(drive=fb.Drive(position=lambda t: 0.2 + t)),
                                        ("begins at position(0) = 0.2 m", "the slider at 0.5 m")),
     "rate and drive": (lambda: slider(rate=1.0, drive=fb.Drive(speed=2.0)), ("rate=1 m/s", "begins with 2 m/s")),
+    "rigid stop and prescribed motion": (lambda: slider(drive=fb.Drive(speed=1.0), stops=fb.Stops(0.2, 0.8)),
+                                         ("prescribes the motion", "give stops a stiffness")),
+    "drive elsewhere at the start": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 + 0.1 * t)), t_start=1.0,
+                                                         t_end=1.1, step=0.01), ("stands at s = 0.5 m", "at 0.6 m", "t_start")),
+    "start beyond a stop": (lambda: fb.simulate(model(stops=fb.Stops(0.1, 0.55)), t_end=0.1, step=0.01,
+                                                start=model(friction=0.1).state()._replace(s=np.array([0.6]))),
+                            ("beyond its stops (0.1 to 0.55 m)",)),
     "order 4 with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, order=4), ("order=4", "order=2")),
     "midpoint with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, method="midpoint"),
                                ("midpoint", "use the default method")),
@@ -81,6 +88,12 @@ def test_a_scene_without_forces_along_beams_has_none_of_their_arrays() -> None:
     result = fb.simulate(plain, t_end=0.01, step=1e-3, progress=False)
     assert "friction_loss" not in result.series and "balance" not in result.series
     assert result.info["conserved"] == ["gap", "total"]
+
+
+def test_a_checkpoint_belongs_to_its_stops(tmp_path: Any) -> None:
+    early = fb.simulate(model(stops=fb.Stops(0.1, 0.9)), t_end=0.01, step=1e-3, progress=False)
+    with pytest.raises(fb.SceneError, match="belongs to another model"):
+        fb.simulate(model(stops=fb.Stops(0.1, 0.8)), start=early.checkpoint, t_end=0.02, step=1e-3, progress=False)
 
 
 def test_results_with_forces_are_written_and_read(tmp_path: Any) -> None:

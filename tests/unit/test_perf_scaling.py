@@ -358,7 +358,8 @@ def test_roofline_of_a_small_chain_and_net(tmp_path: Path) -> None:
         whole, *rest = [row for row in rows if row["case"] == case]
         for name in ("operations", "moved"):
             assert sum(row[name] for row in rest) == pytest.approx(whole[name])
-        assert len(rest) == 3 and all(row["time"] > 0.0 for row in rest)
+        # a time is a difference of others, in which a short one may be lost
+        assert len(rest) == 3 and all(row["time"] >= 0.0 for row in rest)
         # nothing is faster than the machine
         assert 1e-3 * whole["operations"] / whole["time"] < whole["peak"]
     assert {row["case"].split(",")[0] for row in rows} == {"chain", "net"}

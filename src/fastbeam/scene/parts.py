@@ -482,6 +482,9 @@ class Slider:
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
                                  "between them")
         if drive is not None and drive.is_prescribed:
+            if stops is not None and stops.is_rigid:
+                raise SceneError(f"{who}: its drive prescribes the motion, so a rigid stop cannot end it; give stops a "
+                                 "stiffness, or the drive a limit with stiffness= and damping=")
             rate = initial_rate(drive, who)
             if self.rate is not None and abs(rate - self.rate) > 1e-6 * max(abs(rate), abs(self.rate)):
                 raise SceneError(f"{who}: rate={self.rate:.6g} m/s, but its drive begins with {rate:.6g} m/s; leave rate out")
