@@ -364,3 +364,16 @@ def test_disk_that_becomes_unwritable_leaves_the_result(monkeypatch: pytest.Monk
     monkeypatch.undo()
     assert caught.value.result.checkpoint.steps == len(caught.value.result.t) - 1 == 6
     assert fb.load_checkpoint(tmp_path / "run").steps == 5
+
+
+def test_checkpoint_of_a_scene_with_joint_forces_is_read(tmp_path: Path) -> None:
+    # the forces of joints with multipliers stand behind those of sliders
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=fb.Section.circle(radius=0.01, E=1e8, rho=1000.0), elements=2)
+    ring, bob = fb.PointMass("ring", mass=0.1), fb.PointMass("bob", mass=0.1, position=(0.5, 0, -0.3))
+    model = fb.compile_scene(fb.Scene(beam, ring, bob, fb.Clamp(beam.start), fb.DistanceJoint(ring, bob, "rod"),
+                                      fb.Slider("s", ring, beam, at=0.5), gravity=(0, 0, -9.81)))
+    whole = fb.simulate(model, t_end=0.02, step=1e-3, progress=False)
+    fb.simulate(model, t_end=0.01, step=1e-3, checkpoint=tmp_path / "c", progress=False)
+    rest = fb.simulate(model, t_end=0.02, step=1e-3, start=fb.load_checkpoint(tmp_path / "c"), progress=False)
+    assert whole.state.force.size == 4
+    assert all(np.array_equal(x, y) for x, y in zip(rest.state, whole.state))
