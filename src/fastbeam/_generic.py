@@ -15,7 +15,7 @@ value or for every term of a tuple in turn.
 
 A call is lowered to a direct call of the implementation: nothing of it passes numba's front end, and a term without an
 implementation costs nothing. Implementations are found by the classes of named tuples along their base classes, as with
-functools.singledispatch; `register(A, B)` looks at the first two arguments. `nothing_for(A)` says that there is nothing to do.
+functools.singledispatch; `register(A, B)` looks at the first two arguments.
 """
 from __future__ import annotations
 
@@ -30,10 +30,6 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model, typeof_impl
 
 from . import _outside
-
-
-def _nothing(*arguments: Any) -> None:
-    """Registered where there is nothing to do."""
 
 
 class GenericFunction:
@@ -93,11 +89,6 @@ class GenericFunction:
             return function
         return note
 
-    def nothing_for(self, *classes: Any) -> None:
-        """For a first argument of any of these classes nothing is to be done."""
-        for one in classes:
-            self.implementations[one,] = _nothing
-
     def find(self, arguments: tuple[Any, ...]) -> Any:
         """The implementation for arguments of these numba types, or None: the one registered for the nearest class of the first
         argument, among those the nearest of the second."""
@@ -144,7 +135,7 @@ class GenericFunction:
     def calls(self, terms: Any, *others: Any) -> list[tuple[Any, tuple[Any, ...]]]:
         """(implementation, types of its arguments) of all terms of a tuple type that have one."""
         found = [(self.find((term, *others)), (term, *others)) for term in _types(terms)]
-        return [(function, arguments) for function, arguments in found if function not in (None, _nothing)]
+        return [(function, arguments) for function, arguments in found if function is not None]
 
     def _intrinsic(self, build: Callable[..., Any]) -> Any:
         def definition(typingctx, *arguments):  # type: ignore[no-untyped-def]
@@ -160,8 +151,6 @@ class GenericFunction:
         function = self.find(arguments)
         if function is None:
             return None
-        if function is _nothing:
-            return types.void(*arguments), lambda context, *others: context.get_dummy_value()
         kind, found = _typed(typingctx, function, arguments)
 
         def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -173,7 +162,7 @@ class GenericFunction:
         out = []
         for i, term in enumerate(_types(terms)):
             function = self.find((term, *others))
-            if function not in (None, _nothing):
+            if function is not None:
                 out.append((i, term, *_typed(typingctx, function, (term, *others))))
         return out
 

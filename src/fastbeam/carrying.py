@@ -19,7 +19,7 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoTies, System
 from .model import Model
 from .pattern import Pattern, ascending
-from .workspace import aligned, entries_of_an_element
+from .workspace import aligned
 
 Array = np.ndarray
 
@@ -231,7 +231,7 @@ class Group:
                 self.apart = self.apart._replace(kept=aligned(int(self.apart.end[0])))
                 continue
             if own["full"][0]:
-                self.entries += entries_of_an_element(self.owner.core)
+                self.entries += max(2, self.entries // 4)
             else:
                 self.room *= 1.25
             self._make_room()

@@ -13,7 +13,7 @@ from .kernels.nodes import NoHeld
 from .kernels.terms import NoTies
 from .model import Model
 from .pattern import Pattern
-from .workspace import aligned, entries_of
+from .workspace import aligned
 
 Array = np.ndarray
 
@@ -54,10 +54,9 @@ def _starts(counts: Array) -> Array:
 
 
 def with_room(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
-              others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0, touched_rows: float = 6.0) -> Constraints:
+              others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0) -> Constraints:
     """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
-    eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes; touched_rows: what a
-    constraint touches or is coupled with by fill, on average."""
+    eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
     rows = n + s
 
@@ -74,10 +73,11 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
                   integers(6, rows + 1), integers(2))
-    # of a constraint its own block and two for each of these rows
-    some = 1.1 * min(entries, touched_rows)
+    # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
+    some = 1.1 * min(entries, 6)
     room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
-    factors = Factors(aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(2, np.int64))
+    factors = Factors(aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
+                      np.zeros(2, np.int64))
     return Constraints(couplings, touching, order, factors, aligned(int(scale * 512 * size)), *others)
 
 
@@ -108,10 +108,7 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)
-    # entries on inner nodes are carried to the ends of their elements: these, a point, and one row by fill
-    inside = 0 if inner is None else int(inner.where[:, 1].max(initial=0))
-    rows = min(entries_of(model), 6.0, (entries_of(model) - 2) / (inside + 1) + 3.0 if inside else 6.0)
-    return with_room(couplings, entries, elements, len(model.size), scale, others, touched_rows=rows)
+    return with_room(couplings, entries, elements, len(model.size), scale, others)
 
 
 def _rows_of(model: Model, node: int) -> Array:

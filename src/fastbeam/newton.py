@@ -27,7 +27,7 @@ from .load_times import load_factors
 from .methods import Method, empty_rates, start_rates
 from .model import Model
 from .starting import own_state
-from .workspace import check_border, contact_of, entries_of, entries_of_an_element, inner_of, work_of
+from .workspace import check_border, contact_of, entries_of, inner_of, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -261,7 +261,7 @@ class Stepper:
         assert self.contact is not None
         entries = self.contact.row.shape[1]
         if self.contact.full[0]:
-            self._make_rows(entries + entries_of_an_element(self.core), self.room)
+            self._make_rows(entries + max(2, entries // 4), self.room)
         else:
             self._make_rows(entries, 1.5 * self.room)
 

@@ -102,12 +102,6 @@ def entries_of(model: Model) -> int:
     return max(ends, (most + 1) * widest + most)
 
 
-def entries_of_an_element(model: Model) -> int:
-    """Entries more of a slider that passes from one element to the next in a step, 2 where nothing is known."""
-    first = np.zeros(0, np.int64) if model.curves is None else model.curves.first
-    return max(2, int(np.max(np.diff(first), initial=0)))
-
-
 def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     """Work arrays of the constraints, with room for so many entries (default: `entries_of`)."""
     n, row = model.n_constraints, 8 * len(model.size)

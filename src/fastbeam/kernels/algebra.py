@@ -393,17 +393,15 @@ def total(tc, x):
 
 
 @intrinsic
-def largest_of_row(tc, array, offset, size):
-    """Largest absolute value of as many entries as the tuple `size` has numbers; NaN is skipped."""
-    taken = ir.Constant(ir.VectorType(ir.IntType(1), LANES), [int(k < size.count) for k in range(LANES)])
-
+def largest_of_row(tc, array, offset):
+    """Largest absolute value of 8 entries; NaN is skipped."""
     def codegen(ctx, b, sig, args):
         o = _int(ctx, b, args[1], sig.args[1])
         x = b.load(_pointer(ctx, b, sig.args[0], args[0], o, vec), align=8)
         absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
         largest = cgutils.get_or_insert_function(b.module, ir.FunctionType(_DOUBLE, [_VECTOR]), "llvm.vector.reduce.fmax.v8f64")
-        return b.call(largest, [b.call(absolute, [b.select(taken, x, ir.Constant(_VECTOR, [0.0] * LANES))])])
-    return f8(array, offset, size), codegen
+        return b.call(largest, [b.call(absolute, [x])])
+    return f8(array, offset), codegen
 
 
 @intrinsic

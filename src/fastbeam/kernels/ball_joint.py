@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jit import inlined
-from .joint_entries import put_joint, register_joints
+from .._jit import kernel
+from .alpha import Alpha
+from .joint_entries import begin_joint, joints_are_closed, put_point, take_forces
 from .kinds import add_to, dim, position, put, vector
+from .terms import Conserving, Midpoint, assemble, is_settled, take_unknowns
 
 
 class BallJoints(NamedTuple):
@@ -22,17 +24,35 @@ class BallJoints(NamedTuple):
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
 
 
-@put_joint.register(BallJoints)
-@inlined
-def put_ball_joint(joints, j, system):
+@kernel
+def add_ball_joints(joints, system, share):
+    """Forces, gaps and entries; share: of the tangent that the node matrix holds."""
     work, contact, size = system.work, system.contact, system.size
-    k = joints.first[0] + j
-    force = vector(system.state.force, contact.first_force[k], 1, size)
-    add_to(work.r, 8 * joints.row[j, 1], 1, -1.0 * force)
-    add_to(work.r, 8 * joints.row[j, 0], 1, force)
-    gap = position(work.q_end, joints.node[j, 1], size) - position(work.q_end, joints.node[j, 0], size)
-    put(contact.residual[k], 0, 1, gap)
-    return dim(size), -1.0, 1.0
+    for j in range(joints.node.shape[0]):
+        k = joints.first[0] + j
+        a = joints.node[j, 0]
+        b = joints.node[j, 1]
+        force = vector(system.state.force, contact.first_force[k], 1, size)
+        begin_joint(contact, k, dim(size))
+        add_to(work.r, 8 * joints.row[j, 1], 1, -1.0 * force)
+        add_to(work.r, 8 * joints.row[j, 0], 1, force)
+        put(contact.residual[k], 0, 1, position(work.q_end, b, size) - position(work.q_end, a, size))
+        put_point.call(joints.ties, -share, 1.0, contact, k, b, joints.row[j, 1], work.q_mid, work.q_end, size)
+        put_point.call(joints.ties, share, -1.0, contact, k, a, joints.row[j, 0], work.q_mid, work.q_end, size)
 
 
-register_joints(BallJoints)
+@assemble.register(BallJoints, Conserving)
+@assemble.register(BallJoints, Midpoint)
+@kernel
+def assemble_ball_joints(joints, method, system, h):
+    add_ball_joints(joints, system, 1.0)
+
+
+@assemble.register(BallJoints, Alpha)
+@kernel
+def assemble_ball_joints_at_end(joints, method, system, h):
+    add_ball_joints(joints, system, 0.5)
+
+
+take_unknowns.register(BallJoints)(take_forces)
+is_settled.register(BallJoints)(joints_are_closed)

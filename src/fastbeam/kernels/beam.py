@@ -31,11 +31,10 @@ from .algebra import pld3 as vld3
 from .algebra import pldm as vldm
 from .algebra import pst as vst
 from .algebra import pst_matrix as vst_matrix
-from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
-from .blocks import FOUR, THREE, TWO
 from .inner import eliminate_group
-from .kinds import Plane, Space, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_moment
+from .kinds import (Space, add_lanes, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_lanes,
+                    zero_moment)
 from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINT_MATRIX, POINT_NODE,
                      POINT_NODES, POINTS, POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2,
                      SHEAR_3, SPARE, STEP, STRAINS, layout)
@@ -78,30 +77,22 @@ def add_no_inertia(method, constants, scratch, at, size):
 @add_inertia.register(object)
 @inlined
 def add_inertia_forces(method, constants, scratch, at, size):
-    """M u with u = 2/h^2 (q_n+1 - q_n - h v_n); of the directors the last have inertia: in space d2 and d3 (1.2)."""
+    """M u with u = 2/h^2 (q_n+1 - q_n - h v_n). In space d2 and d3 have inertia and d1 has none (1.2), in a plane the
+    director."""
+    d = 8 * dim(size)
+    node = 8 * coordinates(size)
+    first = node - (at.masses - at.inertia) // 8 * d
     for a in range(at.nn):
-        add_node_inertia.call(size, constants, scratch, at, a)
-
-
-@generic
-def add_node_inertia(size, constants, scratch, at, a):
-    """Inertia of all nodes on the coordinates of node a."""
-
-
-@add_node_inertia.register(Space)
-@inlined
-def add_node_inertia_in_space(size, constants, scratch, at, a):
-    p = vzero3(); d2 = vzero3(); d3 = vzero3()
-    for b in range(at.nn):
-        u = at.rates + 96 * b
-        md = vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
-        p += vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld3(scratch, u, 8)
-        d2 += md * vld3(scratch, u + 48, 8)
-        d3 += md * vld3(scratch, u + 72, 8)
-    fo = at.forces + 96 * a
-    vadd3(scratch, fo, 8, vld(constants, at.inertia, 0) * p)
-    vadd3(scratch, fo + 48, 8, vld(constants, at.inertia + 8, 0) * d2)
-    vadd3(scratch, fo + 72, 8, vld(constants, at.inertia + 16, 0) * d3)
+        m0 = at.masses + 8 * at.nn * a
+        for i in range(at.inertia, at.masses, 8):
+            o = first + (i - at.inertia) // 8 * d
+            if i == at.inertia:
+                o = 0
+            p = zero_lanes(size)
+            for b in range(at.nn):
+                p += vld(constants, m0 + 8 * b, 0) * vector_lanes(scratch, at.rates + node * b + o, size)
+            add_lanes(scratch, at.forces + node * a + o, vld(constants, i, 0) * p)
+            m0 = at.director_masses + 8 * at.nn * a
 
 
 @add_spin_rates.register(object)
@@ -275,8 +266,8 @@ def pair_stiffness(size, strains, constants, scratch, at, rate):
 
 
 # --- groups of elements -------------------------------------------------------------------------------------------------
-@inlined
-def evaluate_at(method, strains, constants, reference, scratch, at, case, rate, size):
+@kernel
+def evaluate(method, strains, constants, reference, scratch, at, case, rate, size):
     """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; rate: factor of the
     mass matrix in the tangent, as in motions.py."""
     for i in range(at.forces, at.rows, 8):
@@ -293,43 +284,6 @@ def evaluate_at(method, strains, constants, reference, scratch, at, case, rate, 
         project_node(scratch, at, a, size)
 
 
-@kernel
-def evaluate(method, strains, constants, reference, scratch, at, case, rate, size):
-    """`evaluate_at` for any number of nodes."""
-    evaluate_at(method, strains, constants, reference, scratch, at, case, rate, size)
-
-
-@kernel
-def evaluate_of(method, strains, constants, reference, scratch, nodes, case, rate, size):
-    """The same for as many nodes as the tuple `nodes` has numbers, and a point less: loops and offsets are known when it is
-    compiled."""
-    evaluate_at(method, strains, constants, reference, scratch, layout(size, len(nodes), len(nodes) - 1), case, rate, size)
-
-
-@generic
-def evaluate_part(size, method, strains, constants, reference, scratch, at, case, rate):
-    """`evaluate_at`, compiled for the numbers of nodes that count."""
-
-
-@evaluate_part.register(Space)
-@inlined
-def evaluate_in_space(size, method, strains, constants, reference, scratch, at, case, rate):
-    evaluate(method, strains, constants, reference, scratch, at, case, rate, size)
-
-
-@evaluate_part.register(Plane)
-@inlined
-def evaluate_in_plane(size, method, strains, constants, reference, scratch, at, case, rate):
-    if at.nn == 2:
-        evaluate_of(method, strains, constants, reference, scratch, TWO, case, rate, size)
-    elif at.nn == 3:
-        evaluate_of(method, strains, constants, reference, scratch, THREE, case, rate, size)
-    elif at.nn == 4:
-        evaluate_of(method, strains, constants, reference, scratch, FOUR, case, rate, size)
-    else:
-        evaluate(method, strains, constants, reference, scratch, at, case, rate, size)
-
-
 @inlined
 def evaluate_group(tables, k, at, strains, motion, scratch, size):
     """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
@@ -343,8 +297,8 @@ def evaluate_group(tables, k, at, strains, motion, scratch, size):
             gather_line.call(size, motion, tables, no + 8 * a, scratch, at.node * a + node, at.line + at.node * a)
     gather_spin_rates.call(motion, tables, no, at.nn, scratch, at.spin_rates)
     for lane in range(0, 8, WIDTH):
-        evaluate_part.call(size, motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
-                           address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.rate)
+        evaluate(motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
+                 address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.rate, size)
 
 
 @inlined

@@ -65,17 +65,6 @@ class _Memory:
     def put_number(self, x, *terms):
         self.b.store(x, self._pointer(_DOUBLE, terms), align=8)
 
-    def integer(self, k):
-        """Number k behind the offset, of an array of integers."""
-        return self.b.sext(self.b.load(self._integer(k)), _I64)
-
-    def put_integer(self, x, k):
-        place = self._integer(k)
-        self.b.store(self.b.trunc(x, place.type.pointee), place)
-
-    def _integer(self, k):
-        return self.b.gep(self.data, [self.b.add(self.offset, ir.Constant(_I64, k))])
-
 
 def _lu(b, a, n, one):
     """LU in place of a list of lists of values, reciprocal pivots on the diagonal; returns the pivots."""
@@ -262,12 +251,11 @@ def _make_solve(columns):
     return solve
 
 
-def make_subtract(columns, height=lambda n: n, width=lambda n: n):
-    """Y -= A X for a block A, `row` and `column` the distances between its entries; X, Y have rows of so many columns, 8 or 1.
-    height, width: rows and columns of A for nodes of n unknowns."""
+def _make_subtract(columns):
+    """Of n rows of so many columns, 8 or 1."""
     @intrinsic
     def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
-        n, m = height(size.count), width(size.count)
+        n = size.count
 
         def codegen(ctx, b, sig, args):
             matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -275,18 +263,18 @@ def make_subtract(columns, height=lambda n: n, width=lambda n: n):
             source = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
             target = _Memory(ctx, b, sig.args[7], args[7], args[8], sig.args[8])
             x_step, y_step = _int(ctx, b, args[6], sig.args[6]), _int(ctx, b, args[9], sig.args[9])
-            w = [_columns(b, source, columns)[0]((k, x_step)) for k in range(m)]
+            w = [_columns(b, source, columns)[0]((k, x_step)) for k in range(n)]
             get, put, repeat = _columns(b, target, columns)
-            half = (m + 1) // 2
+            half = (n + 1) // 2
             out = []
             for i in range(n):
                 # two sums of half the length: the latency of a chain of products counts
-                f = [repeat(matrix.number((i, rows), (k, distance))) for k in range(m)]
+                f = [repeat(matrix.number((i, rows), (k, distance))) for k in range(n)]
                 z = get((i, y_step))
                 for k in range(half):
                     z = _sub(b, z, _mul(b, f[k], w[k]))
                 t = _mul(b, f[half], w[half])
-                for k in range(half + 1, m):
+                for k in range(half + 1, n):
                     t = _add(b, t, _mul(b, f[k], w[k]))
                 out.append(_sub(b, z, t))
             for i in range(n):
@@ -351,8 +339,7 @@ def solve_rows_with_last(tc, lu, offset, x, x_offset, size):
 # X <- A^-1 X for one factored block and n rows of 8 numbers, or of one, x_row doubles apart
 solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 # Y -= A X for one block and n rows of 8 numbers, or of one, of X and Y
-subtract_rows, subtract_column = make_subtract(LANES), make_subtract(1)
+subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
-__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "make_subtract", "solve_column",
-           "solve_lanes", "solve_rows", "solve_rows_beside", "solve_rows_with_last", "subtract_column", "subtract_lanes",
-           "subtract_rows"]
+__all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes",
+           "solve_rows", "solve_rows_beside", "solve_rows_with_last", "subtract_column", "subtract_lanes", "subtract_rows"]

@@ -20,10 +20,12 @@ from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_beside, subtract_column, subtract_rows
 from .rows import flush_column, flush_rows
 
-# row k of these masks: 1 in the columns right of k, 0 in the others and in those that pad a row; for n = 3, then for n = 6
-RIGHT_OF = np.concatenate([(np.triu(np.ones((8, 8)), 1) * (np.arange(8) < n)).reshape(-1) for n in (3, 6)])
+# row k of this mask: 1 in the columns right of k, 0 in the others and in the two that pad a row
+RIGHT_OF = (np.triu(np.ones((8, 8)), 1) * (np.arange(8) < 6)).reshape(-1)
 # pivots without exchange are good between these shares of their diagonal entries
 LOW, HIGH = 1e-6, 1e3
+# pivots of a row without exchanges
+NONE = np.array([-1])
 
 
 class Elimination(NamedTuple):
@@ -50,16 +52,17 @@ def exchange_rows(pivots, p, x, o, stride, size):
 
 
 @kernel
-def exchange_and_factor(blocks, d, pivots, p, pad, size):
+def exchange_and_factor(blocks, d, pivots, p, size):
     """LU of a diagonal block with row exchanges, reciprocal pivots on the diagonal. Returns the smallest ratio of a pivot to the
     largest entry that its row had: zero where the block is singular or NaN. The ratio does not see that forces and moments have
-    different units. What stands in the columns behind the block is exchanged too; column `pad` is overwritten."""
+    different units."""
     n = len(size)
-    right_of = 0 if n == 3 else 64
     smallest = np.inf
     for i in range(n):
-        # this padding column holds the largest entry of a row, so that it is exchanged with the row
-        blocks[d + 8 * i + pad] = largest_of_row(blocks, d + 8 * i, size)
+        # the last padding column holds the largest entry of a row, so that it is exchanged with the row
+        for j in range(n, 8):
+            blocks[d + 8 * i + j] = 0.0
+        blocks[d + 8 * i + 7] = largest_of_row(blocks, d + 8 * i)
     for k in range(n):
         m = k
         v = abs(blocks[d + 9 * k])
@@ -76,10 +79,10 @@ def exchange_and_factor(blocks, d, pivots, p, pad, size):
             t8 = vld(blocks, d + 8 * k, 0)
             vst(blocks, d + 8 * k, 0, vld(blocks, d + 8 * m, 0))
             vst(blocks, d + 8 * m, 0, t8)
-        smallest = min(smallest, v / blocks[d + 8 * k + pad])
+        smallest = min(smallest, v / blocks[d + 8 * k + 7])
         inverse = 1.0 / blocks[d + 9 * k]
         # only the columns right of k take part: the factors of earlier columns stand to the left
-        row = vld(blocks, d + 8 * k, 0) * vld(RIGHT_OF, right_of + 8 * k, 0)
+        row = vld(blocks, d + 8 * k, 0) * vld(RIGHT_OF, 8 * k, 0)
         for i in range(k + 1, n):
             f = blocks[d + 8 * i + k] * inverse
             vst(blocks, d + 8 * i, 0, vld(blocks, d + 8 * i, 0) - f * row)
@@ -107,12 +110,19 @@ def subtract_product(blocks, k, panel, row, target, width, size):
 
 
 @kernel
-def take_beside(blocks, d, panel, o, size):
+def take_beside(blocks, d, panel, o, pivots, p, size):
     """Add to a single right-hand side its part in the column that pads the diagonal block, where products with earlier rows have
-    been subtracted."""
+    been subtracted, and exchange its rows as those of the block."""
     n = len(size)
     for c in range(n):
         panel[o + c] += blocks[d + 8 * c + n]
+        blocks[d + 8 * c + n] = 0.0
+    if pivots[p] >= 0:
+        for k in range(n):
+            m = pivots[p + k]
+            t = panel[o + k]
+            panel[o + k] = panel[o + m]
+            panel[o + m] = t
 
 
 # --- right-hand sides ---------------------------------------------------------------------------------------------------
@@ -135,8 +145,8 @@ class RightSides(NamedTuple):
 
 
 @generic
-def exchange_row(sides, r, pivots, size):
-    """After the diagonal block of row r was factored with row exchanges."""
+def take_row(sides, blocks, d, r, pivots, size):
+    """Before and after the diagonal block of row r is factored with row exchanges."""
 
 
 @generic
@@ -159,23 +169,16 @@ def substitute_row(sides, plan, blocks, i, size):
     """Right-hand sides of row i, which has upper blocks, from those behind it."""
 
 
-@exchange_row.register(object)
+@take_row.register(object)
 @inlined
-def exchange_nothing(sides, r, pivots, size):
+def take_nothing(sides, blocks, d, r, pivots, size):
     pass
 
 
-@exchange_row.register(OneSide)
-@kernel
-def exchange_one(sides, r, pivots, size):
-    """What stands beside the block was exchanged with it."""
-    n = len(size)
-    panel = sides.panel
-    for k in range(n):
-        m = pivots[n * r + k]
-        t = panel[n * r + k]
-        panel[n * r + k] = panel[n * r + m]
-        panel[n * r + m] = t
+@take_row.register(OneSide)
+@inlined
+def take_one(sides, blocks, d, r, pivots, size):
+    take_beside(blocks, d, sides.panel, len(size) * r, pivots, len(size) * r, size)
 
 
 @solve_upper.register(object)
@@ -203,7 +206,7 @@ def solve_nothing(sides, blocks, d, r, has_upper, pivots, size):
 @inlined
 def solve_one(sides, blocks, d, r, has_upper, pivots, size):
     if not has_upper:
-        take_beside(blocks, d, sides.panel, len(size) * r, size)
+        take_beside(blocks, d, sides.panel, len(size) * r, NONE, 0, size)
         solve_column(blocks, d, 8, 1, sides.panel, len(size) * r, 1, size)
         flush_column(sides.panel, len(size) * r, 1, size)
 
@@ -282,11 +285,12 @@ def factor(plan, blocks, pivots, sides, size):
             d = block * plan.diagonal[r]
             pivots[n * r] = -1
             if not factored and not lu_rows(blocks, d, LOW, HIGH, size):
-                ratio = exchange_and_factor(blocks, d, pivots, n * r, 7, size)
+                take_row.call(sides, blocks, d, r, pivots, size)
+                ratio = exchange_and_factor(blocks, d, pivots, n * r, size)
                 if not ratio > 0.0:
                     return 0.0
                 worst = min(worst, ratio)
-                exchange_row.call(sides, r, pivots, size)
+                take_row.call(sides, blocks, d, r, pivots, size)
         for r in range(i, end):
             d = block * plan.diagonal[r]
             first = plan.start[r]

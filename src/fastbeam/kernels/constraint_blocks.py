@@ -10,18 +10,49 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from .algebra import LANES, _add, _div, _DOUBLE, _I32, _I64, _mul, _splat, _sub, _VECTOR, f8
-from .blocks import _absolute, _Memory, _triangular, make_subtract
+from .algebra import LANES, _add, _div, _DOUBLE, _I32, _I64, _int, _mul, _splat, _sub, _VECTOR, f8
+from .blocks import _absolute, _columns, _Memory, _triangular
 
 _NODE, _SLIDER = (lambda n: n), (lambda n: 7 if n == 6 else 5)
 _FLAGS_OF_ROW = ir.VectorType(ir.IntType(1), LANES)
 
 
+def _make_subtract(height, width, columns):
+    """Y -= A X for a block A of a slider, or between one and a node, `row` and `column` the distances between its entries; X, Y
+    have rows of so many columns, 8 or 1."""
+    @intrinsic
+    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
+        n, m = height(size.count), width(size.count)
+
+        def codegen(ctx, b, sig, args):
+            matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
+            rows, distance = _int(ctx, b, args[2], sig.args[2]), _int(ctx, b, args[3], sig.args[3])
+            source = _Memory(ctx, b, sig.args[4], args[4], args[5], sig.args[5])
+            target = _Memory(ctx, b, sig.args[7], args[7], args[8], sig.args[8])
+            x_step, y_step = _int(ctx, b, args[6], sig.args[6]), _int(ctx, b, args[9], sig.args[9])
+            w = [_columns(b, source, columns)[0]((k, x_step)) for k in range(m)]
+            get, put, repeat = _columns(b, target, columns)
+            half = (m + 1) // 2
+            for i in range(n):
+                # two sums of half the length: the latency of a chain of products counts
+                f = [repeat(matrix.number((i, rows), (k, distance))) for k in range(m)]
+                z = get((i, y_step))
+                for k in range(half):
+                    z = _sub(b, z, _mul(b, f[k], w[k]))
+                t = _mul(b, f[half], w[half])
+                for k in range(half + 1, m):
+                    t = _add(b, t, _mul(b, f[k], w[k]))
+                put(_sub(b, z, t), (i, y_step))
+            return ctx.get_dummy_value()
+        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
+    return subtract
+
+
 # by what has the rows of Y, then those of X
 subtract_on_slider, subtract_slider_on_node, subtract_slider_on_slider = (
-    make_subtract(LANES, height, width) for height, width in ((_SLIDER, _NODE), (_NODE, _SLIDER), (_SLIDER, _SLIDER)))
+    _make_subtract(height, width, LANES) for height, width in ((_SLIDER, _NODE), (_NODE, _SLIDER), (_SLIDER, _SLIDER)))
 column_on_slider, column_slider_on_node, column_slider_on_slider = (
-    make_subtract(1, height, width) for height, width in ((_SLIDER, _NODE), (_NODE, _SLIDER), (_SLIDER, _SLIDER)))
+    _make_subtract(height, width, 1) for height, width in ((_SLIDER, _NODE), (_NODE, _SLIDER), (_SLIDER, _SLIDER)))
 
 
 def _some(lanes):
@@ -81,7 +112,8 @@ def factor_slider(tc, a, offset, pivots, p, c, soft, first, force, f, size):
         for i in range(m):
             block.put_vector(rows[i], (8 * i, 1))
             place = b.extract_element(places[i], ir.Constant(_I32, 0))
-            exchanges.put_integer(place, i)
+            to = b.gep(exchanges.data, [b.add(exchanges.offset, ir.Constant(_I64, i))])
+            b.store(b.trunc(place, to.type.pointee), to)
         return b.select(good, least, ir.Constant(_DOUBLE, 0.0))
     return types.float64(a, offset, pivots, p, c, soft, first, force, f, size), codegen
 
@@ -100,7 +132,9 @@ def _make_solve(right):
             block.put_vector(_mul(b, block.vector((8 * d, 1)), _splat(b, compliance)), (8 * d, 1))
             w = []
             for i in range(m):
-                row = block.vector((8, exchanges.integer(i)))
+                at = b.load(b.gep(exchanges.data, [b.add(exchanges.offset, ir.Constant(_I64, i))]))
+                at = b.sext(at, _I64)
+                row = block.vector((8, at))
                 if right:
                     row = b.insert_element(row, factors.number((8 * i + LANES - 1, 1)), ir.Constant(_I32, LANES - 1))
                 w.append(row)

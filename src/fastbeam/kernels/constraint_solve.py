@@ -35,6 +35,7 @@ class Factors(NamedTuple):
     x: np.ndarray           # float64 [8 N]: solution by positions
     pivots: np.ndarray      # int32 [8 N]: exchanges by positions, -1 first where there are none
     own: np.ndarray         # float64 [7 S]: what the pivots of nodes took from the diagonal of the forces
+    hold: np.ndarray        # float64 [8]
     failed: np.ndarray      # int64 [2]: 1 where there was not enough room; a constraint without a pivot, or -1
 
 
@@ -116,6 +117,25 @@ def update_rows(couplings, order, factors, i, is_node, size):
             factors.own[7 * constraint + a] -= store[d + 9 * a]
         if x > first:
             subtract_numbers(store, order.lower[x], store, order.upper[first] + RIGHT, 8, store, d + RIGHT, 8, rows, inner, size)
+
+
+@kernel
+def factor_with_exchange(order, factors, i, size):
+    """Factor the diagonal block of a node with exchange of rows, of the right-hand side too. Returns the worst pivot ratio."""
+    n = len(size)
+    d = order.diagonal[i]
+    for c in range(n):
+        factors.hold[c] = factors.store[d + 8 * c + RIGHT]
+    ratio = exchange_and_factor(factors.store, d, factors.pivots, 8 * i, size)
+    if ratio > 0.0:
+        for c in range(n):
+            m = factors.pivots[8 * i + c]
+            t = factors.hold[c]
+            factors.hold[c] = factors.hold[m]
+            factors.hold[m] = t
+        for c in range(n):
+            factors.store[d + 8 * c + RIGHT] = factors.hold[c]
+    return ratio
 
 
 @inlined
@@ -314,7 +334,7 @@ def eliminate(couplings, order, factors, contact, force, size):
             factors.pivots[8 * r] = -1
             if not factored and not lu_rows(factors.store, order.diagonal[r], LOW, HIGH, size):
                 # NaN fails the comparison too
-                if not exchange_and_factor(factors.store, order.diagonal[r], factors.pivots, 8 * r, len(size), size) > LEAST_NODE:
+                if not factor_with_exchange(order, factors, r, size) > LEAST_NODE:
                     return False
         for r in range(i, end):
             solve_behind_node(order, factors, r, size)

@@ -48,7 +48,10 @@ def carry_entries(inner, contact, rows, q_mid, q_end, size):
     """Entries of constraints on nodes that are eliminated inside elements."""
 
 
-carry_entries.nothing_for(NoInner)
+@carry_entries.register(NoInner)
+@kernel
+def carry_nothing(inner, contact, rows, q_mid, q_end, size):
+    pass
 
 
 @carry_entries.register(Inner)
@@ -62,7 +65,10 @@ def clear_columns(held, rows):
     """Columns of constraints on held unknowns."""
 
 
-clear_columns.nothing_for(NoHeld)
+@clear_columns.register(NoHeld)
+@kernel
+def clear_no_columns(held, rows):
+    pass
 
 
 @clear_columns.register(Held)
@@ -102,7 +108,10 @@ def begin_inner(inner, contact, rows, work, size):
     """Rows of nodes that were eliminated inside elements, from their stored solutions and the unknowns of constraints."""
 
 
-begin_inner.nothing_for(NoInner)
+@begin_inner.register(NoInner)
+@kernel
+def begin_no_inner(inner, contact, rows, work, size):
+    pass
 
 
 @begin_inner.register(Inner)
@@ -122,7 +131,10 @@ def recover_elements(inner, tables, system):
     """The same for all elements with one strain set."""
 
 
-recover_elements.nothing_for(NoInner)
+@recover_elements.register(NoInner)
+@kernel
+def recover_no_elements(inner, tables, system):
+    pass
 
 
 @recover_elements.register(Inner)

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jit import inlined
+from .._jit import kernel
 from .algebra import dot
-from .joint_entries import put_joint, register_joints
+from .alpha import Alpha
+from .joint_entries import begin_joint, joints_are_closed, put_point, take_forces
 from .spring import add_pair, difference
+from .terms import Conserving, Midpoint, assemble, is_settled, take_unknowns
 
 
 class DistanceJoints(NamedTuple):
@@ -26,20 +28,40 @@ class DistanceJoints(NamedTuple):
     ties: Any              # ties.Ties, planar_nodes.PlanarTies or NoTies
 
 
-@put_joint.register(DistanceJoints)
-@inlined
-def put_distance_joint(joints, j, system):
+@kernel
+def add_distance_joints(joints, system, share):
+    """Tensions, gaps and entries; share: of the tangent that the node matrix holds."""
     work, contact, size = system.work, system.contact, system.size
-    k = joints.first[0] + j
-    over = 1.0 / joints.length[j]
-    end = difference(joints, j, work.q_end, size)
-    mean = difference(joints, j, work.q_mid, size)
-    push = system.state.force[contact.first_force[k]]
-    add_pair(joints, j, (-push * over) * mean, -0.5 * push * over, 0.0 * mean, mean, work, size)
-    length = dot(end, end)**0.5
-    # (l^2 - L^2)/(2 L) without the loss of digits
-    contact.residual[k, 0] = 0.5 * over * (length - joints.length[j]) * (length + joints.length[j])
-    return 1, -over * mean, over * end
+    for j in range(joints.length.shape[0]):
+        k = joints.first[0] + j
+        over = 1.0 / joints.length[j]
+        end = difference(joints, j, work.q_end, size)
+        mean = difference(joints, j, work.q_mid, size)
+        push = system.state.force[contact.first_force[k]]
+        begin_joint(contact, k, 1)
+        add_pair(joints, j, (-push * over) * mean, -0.5 * push * over, 0.0 * mean, mean, work, size)
+        length = dot(end, end)**0.5
+        # (l^2 - L^2)/(2 L) without the loss of digits
+        contact.residual[k, 0] = 0.5 * over * (length - joints.length[j]) * (length + joints.length[j])
+        column = (-share * over) * mean
+        line = over * end
+        put_point.call(joints.ties, column, line, contact, k, joints.node[j, 1], joints.row[j, 1], work.q_mid, work.q_end, size)
+        put_point.call(joints.ties, -1.0 * column, -1.0 * line, contact, k, joints.node[j, 0], joints.row[j, 0], work.q_mid,
+                       work.q_end, size)
 
 
-register_joints(DistanceJoints)
+@assemble.register(DistanceJoints, Conserving)
+@assemble.register(DistanceJoints, Midpoint)
+@kernel
+def assemble_distance_joints(joints, method, system, h):
+    add_distance_joints(joints, system, 1.0)
+
+
+@assemble.register(DistanceJoints, Alpha)
+@kernel
+def assemble_distance_joints_at_end(joints, method, system, h):
+    add_distance_joints(joints, system, 0.5)
+
+
+take_unknowns.register(DistanceJoints)(take_forces)
+is_settled.register(DistanceJoints)(joints_are_closed)

@@ -11,11 +11,10 @@ from __future__ import annotations
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, f8
-from .alpha import Alpha
 from .kinds import cross_product, dim, put, put_cross_matrix
 from .planar_nodes import PlanarTies
-from .slider import is_gap_closed, new_entry, tied_arm
-from .terms import Conserving, Midpoint, NoTies, assemble, is_settled, take_unknowns
+from .slider import new_entry, tied_arm
+from .terms import NoTies
 from .ties import Ties
 
 
@@ -89,39 +88,15 @@ def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, size
                                  tied_arm.call(ties, t, q_end), size)
 
 
-@generic
-def put_joint(joints, j, system):
-    """Forces of joint j into the residual, its gaps into that of its constraint. Returns its number of forces, the derivative of
-    the residual of node b by them, and that of the gaps by the position of b; those of node a are the opposite."""
-
-
 @kernel
-def add_joints(joints, system, share):
-    """Forces, gaps and entries of joints of one kind; share: of the tangent that the node matrix holds."""
-    work, contact, size = system.work, system.contact, system.size
-    for j in range(joints.node.shape[0]):
-        k = joints.first[0] + j
-        forces, column, line = put_joint.call(joints, j, system)
-        column = share * column
-        contact.entries[k] = 0
-        for i in range(64):
-            contact.corner[k, i] = 0.0
-        for i in range(forces, 8):
-            contact.corner[k, 9 * i] = 1.0
-            contact.residual[k, i] = 0.0
-        put_point.call(joints.ties, column, line, contact, k, joints.node[j, 1], joints.row[j, 1], work.q_mid, work.q_end, size)
-        put_point.call(joints.ties, -1.0 * column, -1.0 * line, contact, k, joints.node[j, 0], joints.row[j, 0], work.q_mid,
-                       work.q_end, size)
-
-
-@kernel
-def assemble_joints(joints, method, system, h):
-    add_joints(joints, system, 1.0)
-
-
-@kernel
-def assemble_joints_at_end(joints, method, system, h):
-    add_joints(joints, system, 0.5)
+def begin_joint(contact, k, forces):
+    """Clear the entries of constraint k, a joint: its unknowns are so many forces, as many equations are gaps."""
+    contact.entries[k] = 0
+    for i in range(64):
+        contact.corner[k, i] = 0.0
+    for i in range(forces, 8):
+        contact.corner[k, 9 * i] = 1.0
+        contact.residual[k, i] = 0.0
 
 
 @kernel
@@ -136,16 +111,11 @@ def take_forces(joints, system):
 @kernel
 def joints_are_closed(joints, system):
     """Whether the augmented Lagrangian leaves gaps of round-off size only."""
+    contact, q, size = system.contact, system.state.q, system.size
     for j in range(joints.node.shape[0]):
-        if not is_gap_closed(system, joints.first[0] + j, joints.node[j, 0]):
+        reach = system.length
+        for c in range(dim(size)):
+            reach = max(reach, system.length + abs(q[(12 if dim(size) == 3 else 4) * joints.node[j, 0] + c]))
+        if not contact.remaining[joints.first[0] + j] <= 1e-15 * reach:
             return False
     return True
-
-
-def register_joints(kind):
-    """What joints of any kind do in a step."""
-    assemble.register(kind, Conserving)(assemble_joints)
-    assemble.register(kind, Midpoint)(assemble_joints)
-    assemble.register(kind, Alpha)(assemble_joints_at_end)
-    take_unknowns.register(kind)(take_forces)
-    is_settled.register(kind)(joints_are_closed)

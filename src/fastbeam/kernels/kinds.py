@@ -207,6 +207,13 @@ def _zero_lanes():
 
 
 @intrinsic
+def zero_lanes(tc, size):
+    """The vector 0 in lanes."""
+    d = _dim(size)
+    return {2: V2, 3: V3}[d][part](size), lambda ctx, b, sig, args: _pack(b, part, [_zero_lanes()] * d)
+
+
+@intrinsic
 def zero_moment(tc, size):
     """The moment 0 in lanes."""
     return (V3[part] if _dim(size) == 3 else part)(size), lambda ctx, b, sig, args: (
@@ -220,18 +227,23 @@ def zero_dyad(tc, size):
         _pack(b, part, [_zero_lanes()] * 9) if _dim(size) == 3 else _zero_lanes())
 
 
-@intrinsic
-def put_lanes(tc, array, offset, x):
-    """Store a vector or a number in lanes."""
-    n = getattr(x, "n", 1)
+def _make_put_lanes(accumulate):
+    def put(tc, array, offset, x):
+        n = getattr(x, "n", 1)
 
-    def codegen(ctx, b, sig, args):
-        o = _int(ctx, b, args[1], sig.args[1])
-        for i, y in enumerate([args[2]] if n == 1 else _parts(b, args[2], n)):
-            p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), part)
-            b.store(y, p, align=8)
-        return ctx.get_dummy_value()
-    return types.void(array, offset, x), codegen
+        def codegen(ctx, b, sig, args):
+            o = _int(ctx, b, args[1], sig.args[1])
+            for i, y in enumerate([args[2]] if n == 1 else _parts(b, args[2], n)):
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), part)
+                b.store(_add(b, b.load(p, align=8), y) if accumulate else y, p, align=8)
+            return ctx.get_dummy_value()
+        return types.void(array, offset, x), codegen
+    put.__name__ = "add_lanes" if accumulate else "put_lanes"
+    put.__doc__ = ("Add" if accumulate else "Store") + " a vector or a number in lanes."
+    return intrinsic(put)
+
+
+put_lanes, add_lanes = _make_put_lanes(False), _make_put_lanes(True)
 
 
 @intrinsic

@@ -83,7 +83,7 @@ class Layout(NamedTuple):
     size: int                # doubles in all
 
 
-# sums of a pair in space: two of shears, three of twist and curvatures, one of lengths
+# sums of a pair in space: two of shears, three of twist and curvatures, one of lengths; in a plane shear, curvature, lengths
 SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 64
 
 
@@ -110,8 +110,11 @@ def layout(size, nn, nq):
     spin_rates = points + nq * point_room
     line = spin_rates + (144 * nn if n == 6 else 0)
     end = line + 2 * node * nn
+    pairs = blocks if n == 6 else end
+    pair_size = 288 if n == 6 else 24
+    size = end if n == 6 else end + pair_size * nn * nn
     return Layout(nn, nq, point, point_size, inertia, masses, masses + 8 * nn * nn, masses + 16 * nn * nn, 2 * node, rates,
-                  forces, rows, blocks, points, point_room, spin_rates, line, rates, twists, blocks, 288, end)
+                  forces, rows, blocks, points, point_room, spin_rates, line, rates, twists, pairs, pair_size, size)
 
 
 def layout_of(size: tuple[int, ...], nn: int, nq: int) -> Layout:

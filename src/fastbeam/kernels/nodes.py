@@ -307,8 +307,11 @@ def accept_one(v, q, k, move, h):
     """`advance` for one vector of a node."""
 
 
-load_rates.nothing_for(NoRates)
-store_rates.nothing_for(NoRates)
+@load_rates.register(NoRates)
+@store_rates.register(NoRates)
+@kernel
+def pass_no_rates(v, i, scratch):
+    pass
 
 
 @load_rates.register(object)

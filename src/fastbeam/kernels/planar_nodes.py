@@ -98,7 +98,10 @@ def follow_rate(v, k, move, h):
     """Rate of a vector after its increment."""
 
 
-follow_rate.nothing_for(NoRates)
+@follow_rate.register(NoRates)
+@kernel
+def follow_no_rate(v, k, move, h):
+    pass
 
 
 @follow_rate.register(object)

@@ -419,21 +419,17 @@ def move_sliders(term, system):
             contact.augmented[3] = abs(z)
 
 
-@kernel
-def is_gap_closed(system, k, node):
-    """Whether the augmented Lagrangian of the last iteration leaves constraint k, which holds a node, a gap of round-off size
-    only."""
-    reach = 0.0
-    for c in range(dim(system.size)):
-        reach = max(reach, abs(system.state.q[coordinates(system.size) * node + c]))
-    return system.contact.remaining[k] <= 1e-15 * (system.length + reach)
-
-
 @is_settled.register(Sliding)
 @kernel
 def gaps_are_closed(term, system):
+    """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
+    contact, q, size = system.contact, system.state.q, system.size
     for k in range(term.sliders.point.shape[0]):
-        if not is_gap_closed(system, k, term.sliders.point[k]):
+        p = coordinates(size) * term.sliders.point[k]
+        reach = 0.0
+        for c in range(dim(size)):
+            reach = max(reach, abs(q[p + c]))
+        if not contact.remaining[k] <= 1e-15 * (system.length + reach):
             return False
     return is_settled_along.call(term.along, term, system)
 

@@ -44,7 +44,10 @@ def begin_in_time(method, terms, system, h):
     first_guess.each(terms, system, h, c)
 
 
-begin_contact.nothing_for(NoContact)
+@begin_contact.register(NoContact)
+@kernel
+def begin_without_contact(contact):
+    pass
 
 
 @begin_contact.register(Contact)
@@ -60,8 +63,19 @@ def begin_at_rest(method, terms, system, h):
     system.work.line.use[0] = 0.0
 
 
-for _function in (save, restore, weigh_residual, clear_increments, take_increments):
-    _function.nothing_for(object)
+@save.register(object)
+@restore.register(object)
+@kernel
+def keep_nothing(method):
+    pass
+
+
+@weigh_residual.register(object)
+@clear_increments.register(object)
+@take_increments.register(object)
+@kernel
+def do_nothing(method, system):
+    pass
 
 
 @node_share.register(object)
@@ -130,7 +144,10 @@ def fill_bordered(contact, terms, system):
     carry_columns.each(terms, system)
 
 
-begin_solver.nothing_for(object)
+@begin_solver.register(object)
+@kernel
+def begin_with_nothing(solver):
+    pass
 
 
 @begin_solver.register(PardisoTables)
