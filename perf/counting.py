@@ -165,7 +165,7 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
         "subtract_rows": of_size(lambda n: PADDED * product(n)), "solve_column": of_size(triangular),
         "subtract_column": of_size(product),
         # the sum that the right-hand side begins with is that of an earlier product
-        "solve_rows_beside": of_size(lambda n: n + PADDED * triangular(n))}
+        "solve_rows_with_column": of_size(lambda n: n + PADDED * triangular(n))}
 
 
 def _unknown(name: str) -> Callable[..., Any]:
@@ -218,13 +218,13 @@ def count(kernel: Dispatcher, *arguments: Any, without: Sequence[str] = ()) -> i
 def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     """Of an element of the first group of a model in space, with its inner nodes where they are eliminated and `assembled`."""
     work, tables = work_of(model), model.simo
-    line = work.line._replace(use=np.array([float(mixed), 0.0, 0.0]))
+    line = work.increment._replace(control=np.array([float(mixed), 0.0, 0.0]))
     motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, line, 1.0, 1.0)
     if not assembled:
-        at = layout_of(model.size, *tables.meta[0, :2])
-        return count(beam.evaluate_group, tables, 0, at, SIMO_REISSNER, motion, work.scratch, model.size)
+        at = layout_of(model.dofs, *tables.meta[0, :2])
+        return count(beam.evaluate_group, tables, 0, at, SIMO_REISSNER, motion, work.scratch, model.dofs)
     inner = NoInner() if model.inner is None else inner_of(model)
-    return count(beam.element_groups, tables, 0, 1, inner, SIMO_REISSNER, motion, work.r, work.blocks, work.scratch, model.size)
+    return count(beam.element_groups, tables, 0, 1, inner, SIMO_REISSNER, motion, work.r, work.blocks, work.scratch, model.dofs)
 
 
 def element_kernel(model: Model, mixed: float) -> float:
@@ -247,7 +247,7 @@ def inner_elimination(model: Model) -> int:
         return 0
     inner = inner_of(model)
     assert inner is not None
-    return count(eliminate_inner, Short(work.r), inner.store, 0, tables, 0, nn, work.scratch, 0, 0, 0, model.size)
+    return count(eliminate_inner, Short(work.r), inner.store, 0, tables, 0, nn, work.scratch, 0, 0, 0, model.dofs)
 
 
 def inner_elimination_formula(nn: int, n: int = 6) -> int:
@@ -294,8 +294,9 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     model, work, subs = stepper.core, work_of(stepper.core), condensed_of(stepper.core)
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, SIMO_REISSNER, g, g + 1, model.size, Conserving(),
-                             stepper.core_state, work._replace(line=work.line._replace(use=np.array([use, 0.0, 0.0]))), 1.0,
+        plain, more = (count(substructures.condense, subs, model.simo, SIMO_REISSNER, g, g + 1, model.dofs, Conserving(),
+                             stepper.core_state, work._replace(increment=work.increment._replace(control=np.array([use, 0.0,
+                                                                                                                   0.0]))), 1.0,
                              work.scratch)
                        for use in (0.0, 1.0))
         out += beams * (plain + mixed * (more - plain))
@@ -306,5 +307,5 @@ def recovery_of_beams(stepper: Stepper) -> float:
     """The last part of `condensed_beams`."""
     model, work, subs = stepper.core, work_of(stepper.core), condensed_of(stepper.core)
     return sum(beams * count(substructures.recover, subs, model.simo, g, g + 1, -1.0, model.pattern.row_of, work, work.scratch,
-                             model.size, without=("move_nodes",))
+                             model.dofs, without=("move_nodes",))
                for g, beams in _kinds_of_beams(stepper))

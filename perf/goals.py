@@ -273,7 +273,7 @@ def kernel_rate(m: Measurements) -> list[Verdict]:
     share = 1e-9 * m.kernels[3][2] / m.kernels[3][0] / m.ceilings.peak()
     stepper, _ = m.net(4, 20, 3, 1)
     stepper.parts.start(STEP)
-    operations = counting.condensed_beams(stepper, float(stepper.work.line.use[0])) - counting.recovery_of_beams(stepper)
+    operations = counting.condensed_beams(stepper, float(stepper.work.increment.control[0])) - counting.recovery_of_beams(stepper)
     spent = shortest(lambda: stepper.parts.assemble(STEP), m.seconds)
     return [Verdict("evaluation of an element, share of the peak of multiply-adds, degree 3", 0.60, share, at_most=False,
                     note="operations of the source, in cache, before anything is added up"),

@@ -63,7 +63,7 @@ def solver(model: fb.model.Model, threads: int) -> Callable[[], float]:
     stepper = Stepper(model, np.ones(1), threads=threads)
     if stepper.linear.tables is None:
         raise SystemExit("MKL was not found: pip install pypardiso")
-    t, n = stepper.linear.tables, len(model.size)
+    t, n = stepper.linear.tables, len(model.dofs)
     stepper.parts.start(STEP)
     stepper.parts.assemble(STEP)
     blocks = stepper.work.blocks[:8 * n * model.pattern.keys.size].reshape(-1, n, 8)
@@ -75,7 +75,7 @@ def solver(model: fb.model.Model, threads: int) -> Callable[[], float]:
             begin = time.perf_counter()
             code = call_pardiso(t, FACTOR, t.b, t.x) or call_pardiso(t, SOLVE, t.b, t.x)
             seconds = time.perf_counter() - begin
-        if code or not block_residual(t, t.x, t.b, t.r, model.size) < 1e-8:
+        if code or not block_residual(t, t.x, t.b, t.r, model.dofs) < 1e-8:
             raise SystemExit(f"PARDISO: error {code}, or a large residual")
         return seconds
 

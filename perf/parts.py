@@ -89,9 +89,9 @@ class ChainParts:
         self.model, self.stepper = model, Stepper(model, np.ones(1))
         self.stepper.advance(0.0, step, 3)
         self.work, self.step, self.rate = self.stepper.work, step, 2.0 / step**2
-        self.work.line.use[0] = float(mixed)
+        self.work.increment.control[0] = float(mixed)
         self.groups = len(model.simo.meta)
-        self.n = len(model.size)
+        self.n = len(model.dofs)
         self.nothing = model.pattern.plan._replace(diagonal=model.pattern.plan.diagonal[:0])
         self.fill()
         self.blocks, self.panel = self.work.blocks.copy(), self.work.panel.copy()
@@ -100,12 +100,12 @@ class ChainParts:
         """Residual and tangent of so many groups of elements (default: all), added up or left in scratch."""
         w, m = self.work, self.model
         state, groups = self.stepper.core_state, self.groups if groups is None else groups
-        motion = OverStep(Conserving(), state.q, w.dphi, state.v, w.line, self.step, self.rate)
+        motion = OverStep(Conserving(), state.q, w.dphi, state.v, w.increment, self.step, self.rate)
         if assembled:
             inner = NoInner() if self.stepper.inner is None else self.stepper.inner
-            element_groups(m.simo, 0, groups, inner, SIMO_REISSNER, motion, w.r, w.blocks, w.scratch, m.size)
+            element_groups(m.simo, 0, groups, inner, SIMO_REISSNER, motion, w.r, w.blocks, w.scratch, m.dofs)
         else:
-            evaluate_groups(m.simo, 0, groups, SIMO_REISSNER, motion, w.scratch, m.size)
+            evaluate_groups(m.simo, 0, groups, SIMO_REISSNER, motion, w.scratch, m.dofs)
 
     def fill(self) -> None:
         """Blocks and right-hand sides of the iteration."""
@@ -114,7 +114,7 @@ class ChainParts:
         w.r[:] = -w.f_ext
         self.evaluate()
         if m.held is not None:
-            apply_held(m.held, w.r, w.blocks, m.size)
+            apply_held(m.held, w.r, w.blocks, m.dofs)
         w.panel[:] = 0.0
         w.panel.reshape(-1, m.width)[:, 0] = w.r.reshape(-1, 8)[:m.panel_rows, :self.n].reshape(-1)
 
@@ -135,12 +135,12 @@ class ChainParts:
     def factor(self, plan: Any = None) -> None:
         """Factors, and the elimination of the right-hand side."""
         w, m = self.work, self.model
-        if not factor(plan or m.pattern.plan, w.blocks, w.pivots, OneSide(w.panel), m.size) > 0.0:
+        if not factor(plan or m.pattern.plan, w.blocks, w.pivots, OneSide(w.panel), m.dofs) > 0.0:
             raise SystemExit("the matrix is singular: nothing was measured")
 
     def back(self, plan: Any = None) -> None:
         """Back substitution."""
-        back_substitute(plan or self.model.pattern.plan, self.work.blocks, OneSide(self.work.panel), self.model.size)
+        back_substitute(plan or self.model.pattern.plan, self.work.blocks, OneSide(self.work.panel), self.model.dofs)
 
     def solution(self) -> Array:
         """Solution of the matrix for `right`."""

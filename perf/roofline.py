@@ -114,7 +114,7 @@ def chain(elements: int, degree: int, ceilings: Ceilings, seconds: float) -> lis
     stepper.advance(0.0, STEP, 2)
     spent, per_step, outcome = iteration(stepper, STEP, seconds)
     mixed = traffic.mixed_share(stepper, outcome)
-    plan, n = model.pattern.plan, len(model.size)
+    plan, n = model.pattern.plan, len(model.dofs)
     ends = counting.elimination(plan, n)
     kernel = elements * counting.element_kernel(model, mixed)
     after = elements * counting.after_kernel(model)
@@ -143,7 +143,7 @@ def pardiso_operations(model: Any) -> tuple[float, float]:
     mkl = load_mkl()
     if mkl is None:
         return 0.0, 0.0
-    pattern, n = model.pattern, len(model.size)
+    pattern, n = model.pattern, len(model.dofs)
     i, j = (np.broadcast_to(n * x[:, None, None] + at, (x.size, n, n)).reshape(-1)
             for x, at in ((pattern.rows, np.arange(n)[:, None]), (pattern.columns, np.arange(n))))
     order = np.argsort(i * (n * pattern.n) + j)
@@ -198,7 +198,7 @@ def condensed(model: Any, case: str, threads: int, ceilings: Ceilings, seconds: 
         factors, solution = pardiso_operations(model)
         factors *= traffic.factored_share(stepper) if stepper.linear.tables is not None else 1.0
     else:
-        factors, solution = float(counting.elimination(plan, len(model.size))), 0.0
+        factors, solution = float(counting.elimination(plan, len(model.dofs))), 0.0
     limits = ceilings.peak(threads), ceilings.bandwidth(sum(traffic.kept(stepper).values()), threads)
     nodes = float(model.n_nodes * counting.node_loops(model))
     times = [("whole iteration", best.sum(), beams + factors + solution + again + nodes, sum(moved.values())),

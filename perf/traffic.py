@@ -67,7 +67,7 @@ def mixed_share(stepper: Stepper, outcome: Outcome) -> float:
     """Share of the iterations of the last step whose tangent used other stresses than the present ones (theory.md (4.6)): those
     after an increment, or in the first iteration after a first guess like that of this step, that was too long for them."""
     sizes = outcome.sizes[outcome.sizes > 0.0]
-    limit = stepper.work.line.use[1]
+    limit = stepper.work.increment.control[1]
     return float(np.mean(np.concatenate((sizes[:1], sizes[:-1])) > limit)) if sizes.size else 0.0
 
 
@@ -93,7 +93,7 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
     r = residual(stepper)
     out.append(Pass("clear", "nodes", (r.nbytes,), (r, w.blocks)))
     step_of = (s.q, s.v, w.dphi, w.theta)
-    followed = mixed * nbytes(w.line.x)
+    followed = mixed * nbytes(w.increment.x)
     inner = stepper.inner
     store = None if inner is None else inner.store
     indices = tuple((t.rows, t.meta) for t in tables if t is not None)
@@ -108,25 +108,25 @@ def passes(stepper: Stepper, iterations: float, mixed: float) -> list[Pass]:
                      (subs.store, subs.ends, interior, store)),
                 Pass("add up the ends", "elements", (subs.ends, lists, w.blocks, ends), (w.blocks, ends))]
     if m.held is not None:
-        touched = len(m.size) * row * m.held.block.size
+        touched = len(m.dofs) * row * m.held.block.size
         out.append(Pass("supports", "nodes", (m.held, touched), (touched,)))
     out += _solution(stepper)
-    out.append(Pass("solution to rows", "elimination", (w.panel,), (w.line.x[:8 * m.panel_rows],)))
+    out.append(Pass("solution to rows", "elimination", (w.panel,), (w.increment.x[:8 * m.panel_rows],)))
     if inner is not None:
-        out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.line.x), (row * inner.element.size,)))
+        out.append(Pass("recover the inner nodes", "elimination", (store, indices, w.increment.x), (row * inner.element.size,)))
     increments = (m.pattern.row_of, w.theta, w.dphi), (w.theta, w.dphi)
     if m.substructures is None:
-        out.append(Pass("increments", "nodes", (*increments[0], w.line.x), increments[1]))
+        out.append(Pass("increments", "nodes", (*increments[0], w.increment.x), increments[1]))
     else:
         out.append(Pass("recover the beams, increments", "elimination", (*increments[0], subs.store, indices),
-                        (*increments[1], w.line.x)))
+                        (*increments[1], w.increment.x)))
     return out
 
 
 def _solution(stepper: Stepper) -> Iterator[Pass]:
     """From residual and blocks to the solutions of all rows of the panel."""
     m, w = stepper.core, stepper.work
-    n = len(m.size)
+    n = len(m.dofs)
     yield Pass("clear the right-hand sides", "elimination", (), (w.panel,))
     # a line of the panel holds one unknown: who needs one column moves them all
     yield Pass("residual to right-hand sides", "elimination", (8 * NUMBER * m.panel_rows, w.panel), (w.panel,))
@@ -175,7 +175,7 @@ def kept(stepper: Stepper) -> dict[str, int]:
     if stepper.inner is not None:
         factors += nbytes(stepper.inner.store, stepper.inner.rhs, stepper.inner.mark, stepper.inner.found)
     work = nbytes(*(x for name, x in zip(w._fields, w) if name not in ("blocks", "pivots", "r", "f_ext")), residual(stepper))
-    work -= w.line.theta.nbytes
+    work -= w.increment.theta.nbytes
     if w.f_ext.any() and not np.shares_memory(w.f_ext, m.loads):
         work += w.f_ext.nbytes
     if subs is not None:

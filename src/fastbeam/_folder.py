@@ -56,7 +56,7 @@ def _is_safe(folder: Path) -> bool:
         return False
 
 
-def _spare_root() -> Path:
+def _fallback_root() -> Path:
     """A folder in the system's temporary folder that nobody else can write to: cached machine code is run as it is found."""
     root = Path(tempfile.gettempdir()) / f"fastbeam-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
     try:
@@ -95,8 +95,8 @@ def cache_folder(way: str = "") -> str:
                       "these rights away (chmod -R go-w) or let FASTBEAM_CACHE_DIR name another folder", RuntimeWarning,
                       stacklevel=2)
     if not usable or not _is_safe(folder):
-        spare = _spare_root() / name
-        _take_over(folder, spare)
-        spare.mkdir(parents=True, exist_ok=True)
-        return str(spare)
+        fallback = _fallback_root() / name
+        _take_over(folder, fallback)
+        fallback.mkdir(parents=True, exist_ok=True)
+        return str(fallback)
     return str(folder)

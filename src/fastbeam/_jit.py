@@ -4,11 +4,11 @@ Every kernel is cached on disk at first use. Numba's own cache does not notice a
 into, so the folder carries a hash of all kernel sources: any edit starts a new folder. What is found there is run as it is:
 entries carry a checksum, and what others could have written is not touched.
 
-There are two ways. The fast one (`_parts`, `_sealed`, `_beside`) builds on numba's interior, which may change with any version.
-The plain one uses what numba's manual describes: the same functions and flags of arithmetic, and the same results to round-off,
-but compilation takes four times as long, and kernels count references, which makes iterations of small scenes a quarter slower.
-`FASTBEAM_PLAIN_NUMBA=1` asks for it, and it is taken where the fast one was not tested with the installed numba or cannot be
-loaded; `FASTBEAM_PLAIN_NUMBA=0` tries the fast one in any case.
+There are two ways. The fast one (`_parts`, `_sealed`, `_background`) builds on numba's interior, which may change with any
+version. The plain one uses what numba's manual describes: the same functions and flags of arithmetic, and the same results to
+round-off, but compilation takes four times as long, and kernels count references, which makes iterations of small scenes a
+quarter slower. `FASTBEAM_PLAIN_NUMBA=1` asks for it, and it is taken where the fast one was not tested with the installed numba
+or cannot be loaded; `FASTBEAM_PLAIN_NUMBA=0` tries the fast one in any case.
 """
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from typing import Any, BinaryIO, Callable, TypeVar
 import numba
 from numba import config, version_info
 
-from . import _beside, _outside
-from ._beside import beside
+from . import _background, _outside
+from ._background import compile_in_background
 from ._folder import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "PLAIN", "announce_first_use", "begin_beside", "beside", "compile_counts", "compiled_law",
-           "inlined", "kernel", "link_library", "one_variant", "work"]
+__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background", "compile_counts",
+           "compiled_law", "inlined", "kernel", "link_library", "one_variant", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -40,7 +40,7 @@ OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "no
 TESTED = (0, 61), (0, 68)
 
 
-def _why_plain(setting: str, version: tuple[int, ...]) -> str | None:
+def _why_numba_only(setting: str, version: tuple[int, ...]) -> str | None:
     """What speaks for the plain way before the other is tried; empty where the user asks for it."""
     if setting in ("0", "1"):
         return "" if setting == "1" else None
@@ -50,7 +50,7 @@ def _why_plain(setting: str, version: tuple[int, ...]) -> str | None:
 
 def _fast_way() -> Any:
     """What the fast way consists of, or None for the plain one."""
-    reason = _why_plain(os.environ.get("FASTBEAM_PLAIN_NUMBA", ""), version_info.short)
+    reason = _why_numba_only(os.environ.get("FASTBEAM_PLAIN_NUMBA", ""), version_info.short)
     if reason is None:
         try:
             from . import _parts, _sealed
@@ -65,8 +65,8 @@ def _fast_way() -> Any:
 
 
 _FAST = _fast_way()
-PLAIN = _FAST is None
-_FOLDER = cache_folder("plain" if PLAIN else "")
+NUMBA_ONLY = _FAST is None
+_FOLDER = cache_folder("plain" if NUMBA_ONLY else "")
 
 
 def kernel(function: F) -> F:
@@ -93,7 +93,7 @@ def one_variant(function: F) -> F:
 
 def _compiled(function: F, one: bool = False, **options: Any) -> F:
     try:
-        compiled = _plainly(function, options) if PLAIN else _fast(function, one, options)
+        compiled = _plainly(function, options) if NUMBA_ONLY else _fast(function, one, options)
     except RuntimeError as error:
         if _outside.is_outside(function):
             raise RuntimeError(f"kernel {function.__name__}: compiled code is kept by the file that it stands in, and there is "
@@ -156,26 +156,26 @@ class _NoCache:
         """Nothing is kept."""
 
 
-if PLAIN:
+if NUMBA_ONLY:
     _outside.AT_FIRST.append(_forget_on_disk)
 else:
     _FAST[0].WholeCompiler.folder = _FOLDER
 
 
-def begin_beside(kernel: Any, arguments: tuple[Any, ...]) -> None:
+def begin_background(kernel: Any, arguments: tuple[Any, ...]) -> None:
     """Where the first call of `kernel` in this process has to compile it, let a second process begin before that call."""
-    if PLAIN or kernel.overloads:
+    if NUMBA_ONLY or kernel.overloads:
         return  # finding the types would cost every run a millisecond
     types = tuple(kernel.typeof_pyval(x) for x in arguments)
     if not kernel._cache.holds(types, kernel.targetctx.codegen()):
-        _beside.start(kernel.py_func, types, _FOLDER)
+        _background.start(kernel.py_func, types, _FOLDER)
 
 
 def work(source: BinaryIO) -> None:
-    """What a second process (`_beside`) does: compile the parts that `source` names, a line on stdout for each when it is
+    """What a second process (`_background`) does: compile the parts that `source` names, a line on stdout for each when it is
     kept."""
     folder, modules = pickle.load(source)
-    if PLAIN or folder != _FOLDER:
+    if NUMBA_ONLY or folder != _FOLDER:
         return
     for module in modules:  # implementations that are not known here would be left out
         importlib.import_module(module)
@@ -202,7 +202,7 @@ def announce_first_use() -> None:
     FASTBEAM_PROGRESS=0."""
     if os.environ.get("FASTBEAM_PROGRESS") != "0" and not any(Path(_FOLDER).rglob("*.nbi")):
         print(f"fastbeam: compiling its kernels for the first time, kept in {_FOLDER}", file=sys.stderr, flush=True)
-        if not PLAIN:
+        if not NUMBA_ONLY:
             _FAST[0].PROGRESS.announced = True
 
 
@@ -210,7 +210,7 @@ def compile_counts() -> tuple[int, int]:
     """(kernels loaded from the cache, kernels compiled) in this process."""
     hits = sum(sum(k.stats.cache_hits.values()) for k in KERNELS)
     misses = sum(sum(k.stats.cache_misses.values()) for k in KERNELS)
-    if PLAIN:
+    if NUMBA_ONLY:
         return hits, misses
     return (hits + sum(sum(k.part.loaded.values()) for k in KERNELS),
             misses + sum(sum(k.part.missed.values()) for k in KERNELS))

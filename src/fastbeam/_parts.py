@@ -33,7 +33,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
-from . import _beside
+from . import _background
 from ._outside import is_outside
 
 # s; compilation that takes no longer shows nothing
@@ -197,7 +197,7 @@ class WholeCompiler(_ShortCompiler):
     def compile_extra(self, function: Any) -> Any:
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
-        _beside.start(function, tuple(self.state.args), self.folder)
+        _background.start(function, tuple(self.state.args), self.folder)
         with memoized_typing(), PROGRESS:
             return super().compile_extra(function)
 
@@ -265,7 +265,7 @@ class Part:
             found = self._known.get(arguments)
             if found is None:
                 context = self.dispatcher.targetctx
-                _beside.wait(self.dispatcher.py_func, arguments)
+                _background.wait(self.dispatcher.py_func, arguments)
                 found = self.cache.load_overload(arguments, context)
                 if found is None:
                     self.missed[arguments] += 1

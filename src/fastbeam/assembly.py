@@ -43,5 +43,5 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:
     """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
     compiled code calls, or None."""
-    return System(model.size, method, NoContact() if contact is None else contact, SolverOutside() if solver is None else solver,
+    return System(model.dofs, method, NoContact() if contact is None else contact, SolverOutside() if solver is None else solver,
                   model.pattern.row_of, model.spinless, state, work, model.width, model.length)

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from .constraints import couplings_of, with_room
+from .constraints import couplings_of, with_capacity
 from .iteration import Owner
 from .kernels import carriers as kernels
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
-from .kernels.carriers import Apart
+from .kernels.carriers import GroupRows
 from .kernels.constraints import Constraints
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
@@ -78,7 +78,7 @@ class Workspace:
         self.scratch = scratch
         self._arrays: dict[str, Array] = {}
 
-    def room(self, name: str, *shape: int, kind: Any = float) -> Array:
+    def array(self, name: str, *shape: int, kind: Any = float) -> Array:
         """An array of this shape with any numbers."""
         n = int(np.prod(shape))
         if name not in self._arrays or self._arrays[name].size < n:
@@ -109,12 +109,12 @@ class Group:
         assert c is not None and model.bodies is not None and model.sliders is not None and model.substructures is not None
         self.owner, self.shared = owner, shared
         some, nodes = shared.groups[g]
-        row_of, size = shared.row_of, len(model.size)
+        row_of, size = shared.row_of, len(model.dofs)
         n = nodes.size
         self.sliders = c.slider[c.slider_start[some[0]]:c.slider_start[some[-1] + 1]]
         beam_of = np.repeat(np.arange(some.size), np.diff(c.slider_start)[some])
-        self.apart = Apart(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
-                           np.zeros(0, np.int32), np.zeros(1, np.int64))
+        self.group_rows = GroupRows(model.pattern.row_of[nodes], model.substructures.beam.size - c.group.size + some, np.zeros(0),
+                                    np.zeros(0, np.int32), np.zeros(1, np.int64))
 
         # elements, and the blocks of all coupled rows
         parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
@@ -155,7 +155,7 @@ class Group:
         self.couplings = couplings_of(pattern, size, 8 * size * (keys.size + 1), mask, np.full(n, -1), list(ends), unknowns,
                                       forces, np.ones(unknowns.size, np.int64))
         assert model.curves is not None
-        self.room = 1.0
+        self.capacity = 1.0
         # a point of a body is passed on twice
         self.entries = int(model.curves.count.max()) + (1 if model.ties is None else 2)
         s = self.sliders.size
@@ -170,13 +170,13 @@ class Group:
                           model.slider_limits[self.sliders], NoForceAlong())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         self.terms = (sliding, *elements, self.bodies, *ties, self.held)
-        self._make_room()
+        self._allocate()
 
-    def _make_room(self) -> None:
+    def _allocate(self) -> None:
         """Room for so many entries of a slider, and everything else by scale."""
-        size = len(self.owner.core.size)
-        carriers, nodes = self.apart.beam.size, self.couplings.diagonal.size
-        rows = with_room(self.couplings, self.entries, 0, size, self.room, fill=16 * size * (nodes - 2 * carriers))
+        size = len(self.owner.core.dofs)
+        carriers, nodes = self.group_rows.beam.size, self.couplings.diagonal.size
+        rows = with_capacity(self.couplings, self.entries, 0, size, self.capacity, fill=16 * size * (nodes - 2 * carriers))
         rows.order.rank[:] = np.arange(nodes)
         # blocks are work of a thread
         self._store = rows.factors.store.size
@@ -186,28 +186,28 @@ class Group:
         order = rows.order
         self.short = order._replace(order=order.order[:order.order.size - 2 * carriers])
         place = np.zeros(order.column.size, np.int32)
-        self.apart = self.apart._replace(place=place)
+        self.group_rows = self.group_rows._replace(place=place)
         self.kept = self.short._replace(upper=place)
 
     def _contact(self, space: Workspace) -> ContactInRows:
         """Work of the sliders, most of it that of a thread."""
-        s, entries, row, shape = self.sliders.size, self.entries, 8 * len(self.owner.core.size), self.owner.core.curves.shape
+        s, entries, row, shape = self.sliders.size, self.entries, 8 * len(self.owner.core.dofs), self.owner.core.curves.shape
         return ContactInRows(
-            basis=space.room("basis", 5, int(shape[:, 2].max())), legendre=space.room("legendre", 3, int(shape[:, 1].max())),
-            row=space.room("row", s, entries, kind=np.int64), column=space.room("column", s, row * entries),
-            line=space.room("line", s, row * entries), corner=space.room("corner", s, 64), **self.own)
+            basis=space.array("basis", 5, int(shape[:, 2].max())), legendre=space.array("legendre", 3, int(shape[:, 1].max())),
+            row=space.array("row", s, entries, kind=np.int64), column=space.array("column", s, row * entries),
+            line=space.array("line", s, row * entries), corner=space.array("corner", s, 64), **self.own)
 
     def _system(self, system: System, space: Workspace) -> System:
         work, n, s = system.work, self.couplings.diagonal.size, self.sliders.size
         rows = n + s
-        factors = self.rows.factors._replace(store=space.room("store", self._store), x=space.room("x", 8 * rows),
-                                             pivots=space.room("pivots", 8 * rows, kind=np.int32), own=space.room("own", 7 * s))
+        factors = self.rows.factors._replace(store=space.array("store", self._store), x=space.array("x", 8 * rows),
+                                             pivots=space.array("pivots", 8 * rows, kind=np.int32), own=space.array("own", 7 * s))
         return system._replace(
             contact=self._contact(space), solver=self.rows._replace(factors=factors), row_of=self.shared.row_of, width=1,
             state=system.state._replace(s=self.s, force=self.force),
-            work=work._replace(s_end=self.s_end, r=space.room("r", 8 * (n + 1)), blocks=factors.store[:self.couplings.end[0]],
-                               y=space.room("y", 7 * s), scratch=space.scratch,
-                               line=work.line._replace(x=space.room("increment", 8 * (n + 1)))))
+            work=work._replace(s_end=self.s_end, r=space.array("r", 8 * (n + 1)), blocks=factors.store[:self.couplings.end[0]],
+                               y=space.array("y", 7 * s), scratch=space.scratch,
+                               increment=work.increment._replace(x=space.array("increment", 8 * (n + 1)))))
 
     @property
     def singular(self) -> int:
@@ -223,26 +223,26 @@ class Group:
         while True:
             own["augmented"][:3] = system.contact.augmented[:3]
             own["full"][0] = 0
-            good = bool(kernels.condense_carriers(self.terms, self._system(system, space), self.short, self.held, self.apart, h,
-                                                  system.work.line.x, ends))
+            good = bool(kernels.condense_carriers(self.terms, self._system(system, space), self.short, self.held, self.group_rows,
+                                                  h, system.work.increment.x, ends))
             if not self.rows.factors.failed[0]:
                 return good
-            if self.apart.end[0] > self.apart.kept.size:
-                self.apart = self.apart._replace(kept=aligned(int(self.apart.end[0])))
+            if self.group_rows.end[0] > self.group_rows.kept.size:
+                self.group_rows = self.group_rows._replace(kept=aligned(int(self.group_rows.end[0])))
                 continue
             if own["full"][0]:
                 self.entries += max(2, self.entries // 4)
             else:
-                self.room *= 1.25
-            self._make_room()
+                self.capacity *= 1.25
+            self._allocate()
 
     def recover(self, system: System, space: Workspace) -> float:
         """Increments of everything in here, sliders too. Returns the largest of a place on a beam."""
         state, dim, own = system.state, self.owner.core.dim, self.own
         local = self._system(system, space)
         rows = local.solver
-        local = local._replace(solver=rows._replace(factors=rows.factors._replace(store=self.apart.kept)))
-        kernels.recover_carriers(self.terms, local, self.kept, self.apart, system.work.line.x)
+        local = local._replace(solver=rows._replace(factors=rows.factors._replace(store=self.group_rows.kept)))
+        kernels.recover_carriers(self.terms, local, self.kept, self.group_rows, system.work.increment.x)
         system.work.s_end[self.sliders] = self.s_end
         state.force[:dim * state.s.size].reshape(-1, dim)[self.sliders] = self.force.reshape(-1, dim)
         system.contact.remaining[self.sliders] = own["remaining"]

@@ -179,7 +179,7 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
                 if file.read(len(MAGIC)) not in (MAGIC, b""):
                     raise ResultFileError(f"checkpoint '{named}': holds something else than a checkpoint; choose another path")
         if probe:
-            fresh = _beside(path)
+            fresh = _temporary_name(path)
             fresh.open("wb").close()
             fresh.unlink()
             if not os.path.lexists(path):
@@ -191,14 +191,14 @@ def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False
     return path
 
 
-def _beside(path: Path) -> Path:
+def _temporary_name(path: Path) -> Path:
     """A name for new contents; short, because the file's own may be as long as the file system allows."""
     return path.with_name(f".checkpoint-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:16]}.{os.getpid()}")
 
 
 def _replace(path: Path, data: bytes) -> None:
     """Put data into a file that is complete at every moment, also after a power cut."""
-    fresh = _beside(path)
+    fresh = _temporary_name(path)
     try:
         try:
             with fresh.open("wb") as file:
@@ -302,10 +302,10 @@ def check_times(now: float, t_end: float, step: float, name: str = "step") -> No
         raise SceneError(f"t_end: lies {t_end - now:.3g} s after t_start = {now:g} s, next to nothing of a step of {step:g} s; "
                          "give a later t_end, or a smaller step")
     far = max(abs(now), abs(t_end))
-    apart = float(np.spacing(far))
-    if not step >= RESOLVED * apart:
-        raise SceneError(f"{name}: must be at least {RESOLVED * apart:.3g} s, got {step:g}, because times near {far:g} s are "
-                         f"doubles {apart:.3g} s apart; count time from the start of the run (t_start=0), take larger steps, "
+    spacing = float(np.spacing(far))
+    if not step >= RESOLVED * spacing:
+        raise SceneError(f"{name}: must be at least {RESOLVED * spacing:.3g} s, got {step:g}, because times near {far:g} s are "
+                         f"doubles {spacing:.3g} s apart; count time from the start of the run (t_start=0), take larger steps, "
                          "or end earlier")
 
 

@@ -93,7 +93,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     model = replace(
         model, plane=plane, not_planar=not_planar, asked_for_plane=planar is True,
         massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam)),
-        plain=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
+        uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
         uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))
     return replace(model, text=describe(scene, model))
 
@@ -140,7 +140,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     between_ends = blocks.element[at:at + 4 * len(ends)].reshape(-1, 4)
     substructures = pack_substructures(list(packers.values()), row_of[ends], between_ends, blocks.n_blocks, pattern.n,
                                        ordered.n_panel)
-    ties = _ties(joints.apart(), blocks)
+    ties = _ties(joints.without_welds(), blocks)
     held = _held(joints.held, pattern)
     curves, sliders = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)

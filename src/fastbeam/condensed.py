@@ -26,7 +26,7 @@ from .kernels.planar_nodes import PlanarBodies
 from .kernels.slider import Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
-from .kernels.work import follow_line, start_line
+from .kernels.work import follow_increment, start_increment
 from .workspace import condensed_of, scratch_of
 
 Array = np.ndarray
@@ -104,10 +104,10 @@ def _bodies_of_solver(bodies: Any, n: int) -> Any:
     return bodies._replace(node=bodies.node[seen], row=bodies.row[seen], block=bodies.block[seen], inertia=inertia)
 
 
-def _ties_of_solver(ties: Any, apart: Array) -> Any:
+def _ties_of_solver(ties: Any, eliminated: Array) -> Any:
     """Ties but those of some nodes."""
-    seen = ~np.isin(ties.slave, apart)
-    moved = np.isin(ties.target, apart)
+    seen = ~np.isin(ties.slave, eliminated)
+    moved = np.isin(ties.target, eliminated)
     entry = np.maximum(ties.moves[:, 1:3], 0)
     moves = ties.moves[~((ties.moves[:, 1:3] >= 0) & moved[entry]).any(axis=1)]
     return ties._replace(slave=ties.slave[seen], row=ties.row[seen], moves=np.ascontiguousarray(moves))
@@ -203,14 +203,14 @@ class CondensedIteration(Iteration):
             return
         state, work = s.core_state, s.work
         c = extrapolation(work.past, h)
-        self.team.each(lambda _, x: predict_nodes(m.size, state, work, m.spinless, h, c, *x), self._nodes)
-        start_line(work)
+        self.team.each(lambda _, x: predict_nodes(m.dofs, state, work, m.spinless, h, c, *x), self._nodes)
+        start_increment(work)
         step.guess_some(s.terms, s.system, h, c)
 
     def finish(self, h: float) -> None:
         state, work = self.owner.core_state, self.owner.work
         step.account_all(self.owner.terms, self.owner.system, h)
-        work.past[-1] = work.line.use[2]
+        work.past[-1] = work.increment.control[2]
         nodes.remember(state.s, work.s_end, state.force, self.owner.core.dim, h, work.past)
         self._advance(h)
         state.s[:] = work.s_end
@@ -218,19 +218,19 @@ class CondensedIteration(Iteration):
     def _advance(self, h: float) -> None:
         """Accept the increments."""
         system = self.owner.system
-        self.team.each(lambda thread, x: advance_nodes(system.size, system.method, system.state, system.work, h, *x,
+        self.team.each(lambda thread, x: advance_nodes(system.dofs, system.method, system.state, system.work, h, *x,
                                                        self._scratch[thread]), self._nodes)
 
     # --- the system of equations --------------------------------------------------------------------------------------
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
-        state, work, n, system = s.core_state, s.work, 8 * len(m.size), s.system
+        state, work, n, system = s.core_state, s.work, 8 * len(m.dofs), s.system
         step.clear_some(self._rest, system)
 
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
             if kind == "others":
-                beams.spread_listed(self._others, a, b, m.size, system.method, state, work, h)
+                beams.spread_listed(self._others, a, b, m.dofs, system.method, state, work, h)
             elif kind == "rows":
                 np.negative(work.f_ext[8 * a:8 * b], out=work.r[8 * a:8 * b])
             else:
@@ -248,13 +248,13 @@ class CondensedIteration(Iteration):
             if isinstance(x, Group):
                 return x.condense(system, h, self.subs.ends, self._spaces[thread])
             tables, strains, some = x
-            beams.condense(self.subs, tables, strains, *some, m.size, system.method, state, work, h, self._scratch[thread])
+            beams.condense(self.subs, tables, strains, *some, m.dofs, system.method, state, work, h, self._scratch[thread])
             return True
 
         self._good = all(self.team.each(condense, [None, *self._carriers, *self._groups]))
         for group in self._carriers:
             s.contact.residual[group.sliders] = group.own["residual"]
-        self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.size), self._terms)
+        self.team.each(lambda _, x: x[0](self.subs, *x[2], x[1], m.dofs), self._terms)
         if self._ties is not None:
             t = self._ties
             apply_ties(t, 0, t.slave.size, 0, 0, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
@@ -280,7 +280,7 @@ class CondensedIteration(Iteration):
         if not s.linear.is_compiled:
             return super().solve_panel()
         if s.linear.pardiso is not None:
-            return s.linear.pardiso.solve(s.work.blocks, s.work.panel, m.width, m.size, self.team.each)
+            return s.linear.pardiso.solve(s.work.blocks, s.work.panel, m.width, m.dofs, self.team.each)
         return bool(step.solve_right(s.system))
 
     # --- increments ---------------------------------------------------------------------------------------------------
@@ -302,14 +302,14 @@ class CondensedIteration(Iteration):
         factor = -0.5 if self._at_rest else -1.0
 
         def recover(thread: int, x: tuple[ElementTables, Any, Chunk]) -> tuple[float, float]:
-            return beams.recover(self.subs, x[0], *x[2], factor, row_of, work, self._scratch[thread], m.size)
+            return beams.recover(self.subs, x[0], *x[2], factor, row_of, work, self._scratch[thread], m.dofs)
 
         found = self.team.each(recover, self._groups)
-        found += self.team.each(lambda _, x: beams.move_listed(self._others, *x, m.size, row_of, work), self._some)
+        found += self.team.each(lambda _, x: beams.move_listed(self._others, *x, m.dofs, row_of, work), self._some)
         # NaN stays the largest
         move, spin = (float(x) for x in np.max(found, axis=0))
         step.follow_some(s.terms, system)
         if self._at_rest:
             self._advance(0.0)
-        follow_line(work.line, move / m.length + spin)
+        follow_increment(work.increment, move / m.length + spin)
         return move / m.length + spin + slide / m.length

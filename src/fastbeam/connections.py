@@ -68,7 +68,7 @@ class Connections:
         """Nodes that the unknowns of `node` belong to."""
         return np.unique(self.target[self.start[node]:self.start[node + 1]]).tolist() or [node]
 
-    def apart(self) -> Connections:
+    def without_welds(self) -> Connections:
         """Without the entries of nodes that share the row of another."""
         owner = self.owner
         keep = self.row_root[owner] == owner
@@ -166,10 +166,10 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     root = root_of[slave]
     kind, owner, target = [np.full(slave.size, POSITION)], [slave], [base[root]]
     offsets, rotations = [np.zeros((slave.size, 3))], [np.broadcast_to(np.eye(3), (slave.size, 3, 3))]
-    plain = slave[np.any(offset[slave], axis=1)]
+    on_arms = slave[np.any(offset[slave], axis=1)]
     if arms:
         through = np.isin(root, list(arms))
-        plain = plain[~np.isin(root_of[plain], list(arms))]
+        on_arms = on_arms[~np.isin(root_of[on_arms], list(arms))]
         for k in slave[through].tolist():
             spread: dict[int, Array] = {}
             for node, part in [*arms[root_of[k]], (int(root_of[k]), offset[k])]:
@@ -181,11 +181,11 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     turns = (slave != root) & (rank[slave] != 9)
     rotation = np.broadcast_to(np.eye(3), (slave.size, 3, 3)).copy()
     rotation[turns] = directors[slave[turns]] @ directors[root[turns]].transpose(0, 2, 1)
-    kind += [np.full(plain.size, ARM), np.full(slave.size, TRIAD)]
-    owner += [plain, slave]
-    target += [root_of[plain], np.where(turns, root, slave)]
-    offsets += [offset[plain], np.zeros((slave.size, 3))]
-    rotations += [np.broadcast_to(np.eye(3), (plain.size, 3, 3)), rotation]
+    kind += [np.full(on_arms.size, ARM), np.full(slave.size, TRIAD)]
+    owner += [on_arms, slave]
+    target += [root_of[on_arms], np.where(turns, root, slave)]
+    offsets += [offset[on_arms], np.zeros((slave.size, 3))]
+    rotations += [np.broadcast_to(np.eye(3), (on_arms.size, 3, 3)), rotation]
     of = np.concatenate(owner)
     order = np.argsort(of, kind="stable")
     out.start = np.concatenate(([0], np.cumsum(np.bincount(of, minlength=n))))

@@ -53,8 +53,8 @@ def _starts(counts: Array) -> Array:
     return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
 
 
-def with_room(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
-              others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0) -> Constraints:
+def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
+                  others: tuple[Any, ...] = (NoInner(), NoTies(), NoHeld()), fill: int = 0) -> Constraints:
     """Everything that is found from so many entries a constraint at most, with room that grows with `scale`; `elements`: with
     eliminated inner nodes; others: the last three of `Constraints`; fill: doubles of fill between nodes."""
     n, s = couplings.diagonal.size, couplings.unknowns.size
@@ -75,8 +75,8 @@ def with_room(couplings: Couplings, entries: int, elements: int, size: int, scal
                   integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.1 * min(entries, 6)
-    room = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
-    factors = Factors(aligned(room), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
+    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
+    factors = Factors(aligned(total), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
     return Constraints(couplings, touching, order, factors, aligned(int(scale * 512 * size)), *others)
 
@@ -103,12 +103,12 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     # a joint waits for both of its ends
     late += [np.zeros(0, np.int64)] * len(model.kept)
     in_force = (np.arange(model.n_constraints) < s).astype(np.int64)
-    couplings = couplings_of(model.pattern, len(model.size), 8 * len(model.size) * (model.n_blocks + 1), held, tied, late,
+    couplings = couplings_of(model.pattern, len(model.dofs), 8 * len(model.dofs) * (model.n_blocks + 1), held, tied, late,
                              model.unknowns, model.forces, in_force)
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)
-    return with_room(couplings, entries, elements, len(model.size), scale, others)
+    return with_capacity(couplings, entries, elements, len(model.dofs), scale, others)
 
 
 def _rows_of(model: Model, node: int) -> Array:

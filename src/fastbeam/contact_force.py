@@ -76,8 +76,8 @@ class ContactForces:
         stepper = self.stepper
         saved, fallbacks = stepper.save(), stepper.linear.fallbacks
         # loads are not asked for where the run does not go
-        room = (self.t_end - t if step > 0.0 else t - back - self.t_start) if self.timed else np.inf
-        h = PART * float(np.copysign(min(abs(step), max(room, 0.0)), step))
+        available = (self.t_end - t if step > 0.0 else t - back - self.t_start) if self.timed else np.inf
+        h = PART * float(np.copysign(min(abs(step), max(available, 0.0)), step))
         if h == 0.0:
             return self.unknown
         try:

@@ -88,7 +88,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     slack = END_SLACK * high_end
     leaving: dict[int, float] = {}
 
-    def room() -> float:
+    def way_left() -> float:
         """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
         beyond the end."""
         s = stepper.work.s_end
@@ -99,7 +99,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     def way(s: Array) -> tuple[float, int]:
         return min((float((high_end[k] - s[k] if end else s[k] - low_end[k]) / lengths[k]), k) for k, end in leaving.items())
 
-    high, f_high = 1.0, room()
+    high, f_high = 1.0, way_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, 3 * stepper.model.n_sliders)))
     for _ in range(60):
@@ -114,7 +114,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
         if outcome.status == OK:
             low, reached, best = x, stepper.save(), (x * h, outcome)
         else:
-            high, f_high = x, room() if outcome.status == SLIDER_END else -f_low
+            high, f_high = x, way_left() if outcome.status == SLIDER_END else -f_low
     stepper.load(reached)
     return *best, way(reached[0].s)[1]
 

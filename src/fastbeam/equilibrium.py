@@ -74,35 +74,35 @@ class StaticSolver:
             status, sizes = self.stepper.parts.newton(0.0, self.max_iterations, LARGEST_INCREMENT, self.interrupts.serve)
         if status == SINGULAR and not self.stepper.pivots_everywhere:
             state.q[:] = before
-            status, sizes = self.spare.equilibrium(factors)
+            status, sizes = self.fallback.equilibrium(factors)
             self.linear.fallbacks += status == OK
         if status != OK:
             state.q[:] = before
         self.longest = len(sizes)
         return status, sizes
 
-    def _plain(self, planar: bool) -> StaticSolver:
-        plain = self.stepper.model.plain
-        assert plain is not None
-        return StaticSolver(plain(planar=planar), self.state, self.max_iterations, "superlu")
+    def _uneliminated(self, planar: bool) -> StaticSolver:
+        uneliminated = self.stepper.model.uneliminated
+        assert uneliminated is not None
+        return StaticSolver(uneliminated(planar=planar), self.state, self.max_iterations, "superlu")
 
     @cached_property
-    def spare(self) -> StaticSolver:
-        """The same state around SuperLU without elimination of inner nodes, see `Stepper.spare`."""
-        spare = self._plain(self.stepper.plane is not None)
-        spare.stepper.core_state = self.stepper.core_state
-        spare.interrupts = self.interrupts
-        return spare
+    def fallback(self) -> StaticSolver:
+        """The same state around SuperLU without elimination of inner nodes, see `Stepper.fallback`."""
+        fallback = self._uneliminated(self.stepper.plane is not None)
+        fallback.stepper.core_state = self.stepper.core_state
+        fallback.interrupts = self.interrupts
+        return fallback
 
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         """Numbers of negative and of zero eigenvalues of the tangent at the last equilibrium, that of load factors [K]: in space,
         also in directions that a planar scene cannot follow, or in its plane. None where moments leave it undecided."""
         if in_plane != (self.stepper.plane is not None) or not self.stepper.pivots_everywhere:
-            return self._plain(in_plane).signs(factors, in_plane)
+            return self._uneliminated(in_plane).signs(factors, in_plane)
         model, work = self.core, self.work
         self._load(factors)
         self.stepper.parts.start(0.0)
         self.stepper.parts.assemble(0.0)
-        size = len(model.size)
+        size = len(model.dofs)
         return self.linear.superlu.signs(work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8),
                                          symmetric=in_plane or not self.moments)

@@ -6,7 +6,7 @@ import numpy as np
 from .connections import ARM, TRIAD, Connections
 from .errors import SceneError
 from .kernels.work import State
-from .kept import KeptLink
+from .multipliers import KeptLink
 from .numbering import NodeList
 from .projection import project
 from .scene import PointMass, RigidBody, Scene

@@ -106,7 +106,7 @@ class Iteration:
     def solve_panel(self) -> bool:
         """Solve the panel of right-hand sides with SuperLU."""
         model, work = self.owner.core, self.owner.work
-        columns, size = model.columns, len(model.size)
+        columns, size = model.columns, len(model.dofs)
         panel = work.panel.reshape(-1, model.width)[:size * model.pattern.n]
         blocks = work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8)
         x = self.owner.linear.superlu.solve(blocks, np.ascontiguousarray(panel[:, :columns].T))

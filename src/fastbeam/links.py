@@ -14,7 +14,7 @@ import numpy as np
 from ._outside import is_outside
 from .connections import Connections
 from .errors import SceneError
-from .kept import Distance, KeptLink, Together
+from .multipliers import Distance, KeptLink, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from .kernels import curves as kernels
-from .kept import gap_matrix
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
 from .kernels.work import State
 from .model import Model
+from .multipliers import gap_matrix
 from .workspace import contact_of
 
 Array = np.ndarray

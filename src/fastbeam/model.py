@@ -23,8 +23,8 @@ from .kernels.slider import Sliders
 from .kernels.substructures import Substructures
 from .kernels.ties import Ties
 from .kernels.work import State
-from .kept import KeptLink
 from .mapping import state_for
+from .multipliers import KeptLink
 from .pattern import Pattern
 
 Array = np.ndarray
@@ -63,7 +63,7 @@ class Model:
         their square, bends a beam more than they do.
     numbers : numbering.NodeList
         Finds the global number of a node of the scene.
-    size : tuple
+    dofs : tuple
         Of as many numbers as a node has unknowns: 6, in the tables of a planar scene 3.
     plane : planar.Plane or None
         Where the scene stays in a plane: the plane and the tables of the same scene with 3 unknowns a node.
@@ -71,7 +71,7 @@ class Model:
         Why there is no plane.
     asked_for_plane : bool
         Whether it was compiled with planar=True: nothing but the plane is of interest.
-    plain : callable
+    uneliminated : callable
         Makes the model of the same scene for a sparse solver, without elimination of inner nodes; its argument is `planar`.
     uncondensed : callable
         Makes the model of the same scene in space, whose beams are not condensed.
@@ -122,11 +122,11 @@ class Model:
     labels: list[str]
     numbers: Any
     text: str = ""
-    size: tuple[int, ...] = SPACE
+    dofs: tuple[int, ...] = SPACE
     plane: Any = None
     not_planar: str = ""
     asked_for_plane: bool = False
-    plain: Callable[..., Model] | None = None
+    uneliminated: Callable[..., Model] | None = None
     uncondensed: Callable[[], Model] | None = None
     massless: tuple[str, ...] = ()
     projected: str = ""
@@ -170,7 +170,7 @@ class Model:
     @property
     def dim(self) -> int:
         """Components of a position: 3, in the tables of a planar scene 2."""
-        return 3 if self.size == SPACE else 2
+        return 3 if self.dofs == SPACE else 2
 
     @property
     def border(self) -> int:
@@ -186,7 +186,7 @@ class Model:
     def border_size(self) -> int:
         """Doubles of a dense border of all constraints; 0 without any."""
         columns = 1 + self.border * self.n_constraints if self.n_constraints else 0
-        return columns * (columns + len(self.size) * self.n_nodes)
+        return columns * (columns + len(self.dofs) * self.n_nodes)
 
     @property
     def width(self) -> int:
@@ -196,7 +196,7 @@ class Model:
     @property
     def past_size(self) -> int:
         """Numbers that a run keeps of the last two steps for the first guess of the next, besides the increments of the last."""
-        return 5 + len(self.size) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
+        return 5 + len(self.dofs) * self.n_nodes + 2 * (self.dim + 1) * self.n_sliders
 
     @property
     def n_unknowns(self) -> int:
@@ -206,7 +206,7 @@ class Model:
     @property
     def own_unknowns(self) -> int:
         """The same of these tables, whether or not the scene has a plane."""
-        return len(self.size) * self.n_rows - self.n_held + int(self.forces.sum()) + self.n_sliders
+        return len(self.dofs) * self.n_rows - self.n_held + int(self.forces.sum()) + self.n_sliders
 
     @property
     def n_rows(self) -> int:
@@ -216,7 +216,7 @@ class Model:
     @property
     def n_held(self) -> int:
         """Number of held unknowns, those of tied nodes included."""
-        return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(len(self.size)) & 1))
+        return 0 if self.held is None else int(np.sum(self.held.mask[:, None] >> np.arange(len(self.dofs)) & 1))
 
     @property
     def solver(self) -> str:
@@ -282,7 +282,7 @@ class Model:
     def accounts_loads(self) -> bool:
         """Whether loads have no potential: they change in time, or are moments."""
         rows = self.loads.reshape(len(self.loads), self.n_nodes + 1, 8)
-        return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.size)]))
+        return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.dofs)]))
 
     def load_work(self) -> LoadWork | None:
         """The term that keeps account of the work of loads."""

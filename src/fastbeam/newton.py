@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import announce_first_use, begin_beside
+from ._jit import announce_first_use, begin_background
 from .arguments import count, number
 from .assembly import system_of, terms_of
 from .condensed import CondensedIteration, thread_count
@@ -138,7 +138,7 @@ class Stepper:
         condensed = core.substructures is not None
         if condensed or threads is not None:
             threads = thread_count(threads, core.condensed_elements)
-        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.size), threads, reproducible=condensed,
+        self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
                                    symmetric=symmetric)
         self.alpha = empty_rates(method, model.n_nodes)
         self._static = static
@@ -147,7 +147,7 @@ class Stepper:
         self.terms = terms_of(core, self.inner, static, self.along)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
-        self._spare: Stepper | None = None
+        self._fallback: Stepper | None = None
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
         mass = float(model.gravity_weight.sum())
@@ -248,7 +248,7 @@ class Stepper:
     def _make_rows(self, entries: int, scale: float) -> None:
         """Room for sliders as rows of the block matrix: so many entries each, everything else by scale."""
         assert self.contact is not None
-        self.room = scale
+        self.capacity = scale
         self.rows = constraints_of(self.core, self.inner, entries, scale)
         self.work = self.work._replace(blocks=self.rows.factors.store[:self.rows.couplings.end[0]])
         if self.contact.row.shape[1] != entries:
@@ -256,14 +256,14 @@ class Stepper:
             assert self.contact is not None
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
-    def _make_room(self) -> None:
+    def _enlarge(self) -> None:
         """More room for sliders as rows, of the kind that was too short."""
         assert self.contact is not None
         entries = self.contact.row.shape[1]
         if self.contact.full[0]:
-            self._make_rows(entries + max(2, entries // 4), self.room)
+            self._make_rows(entries + max(2, entries // 4), self.capacity)
         else:
-            self._make_rows(entries, 1.5 * self.room)
+            self._make_rows(entries, 1.5 * self.capacity)
 
     @property
     def _border_size(self) -> int:
@@ -276,18 +276,18 @@ class Stepper:
         return self.inner is None and self.core.substructures is None and not self.linear.is_compiled
 
     @property
-    def spare(self) -> Stepper:
+    def fallback(self) -> Stepper:
         """The same state and first guesses around SuperLU, without elimination of inner nodes: pivots vanish there or within a
         block without the matrix being singular. Made when first needed."""
-        if self._spare is None:
-            assert self.model.plain is not None
-            spare = Stepper(self.model.plain(planar=self.plane is not None), self.weights, None, self.max_iterations, "superlu",
-                            self.method, memory=self.memory, augmentation=self.augmentation)
-            spare.core_state, spare.alpha = self.core_state, self.alpha
-            spare.work = spare.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
-                                             line=spare.work.line._replace(theta=self.work.theta))
-            self._spare = spare
-        return self._spare
+        if self._fallback is None:
+            assert self.model.uneliminated is not None
+            fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
+                               "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
+            fallback.core_state, fallback.alpha = self.core_state, self.alpha
+            fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
+                                                   increment=fallback.work.increment._replace(theta=self.work.theta))
+            self._fallback = fallback
+        return self._fallback
 
     def save(self) -> tuple[State, Array]:
         """Everything a later `load` needs."""
@@ -341,7 +341,7 @@ class Stepper:
         reached = result.steps
         if self.rows is not None and self.rows.factors.failed[0]:
             # what the step has done does not count: rows of a run do not depend on when there was room
-            self._make_room()
+            self._enlarge()
             result.iterations = int(counts[4])
             return self._run(t, h, 1, done + reached).after(result)
         if result.status not in (SINGULAR, NOT_CONVERGED, NOT_FINITE, BORDER_SINGULAR):
@@ -357,9 +357,9 @@ class Stepper:
             return Outcome(fresh.status, reached, result.iterations + fresh.iterations, fresh.slider, fresh.sizes, result.force)
         if self.pivots_everywhere or self._border_size > LARGEST_BORDER:
             return result
-        self.spare._augment(h)
+        self.fallback._augment(h)
         at = reached * self.weights.size
-        pivoting = self.spare._python_run(factors[at:] if self._timed else None, h, 1, tuple(x[at:] for x in drives))
+        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1, tuple(x[at:] for x in drives))
         if pivoting.status not in (OK, SLIDER_END):
             return result
         self.linear.fallbacks += pivoting.status == OK
@@ -385,9 +385,9 @@ class Stepper:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
         if self.linear.is_compiled and self.core.substructures is None:
             empty = np.zeros(0)
-            begin_beside(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
-                                                 self._drives(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
-                                                 np.zeros((0, 0))))
+            begin_background(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
+                                                     self._drives(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
+                                                     np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
         return force if self.plane is None else self.plane.forces(force)
@@ -466,7 +466,7 @@ class Stepper:
     def worst_node(self) -> tuple[int, float]:
         """(node, size) of the largest residual of the last iteration."""
         # that of the interior of condensed beams is kept nowhere; steps in time that failed have been tried without condensation
-        of = self if self.core.substructures is None or self._spare is None else self._spare
-        r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.size)]).max(axis=1)
+        of = self if self.core.substructures is None or self._fallback is None else self._fallback
+        r = np.abs(of.work.r[:8 * of.model.n_nodes].reshape(-1, 8)[:, :len(of.core.dofs)]).max(axis=1)
         row = int(np.argmax(np.where(np.isfinite(r), r, np.inf)))
         return int(np.flatnonzero(of.model.pattern.row_of == row)[0]), float(r[row])

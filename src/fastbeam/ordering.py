@@ -59,7 +59,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     band = max([int(np.where(meta[:, 6] >= 0, 1, meta[:, 0] - 1).max()) for p in used for meta, _ in p.lanes()] + [len(ends) > 0])
     level = _levels(n, used)
     if carriers is not None:
-        level[carriers.apart] = 2
+        level[carriers.eliminated_nodes] = 2
     level[ends] = 0
     blocks = Blocks(n, pairs, joints, band, solver, level)
     return Ordered(blocks, size, columns, blocks.pattern.n + int(np.sum(level == 1)))
@@ -159,8 +159,8 @@ def _moves(raw: Array, joints: Connections, tied: Array) -> Array:
     """Of all pairs with a tied node, i N + j: number of the pair, entry of its row or -1, entry of its column or -1, nodes that
     it moves to, int [*, 5]. Entries are numbered without those of shared rows."""
     n = tied.size
-    apart = joints.apart()
-    first, target = apart.start, apart.target
+    unwelded = joints.without_welds()
+    first, target = unwelded.start, unwelded.target
     count = np.maximum(np.diff(first), 1)
     i, j = raw // n, raw % n
     size = count[i] * count[j]

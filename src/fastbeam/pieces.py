@@ -60,8 +60,8 @@ def _components(n: int, edges: Array) -> Array:
         while not np.array_equal(root, up := root[root]):
             root = up
         a, b = root[a], root[b]
-        apart = a != b
-        a, b = a[apart], b[apart]
+        distinct = a != b
+        a, b = a[distinct], b[distinct]
     return np.unique(root, return_inverse=True)[1]
 
 

@@ -209,7 +209,7 @@ def _bodies(unpacked: Unpacked, plane: Plane) -> Array:
 
 def _ties(unpacked: Unpacked, plane: Plane, state: State) -> Array:
     """Factors of the entries of all tied nodes but those that share a row, [M]."""
-    ties = unpacked.joints.apart()
+    ties = unpacked.joints.without_welds()
     slave = ties.owner
     arm = np.einsum("ei,ei->e", ties.offset, plane.factor[ties.target])
     up = np.einsum("ei,ei->e", ties.offset, plane.normal[ties.target])
@@ -240,7 +240,7 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         model, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
-        static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, size=PLANE))
+        static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
@@ -291,11 +291,11 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
     if isinstance(inner.rhs, NoColumns):
         size = 0
         for meta in (t.meta for t in tables if t is not None):
-            room = np.zeros(len(meta), np.int64)
+            doubles = np.zeros(len(meta), np.int64)
             for nn in np.unique(meta[:, 0]).tolist():
-                room[(meta[:, 0] == nn) & (meta[:, 6] >= 0)] = store_size(nn, False, 3)
-            meta[:, 6] = np.where(meta[:, 6] >= 0, size + np.cumsum(room) - room, -1)
-            size += int(room.sum())
+                doubles[(meta[:, 0] == nn) & (meta[:, 6] >= 0)] = store_size(nn, False, 3)
+            meta[:, 6] = np.where(meta[:, 6] >= 0, size + np.cumsum(doubles) - doubles, -1)
+            size += int(doubles.sum())
         return inner._replace(store=np.zeros(size))
     where = inner.where.copy()
     lane = where[:, 0] % 8

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .connections import ARM, POSITION, Connections
-from .kept import KeptLink
+from .multipliers import KeptLink
 from .nearest import nearest
 from .numbering import NodeList
 from .scene import RigidBody, Scene

@@ -80,7 +80,7 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  chain solver       block elimination of {pattern.n} rows, {cost:.1f} updates a row{border}, "
                      "in the compiled loop")
     else:
-        lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of {len(run.size)} x {len(run.size)}, "
+        lines.append(f"  sparse solver      PARDISO, {pattern.keys.size} blocks of {len(run.dofs)} x {len(run.dofs)}, "
                      "analysed once; SuperLU as fallback")
     lines.append("  left out           " + ", ".join(_left_out(scene, model)))
     return "\n".join(lines)

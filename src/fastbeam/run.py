@@ -25,9 +25,9 @@ from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import OBSERVED, POINTS, Observer, conserved
 from .progress import Progress
+from .recording import Rows
 from .resolution import Resolution
 from .result import Result
-from .rows import Rows
 from .starting import AT_STOP, check_start
 
 Array = np.ndarray

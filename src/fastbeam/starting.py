@@ -8,12 +8,12 @@ import numpy as np
 
 from .arguments import shown
 from .errors import SceneError
-from .kept import KeptLink, gap_matrix
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
 from .maps import free_unknowns, mass_map, share_map, tie_map, velocity_map
 from .model import Model
+from .multipliers import KeptLink, gap_matrix
 from .nearest import nearest
 
 Array = np.ndarray

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .kept import gap_matrix
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
+from .multipliers import gap_matrix
 from .pattern import Pattern
 
 Array = np.ndarray

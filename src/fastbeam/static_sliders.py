@@ -68,19 +68,19 @@ class SlidingSolver(StaticSolver):
                  backend: str = "auto") -> None:
         if flat is None:
             flat = model.plane is not None and (start is None or model.plane.holds(start))
-        assert model.plain is not None
-        plain = model.plain(planar=flat)
-        super().__init__(plain, start, max_iterations, "superlu")
+        assert model.uneliminated is not None
+        uneliminated = model.uneliminated(planar=flat)
+        super().__init__(uneliminated, start, max_iterations, "superlu")
         plane = self.stepper.plane
-        self.contacts = StaticContacts(plain, None if plane is None else plane.axes)
+        self.contacts = StaticContacts(uneliminated, None if plane is None else plane.axes)
         core = self.core
-        self._matrix = SaddleMatrix(core.pattern, len(core.size), core.n_sliders, int(core.forces.sum()))
+        self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, int(core.forces.sum()))
         self._factors = factors_for(backend)
         self._refused = 0
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.sliding = ~held
-        self.lengths = plain.slider_lengths
+        self.lengths = uneliminated.slider_lengths
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
@@ -126,7 +126,7 @@ class SlidingSolver(StaticSolver):
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext
-        self.work.line.use[0] = 0.0
+        self.work.increment.control[0] = 0.0
         return self._assembled(self.sliding)[0].signs(in_plane or not self.moments)
 
     # --- states -------------------------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ class SlidingSolver(StaticSolver):
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
         """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
         model, work, state = self.core, self.work, self.stepper.core_state
-        size, n = len(model.size), model.pattern.n
+        size, n = len(model.dofs), model.pattern.n
         border = self._border()
         work.f_ext[:] = self._loads + self.contacts.loads(self._weights, self.state.q, state.force)
         self.stepper.parts.assemble(0.0)
@@ -172,7 +172,7 @@ class SlidingSolver(StaticSolver):
 
     def _increment(self, sliding: Array, drag: float = 0.0) -> Increment | None:
         saddle, right = self._assembled(sliding, drag)
-        n = len(self.core.size) * self.core.pattern.n
+        n = len(self.core.dofs) * self.core.pattern.n
         for stiffness in (0.0, *STIFFNESSES):
             used = saddle.stiffened(stiffness) if stiffness else saddle
             x = used.solve(right)
@@ -190,14 +190,14 @@ class SlidingSolver(StaticSolver):
 
     def _round_off(self, saddle: Saddle) -> Array:
         """What may be round-off in the residuals of the nodes [n]: of loads and contact forces, and of forces in the beams."""
-        size, n = len(self.core.size), self.core.pattern.n
+        size, n = len(self.core.dofs), self.core.pattern.n
         loads = np.abs(self.work.f_ext[:8 * n].reshape(n, 8)[:, :size]).reshape(-1)
         stiff = np.abs(saddle.matrix.diagonal()[:size * n])
         return UNBALANCED * loads + EPSILON * self.core.length * stiff
 
     def _size(self, nodes: Array) -> float:
         """Of an increment of the nodes, in sizes of the scene and rad."""
-        x = np.abs(nodes.reshape(-1, len(self.core.size)))
+        x = np.abs(nodes.reshape(-1, len(self.core.dofs)))
         dim = self.core.dim
         return float(np.max(x[:, :dim])) / self.core.length + float(np.max(x[:, dim:], initial=0.0))
 
@@ -219,7 +219,7 @@ class SlidingSolver(StaticSolver):
         """Newton iteration with these sliders [S] free; not patient: given up where increments do not become smaller."""
         sizes: list[float] = []
         before = expected = np.inf
-        self.work.line.use[0] = 0.0
+        self.work.increment.control[0] = 0.0
         state = self.stepper.core_state
         for _ in range(self.max_iterations):
             x = self._increment(sliding)
@@ -251,7 +251,7 @@ class SlidingSolver(StaticSolver):
         sizes: list[float] = []
         drag, trust, near = 0.0, 1.0, NEWTON_FROM
         for _ in range(MOST_SLIDES):
-            self.work.line.use[0] = 0.0
+            self.work.increment.control[0] = 0.0
             x = self._increment(free, drag)
             if x is None:
                 return SINGULAR, sizes
@@ -299,10 +299,10 @@ class SlidingSolver(StaticSolver):
 
     def _rises(self, way: Array) -> bool:
         """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
-        self.work.line.use[0] = 0.0
+        self.work.increment.control[0] = 0.0
         saddle, right = self._assembled(self.sliding)
         right[:] = 0.0
-        n = len(self.core.size) * self.core.pattern.n
+        n = len(self.core.dofs) * self.core.pattern.n
         right[n:n + way.size] = np.where(self.sliding, way, 0.0)
         x = saddle.solve(right)
         return x is None or bool(way @ x[n:n + way.size] >= 0.0)
@@ -311,11 +311,11 @@ class SlidingSolver(StaticSolver):
         """Increments of the sliding coordinates, none too long and none beyond an end; and a slider that stands at the end that
         it is pushed to, or -1."""
         now = self.stepper.core_state.s
-        room = np.where(s > 0.0, self.lengths - now, now)
-        out = np.flatnonzero((room <= AT_END * self.lengths) & (np.abs(s) > room) & (slope * s < 0.0))
+        to_end = np.where(s > 0.0, self.lengths - now, now)
+        out = np.flatnonzero((to_end <= AT_END * self.lengths) & (np.abs(s) > to_end) & (slope * s < 0.0))
         if out.size:
             return s, int(out[0])
-        most = np.minimum(REACH * self.lengths, TO_END * room)
+        most = np.minimum(REACH * self.lengths, TO_END * to_end)
         steps = np.clip(s, -most, most)
         if not slope @ steps < 0.0:
             steps = s * float(np.min(np.where(np.abs(s) > most, most / np.where(s == 0.0, 1.0, np.abs(s)), 1.0)))

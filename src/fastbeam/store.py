@@ -375,12 +375,12 @@ def _chunk(shape: tuple[int, ...]) -> tuple[int, ...]:
 def _encode(value: Any, noun: str) -> bytes:
     """JSON bytes; NumPy scalars and arrays become numbers and lists."""
     try:
-        return json.dumps(value, default=_plain).encode()
+        return json.dumps(value, default=_as_json).encode()
     except (TypeError, ValueError) as error:
         raise ResultFileError(f"result {noun}: only numbers, texts, lists and dicts can be stored ({error})") from error
 
 
-def _plain(value: Any) -> Any:
+def _as_json(value: Any) -> Any:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} {value!r}")

@@ -116,8 +116,8 @@ def _planar_hint(model: Model, shift: Array, turn: Array) -> str:
     """What to say to someone whose scene would do in its plane."""
     plane = model.plane
     if plane is None:
-        assert model.plain is not None
-        other = model.plain(planar="auto")
+        assert model.uneliminated is not None
+        other = model.uneliminated(planar="auto")
         plane = other.plane
         if plane is None:
             told = model.not_planar == other.not_planar

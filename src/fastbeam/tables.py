@@ -260,9 +260,9 @@ class ElementPacker:
             if nn < 3:
                 continue
             chosen = np.flatnonzero(eligible[live[:, 1:-1]].all(axis=(1, 2)))
-            room = store_size(nn, columns)
-            meta[chosen, 6] = offset + room * np.arange(chosen.size)
-            offset += room * chosen.size
+            doubles = store_size(nn, columns)
+            meta[chosen, 6] = offset + doubles * np.arange(chosen.size)
+            offset += doubles * chosen.size
         return offset
 
     def pairs(self, row_root: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .connections import Connections
 from .initial import initial_state
-from .kept import KeptLink
+from .multipliers import KeptLink
 from .kernels.work import State
 from .numbered import Numbered
 from .numbering import NodeList

@@ -12,7 +12,7 @@ from .kernels.nodes import NODES_SCRATCH
 from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
-from .kernels.work import Line, Work
+from .kernels.work import LastIncrement, Work
 from .model import Model
 
 Array = np.ndarray
@@ -21,7 +21,7 @@ Array = np.ndarray
 def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     """Work arrays of one run; keep: with room for the state before a step; rates: for a method with rates of its own
     (generalised alpha)."""
-    n, s, size = model.n_nodes, model.n_sliders, len(model.size)
+    n, s, size = model.n_nodes, model.n_sliders, len(model.dofs)
     kept = int(keep)
     q = model.q0.size
     # what is not a beam takes the coordinates from these
@@ -35,7 +35,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 u=np.zeros(q * (rates or model.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
                 r=np.zeros(8 * (n + 1)),
                 blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
-                panel=aligned(panel), rows=aligned((dense + 1) * model.width),
+                panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
                 schur=np.zeros((dense, dense)), y=np.zeros(border),
                 scratch=scratch_of(model), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
                 keep_force=np.zeros(kept * model.forces.sum()),
@@ -43,8 +43,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 keep_theta=np.zeros(kept * theta.size),
                 past=np.zeros(model.past_size),
                 keep_past=np.zeros(kept * model.past_size),
-                line=Line(np.array([0.0, model.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
-                          NoTies() if model.ties is None else _padded(model.dim * n)))
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
+                               NoTies() if model.ties is None else _padded(model.dim * n)))
 
 
 def check_border(model: Model) -> None:
@@ -58,7 +58,7 @@ def check_border(model: Model) -> None:
     if not model.n_constraints or model.by_rows or model.carriers is not None:
         return
     # the panel and its Schur complement, and what PARDISO solves with: right-hand sides, solutions, residuals and corrections
-    needed = 8 * (model.border_size + 4 * model.columns * len(model.size) * model.pattern.n)
+    needed = 8 * (model.border_size + 4 * model.columns * len(model.dofs) * model.pattern.n)
     there = physical_memory()
     if needed > there:
         of = f"{model.n_sliders} sliders and {len(model.kept)} joints with multipliers"
@@ -81,9 +81,9 @@ def scratch_of(model: Model) -> Array:
     """Scratch of one thread, as much as the largest group of elements needs, or eight nodes."""
     metas = [t.meta for t in (model.simo, model.green) if t is not None]
     kinds = {divmod(kind, 1000) for m in metas for kind in np.unique(1000 * m[:, NODES] + m[:, POINTS]).tolist()}
-    sizes = [layout_of(model.size, nn, nq).size for nn, nq in kinds]
+    sizes = [layout_of(model.dofs, nn, nq).doubles for nn, nq in kinds]
     most = max([*sizes, NODES_SCRATCH])
-    return aligned(most if model.substructures is None else most + front_size(len(model.size)))
+    return aligned(most if model.substructures is None else most + front_size(len(model.dofs)))
 
 
 def entries_of(model: Model) -> int:
@@ -104,7 +104,7 @@ def entries_of(model: Model) -> int:
 
 def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     """Work arrays of the constraints, with room for so many entries (default: `entries_of`)."""
-    n, row = model.n_constraints, 8 * len(model.size)
+    n, row = model.n_constraints, 8 * len(model.dofs)
     if not n:
         return None
     shape = np.zeros((1, 3), np.int64) if model.curves is None else model.curves.shape
@@ -133,7 +133,7 @@ def condensed_of(model: Model) -> Substructures | None:
     """The condensed beams with work arrays of one run."""
     if model.substructures is None:
         return None
-    return place_stores(model.substructures, len(model.size))
+    return place_stores(model.substructures, len(model.dofs))
 
 
 def _padded(n: int) -> Array:

@@ -92,7 +92,7 @@ OTHER_KERNELS = {"external_forces", "apply_held", "add_bodies", "call_pardiso"}
 
 def compiled_kernels(name: str, folder: Path) -> set[str]:
     """Kernels that an empty cache has to compile for a scene, all of them in one process: there is no second on one processor."""
-    alone = "from fastbeam import _beside\n_beside._processors = lambda: 1\n"
+    alone = "from fastbeam import _background\n_background._processors = lambda: 1\n"
     code = alone + SCENE + f"fb.simulate(fb.compile_scene(scenes['{name}']), t_end=0.02, step=0.01, observe=())" + COMPILED
     compiled, known = python(code, FASTBEAM_CACHE_DIR=str(folder))
     # a kernel that was renamed would be absent for the wrong reason
@@ -135,7 +135,7 @@ fb.simulate(fb.compile_scene(scenes["beam"]), t_end=0.02, step=0.01, observe=())
 (types,) = step.run.signatures
 system = dict(zip(types[1].fields, types[1]))
 print(json.dumps([[term.instance_class.__name__ for term in types[0]],
-                  [system[name].instance_class.__name__ for name in ("size", "method", "contact", "solver")]]))
+                  [system[name].instance_class.__name__ for name in ("dofs", "method", "contact", "solver")]]))
 """
     assert python(code) == [["Inner", "Beams"], ["Space", "Conserving", "NoContact", "Elimination"]]
 
@@ -161,7 +161,7 @@ print(json.dumps([len(alone), alone == known()]))
 PARTS = SCENE + """
 import os
 os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-from fastbeam import _beside, _parts
+from fastbeam import _background, _parts
 from fastbeam.kernels import step
 
 class Typed(Exception):
@@ -179,13 +179,13 @@ for kernel in (step.newton, step.assemble_step, step.update_step):
     kernel.part.cache.load_overload = lambda *arguments: None
 step.run._cache.load_overload = lambda *arguments: None
 _parts._WholeLibrary._optimize_final_module = stop
-_beside.start = types_and_stop
+_background.start = types_and_stop
 out = {}
 for name in ("beam", "slider", "flat slider"):
     try:
         fb.simulate(fb.compile_scene(scenes[name]), t_end=0.02, step=0.01, observe=())
     except Typed:
-        jobs = _beside._JOBS[step.run.py_func](*types)
+        jobs = _background._JOBS[step.run.py_func](*types)
         out[name] = [[kernel.py_func.__name__, arguments in kernel.part.signatures] for kernel, arguments in jobs]
 print(json.dumps(out))
 """
@@ -197,8 +197,10 @@ def test_second_process_is_asked_for_parts_that_the_loop_calls() -> None:
         return [[name, True] for name in names]
 
     assert python(PARTS) == {"beam": called("assemble_beams", "eliminate_residual", "close_residual"),
-                             "slider": called("assemble_sliding", "assemble_beams", "solve_rows", "close_rows"),
-                             "flat slider": called("assemble_sliding", "assemble_beams", "solve_rows", "close_rows")}
+                             "slider": called("assemble_sliding", "assemble_beams", "solve_constraint_rows",
+                                              "close_constraint_rows"),
+                             "flat slider": called("assemble_sliding", "assemble_beams", "solve_constraint_rows",
+                                                   "close_constraint_rows")}
 
 
 def test_time_loop_allocates_nothing() -> None:

@@ -38,7 +38,7 @@ def test_only_the_ground_names_the_compiler() -> None:
     users = {path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py") if imported(path) & {"numba", "llvmlite"}}
     assert users == {"_folder.py", "_generic.py", "_jit.py", "_parts.py", "_sealed.py", "kernels/algebra.py", "kernels/blocks.py",
                      "kernels/constraint_blocks.py", "kernels/kinds.py",
-                     "kernels/rows.py", "kernels/sparse.py"}
+                     "kernels/lanes.py", "kernels/sparse.py"}
 
 
 def test_options_of_the_compiler_stand_in_one_file() -> None:

@@ -20,7 +20,7 @@ WORDS = ("director triad", "own curve", "c1 curve", "chain", "tree", "net", "con
          "kind of node", "strain set", "method", "saved and kept", "event", "row of a result", "slider", "link", "panel",
          "carrier")
 # what names were before they said what they are
-PRIVATE = ("written_in", "in_haste")
+PRIVATE = ("written_in", "in_haste", "beside", "spare", "plain", "apart", "room")
 FORMS = {form for word in PRIVATE for form in (word, word.upper(), word.capitalize())}
 
 

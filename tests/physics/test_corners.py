@@ -84,7 +84,7 @@ def test_parts_added_after_compiling_do_not_reach_the_repeated_step() -> None:
     scene = linear_algebra.bar()
     model = fb.compile_scene(scene)
     scene.add(fb.PointMass("later", mass=1.0, position=(0, 0, 5)))
-    assert model.plain().n_nodes == model.n_nodes and model.plain().inner is None
+    assert model.uneliminated().n_nodes == model.n_nodes and model.uneliminated().inner is None
 
 
 @pytest.mark.slow

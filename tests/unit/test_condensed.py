@@ -79,7 +79,7 @@ def same_bits(one: fb.Result, other: fb.Result) -> bool:
 def dense(stepper: Stepper) -> tuple[Array, Array]:
     """Matrix and residual of the rows that the solver sees."""
     model = stepper.core
-    pattern, n = model.pattern, len(model.size)
+    pattern, n = model.pattern, len(model.dofs)
     matrix = np.zeros((pattern.n, n, pattern.n, n))
     matrix[pattern.rows, :, pattern.columns] = stepper.work.blocks[:8 * n * pattern.keys.size].reshape(-1, n, 8)[:, :, :n]
     rest = stepper.work.r[:8 * pattern.n].reshape(-1, 8)[:, :n]
@@ -95,7 +95,7 @@ def test_condensed_matrix_is_the_schur_complement_and_its_interior_solves_the_wh
     whole = fb.compile_scene(scene, condense=False, eliminate_inner=False, solver="sparse")
     assert (one.plane is not None) == planar
     a, b = Stepper(one, np.ones(1), threads=2), Stepper(whole, np.ones(1))
-    n = len(a.core.size)
+    n = len(a.core.dofs)
     seen = one.pattern.row_of < one.pattern.n
 
     def numbers(rows: Array) -> Array:
@@ -106,9 +106,10 @@ def test_condensed_matrix_is_the_schur_complement_and_its_interior_solves_the_wh
     for _ in range(2):
         # the second tangent takes the stresses that the first increment led to; of the same increment, or residuals differ by
         # stiffness times round-off
-        for mine, other in zip((b.work.dphi, b.work.theta, b.work.line.use), (a.work.dphi, a.work.theta, a.work.line.use)):
+        for mine, other in zip((b.work.dphi, b.work.theta, b.work.increment.control), (a.work.dphi, a.work.theta,
+                                                                                       a.work.increment.control)):
             mine[:] = other
-        b.work.line.x.reshape(-1, 8)[whole.pattern.row_of] = a.work.line.x.reshape(-1, 8)[one.pattern.row_of]
+        b.work.increment.x.reshape(-1, 8)[whole.pattern.row_of] = a.work.increment.x.reshape(-1, 8)[one.pattern.row_of]
         a.parts.assemble(0.02)
         b.parts.assemble(0.02)
         condensed_matrix, condensed_rest = dense(a)
@@ -128,7 +129,7 @@ def test_condensed_matrix_is_the_schur_complement_and_its_interior_solves_the_wh
         x += np.linalg.solve(matrix, (rest - matrix.astype(np.longdouble) @ x).astype(float))
         assert a.parts.solve() and b.parts.solve()
         a.parts.update(), b.parts.update()
-        found = a.work.line.x.reshape(-1, 8)[one.pattern.row_of, :n]
+        found = a.work.increment.x.reshape(-1, 8)[one.pattern.row_of, :n]
         expected = -x.reshape(-1, n)[whole.pattern.row_of]
         free = ~np.isin(np.arange(one.n_nodes), one.ties.slave if one.ties is not None else [])
         np.testing.assert_allclose(found[free], expected[free], rtol=0.0, atol=1e-11 * np.max(np.abs(expected)))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fastbeam.constraints import couplings_of, with_room
+from fastbeam.constraints import couplings_of, with_capacity
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.constraints import Constraints, fill_constraints, solve_constraints
 from fastbeam.kernels.nodes import Held, NoHeld
@@ -47,7 +47,7 @@ class Saddle:
         self.make_room(scale)
 
     def make_room(self, scale: int) -> None:
-        self.rows: Constraints = with_room(self.couplings, self.contact.row.shape[1], 0, self.k, scale)
+        self.rows: Constraints = with_capacity(self.couplings, self.contact.row.shape[1], 0, self.k, scale)
 
     def _is_held(self, mask: Array) -> Array:
         return (mask[:, None] >> np.arange(self.k)) & 1 == 1

@@ -485,15 +485,15 @@ def test_cache_that_cannot_be_written_costs_only_time(tmp_path: Path) -> None:
 def test_spare_folder_that_others_could_write_to_is_not_used(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # cached machine code is run: a folder prepared by somebody else must not be trusted
     monkeypatch.setattr(_folder.tempfile, "tempdir", str(tmp_path))
-    root = _folder._spare_root()
-    assert root.stat().st_mode & 0o777 == 0o700 and root == _folder._spare_root()
+    root = _folder._fallback_root()
+    assert root.stat().st_mode & 0o777 == 0o700 and root == _folder._fallback_root()
     root.chmod(0o777)
-    fresh = _folder._spare_root()
+    fresh = _folder._fallback_root()
     assert fresh != root and fresh.parent == tmp_path and fresh.stat().st_mode & 0o777 == 0o700
     root.rmdir()
     (tmp_path / "elsewhere").mkdir()
     root.symlink_to(tmp_path / "elsewhere")
-    assert _folder._spare_root() not in (root, tmp_path / "elsewhere")
+    assert _folder._fallback_root() not in (root, tmp_path / "elsewhere")
 
 
 def test_kernels_that_can_only_be_read_are_copied(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

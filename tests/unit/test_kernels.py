@@ -11,20 +11,20 @@ from numpy.polynomial import legendre as np_legendre
 
 from fastbeam.compile import compile_scene
 from fastbeam.kernels import algebra as al
-from fastbeam.kernels import rows
+from fastbeam.kernels import lanes as rows
 from fastbeam.kernels.beam import ElementTables, element_groups
 from fastbeam.kernels.inner import NoInner
 from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.motions import OverStep, Still
 from fastbeam.kernels.blocks import SIX
-from fastbeam.kernels.nodes import NO_RATES, NODES_SCRATCH, add_bodies, advance, predict, spread, update_nodes
+from fastbeam.kernels.nodes import NODES_SCRATCH, NO_VELOCITIES, add_bodies, advance, predict, spread, update_nodes
 from fastbeam.kernels.curves import Curves, find_element, legendre, point_on_curve, step_basis
 from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import Contact
 from fastbeam.kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from fastbeam.kernels.terms import Conserving, Equilibrium, NoTies, tie_increments
 from fastbeam.kernels.ties import tie_arm, tie_coordinates
-from fastbeam.kernels.work import Line
+from fastbeam.kernels.work import LastIncrement
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
 from fastbeam.tables import pack_curves
@@ -234,7 +234,7 @@ def test_spread_and_advance_are_the_midpoint_relations(first: int, last: int) ->
     np.testing.assert_allclose((q1 - q)[some], 0.5 * h * (v + v1)[some], rtol=0, atol=5e-15)
     np.testing.assert_allclose(u[some], ((v1 - v) / h)[some], rtol=0, atol=1e-12)
     # in statics there are no velocities
-    advance(still.reshape(-1), NO_RATES, dphi.reshape(-1), theta.reshape(-1), 0.0, first, last, np.zeros(NODES_SCRATCH))
+    advance(still.reshape(-1), NO_VELOCITIES, dphi.reshape(-1), theta.reshape(-1), 0.0, first, last, np.zeros(NODES_SCRATCH))
     np.testing.assert_allclose(still, q1, rtol=0, atol=1e-15)
     for x, y in ((q1, q), (v1, v)):
         assert np.array_equal(x[:first], y[:first]) and np.array_equal(x[last:], y[last:])
@@ -434,7 +434,7 @@ class Elements:
         q, moves, v = np.random.default_rng(10).standard_normal((3, 12 * self.model.n_nodes))
         q = self.model.q0 + 0.02 * q
         dphi, theta = np.split(0.02 * moves, 4)[:2]
-        line = Line(np.zeros(3), theta, v, NoTies())
+        line = LastIncrement(np.zeros(3), theta, v, NoTies())
         # rates (dq - 2 v)/2
         return self.at(OverStep(Conserving(), q, dphi, v if velocities else np.zeros_like(v), line, 2.0, 800.0), tables)
 
@@ -442,7 +442,7 @@ class Elements:
         """Residual rows and blocks."""
         r, blocks = np.zeros((self.model.n_nodes + 1, 8)), np.zeros((self.model.n_blocks + 1, 48))
         element_groups(tables, 0, len(tables.meta), NoInner(), self.strains, motion, r.reshape(-1), blocks.reshape(-1),
-                       np.full(self.layout.size, np.nan), SPACE)
+                       np.full(self.layout.doubles, np.nan), SPACE)
         return r[:-1], blocks[:-1]
 
 
@@ -547,9 +547,9 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
     dphi = np.append(shift + move, 0.0)[:-1]
     x = np.zeros((n + 1, 8))
     x[row_of, :3], x[row_of, 3:6] = move, spin
-    line = Line(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1), NoTies())
+    line = LastIncrement(np.array([1.0, 0.0, -1.0]), np.append(theta, 0.0)[:-1], x.reshape(-1), NoTies())
 
-    def dense(line: Line) -> Array:
+    def dense(line: LastIncrement) -> Array:
         motion: OverStep | Still = Still(Equilibrium(), end.reshape(-1), line, 0.0)
         if moving:
             # with the rates of the increment there are no second rates
@@ -563,7 +563,7 @@ def test_tangent_with_the_stresses_of_a_straight_line(strain: str, moving: bool)
         np.testing.assert_allclose(r[row_of, :6], project(mid, f), rtol=0, atol=1e-12 * np.max(np.abs(f)))
         return found
 
-    mixed, plain = dense(line), dense(line._replace(use=np.zeros(3)))
+    mixed, plain = dense(line), dense(line._replace(control=np.zeros(3)))
     scale = np.max(np.abs(expected))
     np.testing.assert_allclose(mixed, expected, rtol=0, atol=1e-8 * scale)
     assert np.max(np.abs(mixed - plain)) > 1e-2 * scale

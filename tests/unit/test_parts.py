@@ -16,7 +16,7 @@ from fastbeam import _jit, _parts
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 PAIR = """
 from numba import int64
-from fastbeam._jit import ABSENT, beside, kernel, one_variant
+from fastbeam._jit import ABSENT, compile_in_background, kernel, one_variant
 
 
 @one_variant
@@ -34,7 +34,7 @@ def whole(x):
     return power(x, 2, None) + power(x, 3, None)
 
 
-beside(whole, lambda x: [(power, (x, int64, ABSENT))])
+compile_in_background(whole, lambda x: [(power, (x, int64, ABSENT))])
 """
 RUN = """
 import json, os, sys
@@ -42,13 +42,14 @@ folder, processors, program, patience = json.loads(sys.argv[1])
 sys.path.insert(0, folder)
 if processors == 1:
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-from fastbeam import _beside, _jit
+from fastbeam import _background, _jit
 import pair
-_beside.PATIENCE = patience
+_background.PATIENCE = patience
 sys.executable = program or sys.executable
 value = pair.whole(3.0)
 part = pair.power.part
-print(json.dumps([value, len(part.loaded), len(part.missed), len(part.signatures), *_jit.compile_counts(), len(_beside._COMING)]))
+print(json.dumps([value, len(part.loaded), len(part.missed), len(part.signatures), *_jit.compile_counts(),
+                  len(_background._COMING)]))
 """
 two_processors = pytest.mark.skipif(not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2,
                                     reason="needs two processors and a system that can hide one")

@@ -89,7 +89,7 @@ def test_an_operation_without_a_counter_is_named() -> None:
     model = compiled(8, 1)
     work = work_of(model)
     with pytest.raises(LookupError, match="'perp' has no counter"):
-        motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, work.line, 1.0, 1.0)
+        motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, work.increment, 1.0, 1.0)
         counting.count(beam.evaluate_group, model.simo, 0, layout_of(PLANE, 2, 1), strain_sets.SIMO_REISSNER, motion,
                        work.scratch, PLANE)
 
@@ -101,8 +101,8 @@ def test_formulas_of_the_elimination_agree_with_its_source(degree: int) -> None:
     for options in ({}, {"eliminate_inner": False}):
         model = compiled(9, degree, **options)
         work, plan = work_of(model), model.pattern.plan
-        found = counting.count(chain.factor, plan, work.blocks, work.pivots, chain.OneSide(work.panel), model.size)
-        found += counting.count(chain.back_substitute, plan, work.blocks, chain.OneSide(work.panel), model.size)
+        found = counting.count(chain.factor, plan, work.blocks, work.pivots, chain.OneSide(work.panel), model.dofs)
+        found += counting.count(chain.back_substitute, plan, work.blocks, chain.OneSide(work.panel), model.dofs)
         # the right-hand side goes along in the columns that pad a block, but for sums with what is known of it, the rows that
         # have no other block, and what reaches blocks behind the first
         others = np.diff(plan.start)
@@ -183,7 +183,7 @@ def test_passes_write_what_changes(case: str) -> None:
         t = stepper.linear.tables
         held.append((t.data, t.b, t.x, t.r, t.y))
     # scratch stays in a cache, and there are arrays of a few numbers
-    small = {place(x) for x in (stepper.work.scratch, stepper.work.line.use)}
+    small = {place(x) for x in (stepper.work.scratch, stepper.work.increment.control)}
     arrays_of_run = {place(x): x for x in every_array(tuple(held)) if place(x) not in small and x.size > 4}
     before = {key: x.copy() for key, x in arrays_of_run.items()}
     assert stepper.advance(0.0, STEP, 1).steps == 1
@@ -207,7 +207,7 @@ def test_kept_bytes_are_those_of_all_arrays(condense: bool) -> None:
     stepper, *rest = run(fb.compile_scene(scene, planar=False, condense=condense), threads=1)
     kept, work = traffic.kept(stepper), stepper.work
     # theta counts once, and loads with the tables
-    assert work.line.theta is work.theta and np.shares_memory(work.f_ext, stepper.core.loads)
+    assert work.increment.theta is work.theta and np.shares_memory(work.f_ext, stepper.core.loads)
     found = sum(map(arrays, (stepper.core_state, work, stepper.inner))) - work.theta.nbytes - work.f_ext.nbytes
     if condense:
         assert kept["factors"] > arrays(stepper.parts.subs.store) + arrays(stepper.parts.subs.ends)
@@ -424,7 +424,7 @@ def test_shortest_times_leave_out_calls_on_nothing() -> None:
 
 
 def test_mixed_iterations_follow_increments_that_are_too_long() -> None:
-    stepper = SimpleNamespace(work=SimpleNamespace(line=SimpleNamespace(use=np.array([0.0, 1e-6, -1.0]))))
+    stepper = SimpleNamespace(work=SimpleNamespace(increment=SimpleNamespace(control=np.array([0.0, 1e-6, -1.0]))))
     outcome = SimpleNamespace(sizes=np.array([1e-3, 1e-5, 1e-9, 0.0]))
     # the first guess counts like the first increment
     assert traffic.mixed_share(stepper, outcome) == pytest.approx(1.0)  # type: ignore[arg-type]

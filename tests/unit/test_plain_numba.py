@@ -72,7 +72,7 @@ for name in sys.argv[1:]:
     result = run(name)
     print(f"{name}: {time.process_time() - begin:.1f} s", file=sys.stderr)
     out[name] = [x.ravel().tolist() for x in (result.state.q, result.state.s, result.series["total"])]
-print(json.dumps([_jit.PLAIN, out]))
+print(json.dumps([_jit.NUMBA_ONLY, out]))
 """
 
 
@@ -131,7 +131,7 @@ def part(x):
 def whole(x):
     return part(x) + part(2 * x)
 
-print(json.dumps([_jit.PLAIN, [str(x.message) for x in said], whole(1.5)]))
+print(json.dumps([_jit.NUMBA_ONLY, [str(x.message) for x in said], whole(1.5)]))
 """
 
 

@@ -227,12 +227,12 @@ class Assembled:
     def residual(self) -> Array:
         """Nodes in order of their rows, then the borders."""
         m = self.model
-        nodes = self.work.r[:8 * m.n_nodes].reshape(-1, 8)[:, :len(m.size)]
+        nodes = self.work.r[:8 * m.n_nodes].reshape(-1, 8)[:, :len(m.dofs)]
         borders = np.zeros(0) if self.contact is None else self.contact.residual[:, :m.border]
         return np.concatenate((nodes.reshape(-1), borders.reshape(-1)))
 
     def tangent(self) -> Array:
-        m, n, b = self.model, len(self.model.size), self.model.border
+        m, n, b = self.model, len(self.model.dofs), self.model.border
         size = n * m.n_nodes
         k = np.zeros((size + b * m.n_sliders,) * 2)
         for block, row, column in zip(self.work.blocks.reshape(-1, n, 8), m.pattern.rows, m.pattern.columns):

@@ -114,10 +114,10 @@ LOOSE = {"light": 1e-7, "heavy": 1e-7, "heavy, linear": 1e-7}
 def prepared(scene: fb.Scene, planar: bool, augmentation: float) -> tuple[Stepper, Stepper]:
     """With rows, and with the dense border around SuperLU."""
     model = fb.compile_scene(scene, planar=planar)
-    assert model.plain is not None
+    assert model.uneliminated is not None
     rows = Stepper(model, np.ones(1), augmentation=augmentation)
     assert rows.rows is not None
-    return rows, Stepper(model.plain(planar=planar), np.ones(1), backend="superlu", augmentation=augmentation)
+    return rows, Stepper(model.uneliminated(planar=planar), np.ones(1), backend="superlu", augmentation=augmentation)
 
 
 def iterate(stepper: Stepper, scale: float) -> tuple[Array, ...]:
@@ -143,7 +143,7 @@ def solve_with_rows(stepper: Stepper) -> None:
     solved = kernels.solve_right(stepper.system)
     while stepper.rows.factors.failed[0]:
         first = stepper.contact.augmented[2]
-        stepper._make_room()
+        stepper._enlarge()
         stepper.contact.augmented[2] = first
         stepper.parts.assemble(STEP)
         kernels.fill_right(stepper.terms, stepper.system)

@@ -90,9 +90,9 @@ def test_increments_are_those_of_the_dense_border(name: str) -> None:
     planar = "auto" if "plane" in name else False
     some = scene(**CASES[name])
     model = model_of(some, planar=planar)
-    assert model.plain is not None
+    assert model.uneliminated is not None
     one = Stepper(model, np.ones(1), augmentation=0.0, threads=1)
-    other = Stepper(model.plain(planar=planar), np.ones(1), backend="superlu", augmentation=0.0)
+    other = Stepper(model.uneliminated(planar=planar), np.ones(1), backend="superlu", augmentation=0.0)
     assert (one.plane is not None) == ("plane" in name)
     for kind, a, b in zip(("position", "turn", "slide", "force"), iterate(one), iterate(other)):
         size = max(np.max(np.abs(b)), 1e-6 if kind != "force" else 0.1)
@@ -108,7 +108,7 @@ def run(model: Any, n: int, **options: Any) -> Stepper:
 
 def test_steps_are_those_of_the_dense_border() -> None:
     model = model_of(scene(rate=2.0))
-    one, other = run(model, 20, threads=1), run(model.plain(planar=False), 20, backend="superlu")
+    one, other = run(model, 20, threads=1), run(model.uneliminated(planar=False), 20, backend="superlu")
     for name, tolerance in (("q", 1e-10), ("v", 1e-8), ("s", 1e-10), ("force", 1e-6)):
         a, b = getattr(one.state, name), getattr(other.state, name)
         assert np.max(np.abs(a - b)) < tolerance * max(1.0, np.max(np.abs(b))), name
@@ -136,7 +136,7 @@ def test_balances() -> None:
 
 def test_dependent_sliders_move_as_with_the_dense_border_and_are_named_without_the_augmented_lagrangian() -> None:
     model = model_of(scene(twice=True, bodies=False))
-    one, other = run(model, 5, threads=1), run(model.plain(planar=False), 5, backend="superlu")
+    one, other = run(model, 5, threads=1), run(model.uneliminated(planar=False), 5, backend="superlu")
     assert np.max(np.abs(one.state.q - other.state.q)) < 1e-9
     assert np.max(np.abs(one.state.s - other.state.s)) < 1e-9
     with pytest.raises(fb.ConvergenceError, match="s0|again0"):

@@ -138,9 +138,9 @@ def test_another_form_of_a_model_is_compiled_once_and_when_asked_for(monkeypatch
     compiled: list[Any] = []
     real = compiler.compile_scene
     monkeypatch.setattr(compiler, "compile_scene", lambda *a, **k: compiled.append(k) or real(*a, **k))
-    assert model.plain is not None
+    assert model.uneliminated is not None
     # parts that are added later do not belong to it
     scene.parts.append(fb.PointMass("late", mass=1.0))
-    one = model.plain(planar=False)
-    assert model.plain(planar=False) is one and len(compiled) == 1
+    one = model.uneliminated(planar=False)
+    assert model.uneliminated(planar=False) is one and len(compiled) == 1
     assert one.solver == "sparse" and one.inner is None and one.n_nodes == model.n_nodes

@@ -71,7 +71,7 @@ def test_a_wrong_rigid_offset_is_refused_with_its_name_and_size() -> None:
 def test_velocities_that_a_joint_or_a_support_does_not_allow_are_refused() -> None:
     scene = crane()
     model = fb.compile_scene(scene)
-    boom, (head, bob) = scene.beams[0], scene.bodies
+    boom, (_, bob) = scene.beams[0], scene.bodies
     state = model.state()
     state.v.reshape(-1, 4, 3)[at(model, bob), 0] = (1.0, 0.0, 0.0)
     refused(model, state, r"start: the velocity of .*\(hook.*\) is 1 m/s off")

@@ -110,8 +110,8 @@ def test_an_equilibrium_makes_the_energy_stationary(scene: fb.Scene, planar: boo
 @pytest.mark.parametrize("planar", [True, False])
 def test_the_border_is_the_derivative_of_its_equations(planar: bool) -> None:
     model = fb.compile_scene(mechanism(0.0), planar=planar)
-    assert model.plain is not None
-    plain = model.plain(planar=planar)
+    assert model.uneliminated is not None
+    plain = model.uneliminated(planar=planar)
     axes = plain.plane.axes if planar else None
     contacts = StaticContacts(plain, axes)
     rng = np.random.default_rng(1)

@@ -379,7 +379,7 @@ def test_an_augmented_increment_equals_the_twin(name: str, ends: tuple, factor: 
     assert np.all((share > 0.2) & (share < 1.01)), share
     expected, left = augmented_increment(tangent, flat(twin.residual(trial), twin), first * trial.force,
                                          factor / kernel.contact.compliance)
-    nodes = work.line.x.reshape(-1, 8)[m.pattern.row_of, :6]
+    nodes = work.increment.x.reshape(-1, 8)[m.pattern.row_of, :6]
     found = np.concatenate((nodes[twin.free], work.y.reshape(-1, BORDER)[:, :4].reshape(-1)))
     assert np.max(np.abs(found - expected)) < 1e-9 * np.max(np.abs(expected))
     assert np.min(np.abs(left)) > 0.0

@@ -38,9 +38,9 @@ class VecType(types.Type):
         return self.lanes
 
 
-vec, part = VecType(LANES), VecType(WIDTH)
+vec, native = VecType(LANES), VecType(WIDTH)
 f8 = types.float64
-_KINDS = tuple(dict.fromkeys((vec, part)))
+_KINDS = tuple(dict.fromkeys((vec, native)))
 
 
 class SmallType(types.Type):
@@ -366,11 +366,11 @@ vst_matrix, vadd_matrix = _make_store_matrix(vec, False), _make_store_matrix(vec
 vzero, vzero3, vzerom = _make_zero(vec, 1), _make_zero(vec, 3), _make_zero(vec, 9)
 vld2, vst2, vadd2, vzero2 = _make_load(vec, 2), _make_store(vec, 2, False), _make_store(vec, 2, True), _make_zero(vec, 2)
 # WIDTH of the 8 lanes of a group
-pld, pld2, pld3, pldm = _make_load(part, 1), _make_load(part, 2), _make_load(part, 3), _make_load(part, 9)
-pst, pst2, pst3, pstm = (_make_store(part, n, False) for n in (1, 2, 3, 9))
-padd2, padd3 = _make_store(part, 2, True), _make_store(part, 3, True)
-pst_matrix, padd_matrix = _make_store_matrix(part, False), _make_store_matrix(part, True)
-pzero, pzero2, pzero3, pzerom = (_make_zero(part, n) for n in (1, 2, 3, 9))
+pld, pld2, pld3, pldm = _make_load(native, 1), _make_load(native, 2), _make_load(native, 3), _make_load(native, 9)
+pst, pst2, pst3, pstm = (_make_store(native, n, False) for n in (1, 2, 3, 9))
+padd2, padd3 = _make_store(native, 2, True), _make_store(native, 3, True)
+pst_matrix, padd_matrix = _make_store_matrix(native, False), _make_store_matrix(native, True)
+pzero, pzero2, pzero3, pzerom = (_make_zero(native, n) for n in (1, 2, 3, 9))
 # one lane
 ld2, st2, add2, zero2 = _make_load(f8, 2), _make_store(f8, 2, False), _make_store(f8, 2, True), _make_zero(f8, 2)
 ld3, st3, add3 = _make_load(f8, 3), _make_store(f8, 3, False), _make_store(f8, 3, True)
@@ -409,9 +409,9 @@ def largest(tc, x, y):
     """The larger of two sizes, lane by lane; x where it is NaN, and y where that is."""
     def codegen(ctx, b, sig, args):
         absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(_VECTOR, [_VECTOR]), "llvm.fabs.v8f64")
-        size = b.call(absolute, [args[0]])
-        takes = b.or_(b.fcmp_ordered(">", size, args[1]), b.fcmp_unordered("uno", size, size))
-        return b.select(takes, size, args[1])
+        magnitude = b.call(absolute, [args[0]])
+        takes = b.or_(b.fcmp_ordered(">", magnitude, args[1]), b.fcmp_unordered("uno", magnitude, magnitude))
+        return b.select(takes, magnitude, args[1])
     return vec(x, y), codegen
 
 

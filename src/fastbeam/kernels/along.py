@@ -259,11 +259,11 @@ def begin_forces(along, term, system, h):
 @kernel
 def sliding_rate(term, system, k):
     """ds/dt at the start of the step, theory.md 5.4."""
-    curves, sliders, state, contact, size = term.curves, term.sliders, system.state, system.contact, system.size
+    curves, sliders, state, contact, dofs = term.curves, term.sliders, system.state, system.contact, system.dofs
     b = sliders.curve[k]
     e = find_element(curves, b, state.s[k], contact.element[k])
-    tangent = point_on_curve(curves, b, state.s[k], state.q, e, contact, 1, size)
-    relative = position(state.v, sliders.point[k], size) - point_on_curve(curves, b, state.s[k], state.v, e, contact, 0, size)
+    tangent = point_on_curve(curves, b, state.s[k], state.q, e, contact, 1, dofs)
+    relative = position(state.v, sliders.point[k], dofs) - point_on_curve(curves, b, state.s[k], state.v, e, contact, 0, dofs)
     return dot(relative, tangent) / dot(tangent, tangent)
 
 
@@ -293,8 +293,8 @@ def friction_takes_energy(along, term, system):
 @kernel
 def account_forces(along, term, system):
     """Work of friction and drives, from the converged step."""
-    state, work, contact, size = system.state, system.work, system.contact, system.size
-    spread_nodes.call(size, system.method, state, work, along.clock[0], 0, system.row_of.shape[0])
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+    spread_nodes.call(dofs, system.method, state, work, along.clock[0], 0, system.row_of.shape[0])
     curves = term.curves
     for k in range(state.s.shape[0]):
         c = term.sliders.curve[k]
@@ -303,7 +303,7 @@ def account_forces(along, term, system):
         lo, hi = nodes_under(curves, c, e0, e1)
         step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
         way = pass_along(contact.basis, curves.meta[c, 0], lo, hi, system, term.sliders.spin_root)
-        account_slider(along, system, k, vector(state.force, contact.first_force[k], 1, size), mean_tangent(way))
+        account_slider(along, system, k, vector(state.force, contact.first_force[k], 1, dofs), mean_tangent(way))
 
 
 @kernel

@@ -15,10 +15,10 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, st3
+from .cayley import director_increment
 from .kinds import Space
 from .nodes import Bodies, add_bodies, turn_of
-from .terms import advance_nodes, assemble, inner_share, restore, save, spread_nodes, weigh_residual
-from .turns import director_increment
+from .terms import advance_nodes, assemble, inner_share, restore, save, scale_residual, spread_nodes
 from .work import halve
 
 NOW, END, KEPT = 0, 3, 6     # first of three rows of `rates`: velocity, its rate, the method's acceleration
@@ -182,20 +182,20 @@ def restore_rates(alpha):
 
 @spread_nodes.register(Space, Alpha)
 @kernel
-def spread_to_end(size, alpha, state, work, h, first, last):
+def spread_to_end(dofs, alpha, state, work, h, first, last):
     """All nodes, whichever are asked for."""
     spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
 
 
 @advance_nodes.register(Space, Alpha)
 @kernel
-def advance_alpha(size, alpha, state, work, h, first, last, scratch):
+def advance_alpha(dofs, alpha, state, work, h, first, last, scratch):
     """All nodes, whichever are asked for."""
     spread_end(alpha, state.q, work.dphi, work.theta, h, work.q_mid, work.q_end, work.u)
     finish_alpha(alpha, work.q_end, state.q, state.v)
 
 
-@weigh_residual.register(Alpha)
+@scale_residual.register(Alpha)
 @kernel
 def halve_residual(alpha, system):
     """Half the residual, because the element loop returns half the tangent; solutions stored of inner nodes are whole ones."""

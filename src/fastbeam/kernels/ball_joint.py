@@ -27,18 +27,18 @@ class BallJoints(NamedTuple):
 @kernel
 def add_ball_joints(joints, system, share):
     """Forces, gaps and entries; share: of the tangent that the node matrix holds."""
-    work, contact, size = system.work, system.contact, system.size
+    work, contact, dofs = system.work, system.contact, system.dofs
     for j in range(joints.node.shape[0]):
         k = joints.first[0] + j
         a = joints.node[j, 0]
         b = joints.node[j, 1]
-        force = vector(system.state.force, contact.first_force[k], 1, size)
-        begin_joint(contact, k, dim(size))
+        force = vector(system.state.force, contact.first_force[k], 1, dofs)
+        begin_joint(contact, k, dim(dofs))
         add_to(work.r, 8 * joints.row[j, 1], 1, -1.0 * force)
         add_to(work.r, 8 * joints.row[j, 0], 1, force)
-        put(contact.residual[k], 0, 1, position(work.q_end, b, size) - position(work.q_end, a, size))
-        put_point.call(joints.ties, -share, 1.0, contact, k, b, joints.row[j, 1], work.q_mid, work.q_end, size)
-        put_point.call(joints.ties, share, -1.0, contact, k, a, joints.row[j, 0], work.q_mid, work.q_end, size)
+        put(contact.residual[k], 0, 1, position(work.q_end, b, dofs) - position(work.q_end, a, dofs))
+        put_point.call(joints.ties, -share, 1.0, contact, k, b, joints.row[j, 1], work.q_mid, work.q_end, dofs)
+        put_point.call(joints.ties, share, -1.0, contact, k, a, joints.row[j, 0], work.q_mid, work.q_end, dofs)
 
 
 @assemble.register(BallJoints, Conserving)

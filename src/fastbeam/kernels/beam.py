@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, one_variant, inlined
+from .._jit import inlined, kernel, one_variant
 from . import green_lagrange, simo_reissner  # noqa: F401  the strain sets
 from .algebra import WIDTH, add_iso, add_skew, address, cross, outer
 from .algebra import padd3 as vadd3
@@ -35,16 +35,16 @@ from .algebra import pzerom as vzerom
 from .inner import eliminate_group
 from .kinds import (Space, add_lanes, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_lanes,
                     zero_moment)
-from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINT_MATRIX, POINT_NODE,
-                     POINT_NODES, POINTS, POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2,
-                     SHEAR_3, SPARE, STEP, STRAINS, layout)
-from .motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, gather_line, gather_spin_rates, needs_line,
-                      pair_rate)
+from .lanes import scatter_rows
+from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINTS, POINT_MATRIX, POINT_NODE, POINT_NODES,
+                     POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2, SHEAR_3, STEP, STRAINS,
+                     TEMPORARY, layout)
+from .motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, gather_increment, gather_spin_rates,
+                      needs_increment, pair_mass_factor)
 from . import gather  # noqa: F401  of all motions
-from .rows import scatter_rows
 from .strain_sets import (add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness, prepare_points,
                           sum_pair)
-from .strains import interpolate, mean_strains, stresses, unused_strains
+from .strains import excess_strains, interpolate, mean_strains, stresses
 from .terms import Equilibrium
 
 
@@ -70,17 +70,17 @@ class Case(NamedTuple):
 # --- inertia and projection ---------------------------------------------------------------------------------------------
 @add_inertia.register(Equilibrium)
 @kernel
-def add_no_inertia(method, constants, scratch, at, size):
+def add_no_inertia(method, constants, scratch, at, dofs):
     pass
 
 
 @add_inertia.register(object)
 @inlined
-def add_inertia_forces(method, constants, scratch, at, size):
+def add_inertia_forces(method, constants, scratch, at, dofs):
     """M u with u = 2/h^2 (q_n+1 - q_n - h v_n). In space d2 and d3 have inertia and d1 has none (1.2), in a plane the
     director."""
-    d = 8 * dim(size)
-    node = 8 * coordinates(size)
+    d = 8 * dim(dofs)
+    node = 8 * coordinates(dofs)
     first = node - (at.masses - at.inertia) // 8 * d
     for a in range(at.nn):
         m0 = at.masses + 8 * at.nn * a
@@ -88,29 +88,29 @@ def add_inertia_forces(method, constants, scratch, at, size):
             o = first + (i - at.inertia) // 8 * d
             if i == at.inertia:
                 o = 0
-            p = zero_lanes(size)
+            p = zero_lanes(dofs)
             for b in range(at.nn):
-                p += vld(constants, m0 + 8 * b, 0) * vector_lanes(scratch, at.rates + node * b + o, size)
+                p += vld(constants, m0 + 8 * b, 0) * vector_lanes(scratch, at.rates + node * b + o, dofs)
             add_lanes(scratch, at.forces + node * a + o, vld(constants, i, 0) * p)
             m0 = at.director_masses + 8 * at.nn * a
 
 
 @add_spin_rates.register(object)
 @kernel
-def add_no_spin_rates(method, constants, scratch, at, rate):
+def add_no_spin_rates(method, constants, scratch, at, mass_factor):
     pass
 
 
 @add_spin_rates.register(AtEnd)
 @kernel
-def add_rates_of_spins(method, constants, scratch, at, rate):
-    """Tangent of the inertia forces (7.3): positions with the factor `rate`, directors with the derivatives of d'' by the spins,
-    six vectors a node."""
+def add_rates_of_spins(method, constants, scratch, at, mass_factor):
+    """Tangent of the inertia forces (7.3): positions with the factor `mass_factor`, directors with the derivatives of d'' by the
+    spins, six vectors a node."""
     for a in range(at.nn):
         for b in range(at.nn):
             ko = at.blocks + 288 * (at.nn * a + b)
             rb = at.spin_rates + 144 * b
-            m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0)
+            m = mass_factor * vld(constants, at.masses + 8 * (at.nn * a + b), 0)
             md = vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
             j2 = md * vld(constants, at.inertia + 8, 0); j3 = md * vld(constants, at.inertia + 16, 0)
             vadd_matrix(scratch, ko, 48, 8, add_iso(vzerom(), m * vld(constants, at.inertia, 0)))
@@ -120,52 +120,52 @@ def add_rates_of_spins(method, constants, scratch, at, rate):
                       cross(a2, vld3(scratch, rb + 24 * c, 8)) + cross(a3, vld3(scratch, rb + 72 + 24 * c, 8)))
 
 
-@pair_rate.register(object)
+@pair_mass_factor.register(object)
 @kernel
-def rate_of_mass(method, rate):
-    return rate
+def whole_mass_factor(method, mass_factor):
+    return mass_factor
 
 
-@pair_rate.register(AtEnd)
+@pair_mass_factor.register(AtEnd)
 @kernel
-def rate_apart(method, rate):
+def no_mass_factor(method, mass_factor):
     return 0.0
 
 
 @inlined
-def project_node(scratch, at, a, size):
+def project_node(scratch, at, a, dofs):
     """Residual rows of a node: (f_phi, sum d_i,mid x f_i), and the part of the tangent that comes from moving d_i,mid, with what
     the tangent adds to the forces f."""
-    d = 8 * dim(size)
-    node = 8 * coordinates(size)
-    n = 8 * len(size)
+    d = 8 * dim(dofs)
+    node = 8 * coordinates(dofs)
+    n = 8 * len(dofs)
     q = at.node * a
     fo = at.forces + node * a
     go = at.tangent_forces + node * a
-    put_lanes(scratch, at.rows + n * a, vector_lanes(scratch, fo, size))
-    m = zero_moment(size)
-    k = zero_dyad(size)
+    put_lanes(scratch, at.rows + n * a, vector_lanes(scratch, fo, dofs))
+    m = zero_moment(dofs)
+    k = zero_dyad(dofs)
     for i in range(d, node, d):
-        f = vector_lanes(scratch, fo + i, size)
-        m += moment(vector_lanes(scratch, q + i, size), f)
-        f += vector_lanes(scratch, go + i, size)
-        k += dyad(vector_lanes(scratch, q + node + i, size), f)
+        f = vector_lanes(scratch, fo + i, dofs)
+        m += moment(vector_lanes(scratch, q + i, dofs), f)
+        f += vector_lanes(scratch, go + i, dofs)
+        k += dyad(vector_lanes(scratch, q + node + i, dofs), f)
     put_lanes(scratch, at.rows + n * a + d, m)
-    add_turned(scratch, at.blocks + n * len(size) * (at.nn * a + a), k, size)
+    add_turned(scratch, at.blocks + n * len(dofs) * (at.nn * a + a), k, dofs)
 
 
 # --- points in space ----------------------------------------------------------------------------------------------------
 @generic
-def evaluate_point(size, method, strains, constants, reference, g, scratch, at, case):
+def evaluate_point(dofs, method, strains, constants, reference, g, scratch, at, case):
     """Forces of quadrature point g on the coordinates, those that the tangent adds on the directors, and what pairs of nodes
     share of its stiffness."""
 
 
 @evaluate_point.register(Space)
 @inlined
-def evaluate_point_in_space(size, method, strains, constants, reference, g, scratch, at, case):
+def evaluate_point_in_space(dofs, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
-    po = at.points + at.point_room * g
+    po = at.points + at.point_stride * g
     ao = po + SHAPES_AT
     zo = at.blocks     # the place of the tangent is free until the pairs of nodes are evaluated
     interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
@@ -175,12 +175,12 @@ def evaluate_point_in_space(size, method, strains, constants, reference, g, scra
     add_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, po, at.forces)
     if case.mixed:
         if case.gathered:
-            interpolate(constants, to, at.nn, at.node, scratch, at.line, zo + BEFORE)
-            interpolate(constants, to, at.nn, at.node, scratch, at.line + 96, zo + STEP)
-        unused_strains(method, strains, reference, 48 * g, scratch, zo, case.gathered, ao)
-        stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + SPARE, ao)
-        add_director_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, zo + SPARE, at.tangent_forces)
-        add_stresses.call(strains, scratch, zo + SPARE, po)
+            interpolate(constants, to, at.nn, at.node, scratch, at.increment, zo + BEFORE)
+            interpolate(constants, to, at.nn, at.node, scratch, at.increment + 96, zo + STEP)
+        excess_strains(method, strains, reference, 48 * g, scratch, zo, case.gathered, ao)
+        stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + TEMPORARY, ao)
+        add_director_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, zo + TEMPORARY, at.tangent_forces)
+        add_stresses.call(strains, scratch, zo + TEMPORARY, po)
     point_stiffness.call(strains, constants, to, case.coupled, scratch, at, columns.call(method), po)
 
 
@@ -192,7 +192,7 @@ def rotation_position(constants, scratch, at, a, b, ko):
     k = vzerom()
     for g in range(at.nq):
         pb = vld(constants, at.point + at.point_size * g + 8 + 24 * b, 0)
-        k += pb * vldm(scratch, at.points + at.point_room * g + POINT_NODES + POINT_NODE * a + ROTATION_POSITION, 8)
+        k += pb * vldm(scratch, at.points + at.point_stride * g + POINT_NODES + POINT_NODE * a + ROTATION_POSITION, 8)
     sums = at.pairs + at.pair_size * (at.nn * a + b)
     qa = at.node * a
     u = vld(scratch, sums + SHEAR_2, 0) * vld3(scratch, qa + 48, 8) + vld(scratch, sums + SHEAR_3, 0) * vld3(scratch, qa + 72, 8)
@@ -205,7 +205,7 @@ def position_rotation(constants, scratch, at, a, b, ko):
     k = vzerom()
     for g in range(at.nq):
         pa = vld(constants, at.point + at.point_size * g + 8 + 24 * a, 0)
-        k += pa * vldm(scratch, at.points + at.point_room * g + POINT_NODES + POINT_NODE * b + POSITION_ROTATION, 8)
+        k += pa * vldm(scratch, at.points + at.point_stride * g + POINT_NODES + POINT_NODE * b + POSITION_ROTATION, 8)
     sums = at.pairs + at.pair_size * (at.nn * b + a)
     qb = at.node * b + 96
     v = vld(scratch, sums + SHEAR_2, 0) * vld3(scratch, qb + 48, 8) + vld(scratch, sums + SHEAR_3, 0) * vld3(scratch, qb + 72, 8)
@@ -213,16 +213,16 @@ def position_rotation(constants, scratch, at, a, b, ko):
 
 
 @inlined
-def rotation_rotation(strains, constants, scratch, at, a, b, rate, ko):
+def rotation_rotation(strains, constants, scratch, at, a, b, mass_factor, ko):
     """Rotation of a against rotation of b."""
     k = vzerom()
     for g in range(at.nq):
-        po = at.points + at.point_room * g + POINT_NODES
+        po = at.points + at.point_stride * g + POINT_NODES
         ba = po + POINT_NODE * a
         bb = po + POINT_NODE * b + PRODUCTS
         for i in range(6):
             k += outer(vld3(scratch, ba + 24 * i, 8), vld3(scratch, bb + 24 * i, 8))
-    md = rate * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
+    md = mass_factor * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
     m2 = md * vld(constants, at.inertia + 8, 0)
     m3 = md * vld(constants, at.inertia + 16, 0)
     k = add_geometric.call(strains, k, scratch, at.node * a, at.node * b + 96, at.pairs + at.pair_size * (at.nn * a + b), m2, m3)
@@ -230,26 +230,26 @@ def rotation_rotation(strains, constants, scratch, at, a, b, rate, ko):
 
 
 @inlined
-def position_position(constants, scratch, at, a, b, rate, ko):
+def position_position(constants, scratch, at, a, b, mass_factor, ko):
     """Position of a against position of b."""
     k = vzerom()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
         k += (vld(constants, t + 24 * a, 0) * vld(constants, t + 24 * b, 0)) * vldm(
-            scratch, at.points + at.point_room * g + POINT_MATRIX, 8)
-    m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0)
+            scratch, at.points + at.point_stride * g + POINT_MATRIX, 8)
+    m = mass_factor * vld(constants, at.masses + 8 * (at.nn * a + b), 0)
     vst_matrix(scratch, ko, 48, 8, add_iso(k, m * vld(constants, at.inertia, 0)))
 
 
 @generic
-def put_pairs(size, strains, constants, scratch, at, rate):
-    """The blocks of all pairs of nodes: material part from what they share, geometric part from the stresses, `rate` times the
-    projected mass, theory.md (4.1), (4.2)."""
+def put_pairs(dofs, strains, constants, scratch, at, mass_factor):
+    """The blocks of all pairs of nodes: material part from what they share, geometric part from the stresses, `mass_factor`
+    times the projected mass, theory.md (4.1), (4.2)."""
 
 
 @put_pairs.register(Space)
 @inlined
-def pair_stiffness(size, strains, constants, scratch, at, rate):
+def pair_stiffness(dofs, strains, constants, scratch, at, mass_factor):
     for a in range(at.nn):
         for b in range(a, at.nn):
             sum_pair.call(strains, constants, scratch, at, a, b)
@@ -257,82 +257,83 @@ def pair_stiffness(size, strains, constants, scratch, at, rate):
         for b in range(at.nn):
             ko = at.blocks + 288 * (at.nn * a + b)
             rotation_position(constants, scratch, at, a, b, ko)
-            rotation_rotation(strains, constants, scratch, at, a, b, rate, ko)
+            rotation_rotation(strains, constants, scratch, at, a, b, mass_factor, ko)
             position_rotation(constants, scratch, at, a, b, ko)
     # last, because these quarters of the blocks lie where the sums over the points stood
     for a in range(at.nn):
         for b in range(at.nn):
-            position_position(constants, scratch, at, a, b, rate, at.blocks + 288 * (at.nn * a + b))
+            position_position(constants, scratch, at, a, b, mass_factor, at.blocks + 288 * (at.nn * a + b))
 
 
 # --- groups of elements -------------------------------------------------------------------------------------------------
 @kernel
-def evaluate(method, strains, constants, reference, scratch, at, case, rate, size):
-    """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; rate: factor of the
-    mass matrix in the tangent, as in motions.py."""
+def evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
+    """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; mass_factor: factor
+    of the mass matrix in the tangent, as in motions.py."""
     for i in range(at.forces, at.rows, 8):
         vst(scratch, i, 0, 0.0)
-    add_inertia.call(method, constants, scratch, at, size)
+    add_inertia.call(method, constants, scratch, at, dofs)
     for i in range(at.rates, at.forces, 8):
         vst(scratch, at.tangent_forces - at.rates + i, 0, 0.0)
-    prepare_points.call(size, strains, scratch, at)
+    prepare_points.call(dofs, strains, scratch, at)
     for g in range(at.nq):
-        evaluate_point.call(size, method, strains, constants, reference, g, scratch, at, case)
-    put_pairs.call(size, strains, constants, scratch, at, pair_rate.call(method, rate))
-    add_spin_rates.call(method, constants, scratch, at, rate)
+        evaluate_point.call(dofs, method, strains, constants, reference, g, scratch, at, case)
+    put_pairs.call(dofs, strains, constants, scratch, at, pair_mass_factor.call(method, mass_factor))
+    add_spin_rates.call(method, constants, scratch, at, mass_factor)
     for a in range(at.nn):
-        project_node(scratch, at, a, size)
+        project_node(scratch, at, a, dofs)
 
 
 @inlined
-def evaluate_group(tables, k, at, strains, motion, scratch, size):
+def evaluate_group(tables, k, at, strains, motion, scratch, dofs):
     """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
     no = tables.meta[k, LIST]
-    node = 8 * coordinates(size)
+    node = 8 * coordinates(dofs)
     for a in range(at.nn):
-        gather_ends.call(size, motion, tables, no + 8 * a, scratch, at.node * a, at.rates + node * a)
-    case = Case(tables.meta[k, COUPLED] != 0, motion.line.use[0] != 0.0, needs_line.call(motion))
+        gather_ends.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a, at.rates + node * a)
+    case = Case(tables.meta[k, COUPLED] != 0, motion.increment.control[0] != 0.0, needs_increment.call(motion))
     if case.mixed and case.gathered:
         for a in range(at.nn):
-            gather_line.call(size, motion, tables, no + 8 * a, scratch, at.node * a + node, at.line + at.node * a)
+            gather_increment.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a + node, at.increment + at.node * a)
     gather_spin_rates.call(motion, tables, no, at.nn, scratch, at.spin_rates)
     for lane in range(0, 8, WIDTH):
         evaluate(motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
-                 address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.rate, size)
+                 address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.mass_factor,
+                 dofs)
 
 
 @inlined
-def scatter_group(tables, k, at, every, scratch, r_out, blocks_out, size):
+def scatter_group(tables, k, at, every, scratch, r_out, blocks_out, dofs):
     """Add rows and blocks of the nodes of group k, or of the first and last of them where `every` is nn - 1."""
-    n = 8 * len(size)
+    n = 8 * len(dofs)
     no = tables.meta[k, LIST]
     bo = tables.meta[k, BLOCKS]
     for a in range(0, at.nn, every):
-        scatter_rows(scratch, at.rows + n * a, tables.rows, no + 8 * a, 8, 0, r_out, size)
+        scatter_rows(scratch, at.rows + n * a, tables.rows, no + 8 * a, 8, 0, r_out, dofs)
         for b in range(0, at.nn, every):
             pair = at.nn * a + b
-            for i in range(len(size)):
-                scatter_rows(scratch, at.blocks + n * (len(size) * pair + i), tables.blocks, bo + 8 * pair, n, 8 * i, blocks_out,
-                             size)
+            for i in range(len(dofs)):
+                scatter_rows(scratch, at.blocks + n * (len(dofs) * pair + i), tables.blocks, bo + 8 * pair, n, 8 * i, blocks_out,
+                             dofs)
 
 
 @kernel
-def evaluate_groups(tables, first, last, strains, motion, scratch, size):
+def evaluate_groups(tables, first, last, strains, motion, scratch, dofs):
     """Residual and tangent of the groups from `first` to before `last`, one after the other in scratch."""
     for k in range(first, last):
-        evaluate_group(tables, k, layout(size, tables.meta[k, NODES], tables.meta[k, POINTS]), strains, motion, scratch, size)
+        evaluate_group(tables, k, layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS]), strains, motion, scratch, dofs)
 
 
 @one_variant
-def element_groups(tables, first, last, inner, strains, motion, r_out, blocks_out, scratch, size):
+def element_groups(tables, first, last, inner, strains, motion, r_out, blocks_out, scratch, dofs):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`.
 
-    inner: inner.Inner or NoInner; strains: a strain set; motion: of motions.py. motion.line: the last increment (work.Line);
-    where it says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6), else the present ones.
-    r_out [8 rows], blocks_out [8 n blocks]: rows padded to 8 doubles.
+    inner: inner.Inner or NoInner; strains: a strain set; motion: of motions.py. motion.increment: the last increment
+    (work.LastIncrement); where it says so, the tangent takes the stresses to which that led in a straight line, theory.md (4.6),
+    else the present ones. r_out [8 rows], blocks_out [8 n blocks]: rows padded to 8 doubles.
     """
     for k in range(first, last):
-        at = layout(size, tables.meta[k, NODES], tables.meta[k, POINTS])
-        evaluate_group(tables, k, at, strains, motion, scratch, size)
-        every = eliminate_group.call(inner, tables, k, at, scratch, r_out, size)
-        scatter_group(tables, k, at, every, scratch, r_out, blocks_out, size)
+        at = layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS])
+        evaluate_group(tables, k, at, strains, motion, scratch, dofs)
+        every = eliminate_group.call(inner, tables, k, at, scratch, r_out, dofs)
+        scatter_group(tables, k, at, every, scratch, r_out, blocks_out, dofs)

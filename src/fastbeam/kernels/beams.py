@@ -10,7 +10,7 @@ from .alpha import Alpha
 from .beam import ElementTables, element_groups
 from .inner import (Inner, clear_rhs, eliminate_columns, halve_rhs, put_inner_rhs, recover_inner, recover_rows)
 from .motions import motion
-from .terms import (assemble, carry_columns, clear, complete_columns, is_regular, recover, weigh)
+from .terms import (assemble, carry_columns, clear, complete_columns, is_regular, recover, scale_solutions)
 
 
 class Beams(NamedTuple):
@@ -26,14 +26,14 @@ class Beams(NamedTuple):
 def assemble_beams(beams, method, system, h):
     state, work = system.state, system.work
     element_groups(beams.tables, 0, beams.tables.meta.shape[0], beams.inner, beams.strains, motion.call(method, state, work, h),
-                   work.r, work.blocks, work.scratch, system.size)
+                   work.r, work.blocks, work.scratch, system.dofs)
 
 
 # --- nodes that are eliminated inside elements --------------------------------------------------------------------------
 @recover.register(Beams)
 @kernel
 def recover_inside(beams, system, share):
-    recover_rows.call(beams.inner, beams.tables, share, system.work.line.x, system.work.scratch, system.size)
+    recover_rows.call(beams.inner, beams.tables, share, system.work.increment.x, system.work.scratch, system.dofs)
 
 
 @clear.register(Inner)
@@ -43,9 +43,9 @@ def clear_inner(inner, method, system):
     clear_rhs.call(inner.rhs)
 
 
-@weigh.register(Inner, Alpha)
+@scale_solutions.register(Inner, Alpha)
 @kernel
-def weigh_inner(inner, method, system):
+def scale_inner_solutions(inner, method, system):
     halve_rhs.call(inner.rhs)
 
 
@@ -59,13 +59,13 @@ def inner_is_regular(inner, system):
 @kernel
 def carry_inner_columns(inner, system):
     work, width = system.work, system.width
-    for i in range(len(system.size) * inner.first[0] * width, work.panel.shape[0], width):
+    for i in range(len(system.dofs) * inner.first[0] * width, work.panel.shape[0], width):
         work.panel[i] = 0.0
-    eliminate_columns(inner, system.contact, work.panel, width, system.size)
-    put_inner_rhs(inner, work.panel, width, system.size)
+    eliminate_columns(inner, system.contact, work.panel, width, system.dofs)
+    put_inner_rhs(inner, work.panel, width, system.dofs)
 
 
 @complete_columns.register(Inner)
 @kernel
 def complete_inner_columns(inner, system):
-    recover_inner(inner, system.work.panel, system.width, system.size)
+    recover_inner(inner, system.work.panel, system.width, system.dofs)

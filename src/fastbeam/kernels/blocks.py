@@ -1,7 +1,7 @@
 """n x n blocks in registers, n = 6 for nodes in space and 3 for nodes in a plane: LU without row exchange, triangular solutions,
 products. Written out in LLVM: one call is straight-line code, whatever n is.
 
-`size` is a tuple of n numbers: its type carries n. An array holds blocks in lanes (8 blocks, entry r, c at 8 (n r + c)) or by
+`dofs` is a tuple of n numbers: its type carries n. An array holds blocks in lanes (8 blocks, entry r, c at 8 (n r + c)) or by
 rows (one block, entry r, c at 8 r + c, rows padded to a register); `row` and `column` are the distances between entries, in
 doubles. The diagonal of a factored block holds reciprocal pivots.
 """
@@ -95,9 +95,9 @@ def _absolute(b, x, kind, name):
 
 
 @intrinsic
-def lu_lanes(tc, a, offset, out, out_offset, smallest, size):
+def lu_lanes(tc, a, offset, out, out_offset, smallest, dofs):
     """LU of 8 blocks in lanes; False where a pivot is below `smallest` times its diagonal entry, or NaN."""
-    n = size.count
+    n = dofs.count
 
     def codegen(ctx, b, sig, args):
         source = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -121,13 +121,13 @@ def lu_lanes(tc, a, offset, out, out_offset, smallest, size):
         every = cgutils.get_or_insert_function(b.module, ir.FunctionType(ir.IntType(1), [flags]),
                                                f"llvm.vector.reduce.and.v{WIDTH}i1")
         return b.call(every, [good])
-    return types.boolean(a, offset, out, out_offset, smallest, size), codegen
+    return types.boolean(a, offset, out, out_offset, smallest, dofs), codegen
 
 
 @intrinsic
-def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, size):
+def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, dofs):
     """out = A^-1 x for 8 factored blocks in lanes and n lanes each, x_row and out_row doubles apart."""
-    n = size.count
+    n = dofs.count
 
     def codegen(ctx, b, sig, args):
         factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -140,13 +140,13 @@ def solve_lanes(tc, lu, offset, x, x_offset, x_row, out, out_offset, out_row, si
             for i in range(n):
                 target.put_lanes(w[i], first, (i, out_rows))
         return ctx.get_dummy_value()
-    return types.void(lu, offset, x, x_offset, x_row, out, out_offset, out_row, size), codegen
+    return types.void(lu, offset, x, x_offset, x_row, out, out_offset, out_row, dofs), codegen
 
 
 @intrinsic
-def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
+def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, dofs):
     """Y -= A X for 8 blocks A in lanes; X, Y: n rows of as many lanes as the tuple `columns` has numbers."""
-    n, m = size.count, columns.count
+    n, m = dofs.count, columns.count
 
     def codegen(ctx, b, sig, args):
         matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -165,14 +165,14 @@ def subtract_lanes(tc, a, offset, x, x_offset, y, y_offset, columns, size):
                 for c in some:
                     target.put_lanes(z[c], first, (8 * (m * i + c), 1))
         return ctx.get_dummy_value()
-    return types.void(a, offset, x, x_offset, y, y_offset, columns, size), codegen
+    return types.void(a, offset, x, x_offset, y, y_offset, columns, dofs), codegen
 
 
 @intrinsic
-def lu_two(tc, a, first, second, low, high, size):
+def lu_two(tc, a, first, second, low, high, dofs):
     """`lu_rows` of two blocks of one array in one go, which takes hardly longer than of one: its operations wait for each other.
     False, and nothing is changed, where either needs exchanges."""
-    n = size.count
+    n = dofs.count
     two = ir.VectorType(_DOUBLE, 2)
 
     def codegen(ctx, b, sig, args):
@@ -201,14 +201,14 @@ def lu_two(tc, a, first, second, low, high, size):
                     for j in range(n):
                         side.put_number(b.extract_element(x[i][j], ir.Constant(_I32, k)), (8 * i + j, 1))
         return both
-    return types.boolean(a, first, second, low, high, size), codegen
+    return types.boolean(a, first, second, low, high, dofs), codegen
 
 
 @intrinsic
-def lu_rows(tc, a, offset, low, high, size):
+def lu_rows(tc, a, offset, low, high, dofs):
     """LU in place of one block stored by rows. False, and nothing is changed, where a pivot lies outside [low, high] times its
     diagonal entry, or is NaN: then rows have to be exchanged."""
-    n = size.count
+    n = dofs.count
 
     def codegen(ctx, b, sig, args):
         block = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -227,14 +227,14 @@ def lu_rows(tc, a, offset, low, high, size):
                 for j in range(n):
                     block.put_number(x[i][j], (8 * i + j, 1))
         return good
-    return types.boolean(a, offset, low, high, size), codegen
+    return types.boolean(a, offset, low, high, dofs), codegen
 
 
 def _make_solve(columns):
     """Of n rows of so many columns, 8 or 1."""
     @intrinsic
-    def solve(tc, lu, offset, row, column, x, x_offset, x_row, size):
-        n = size.count
+    def solve(tc, lu, offset, row, column, x, x_offset, x_row, dofs):
+        n = dofs.count
 
         def codegen(ctx, b, sig, args):
             factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -247,15 +247,15 @@ def _make_solve(columns):
             for i in range(n):
                 put(w[i], (i, step))
             return ctx.get_dummy_value()
-        return types.void(lu, offset, row, column, x, x_offset, x_row, size), codegen
+        return types.void(lu, offset, row, column, x, x_offset, x_row, dofs), codegen
     return solve
 
 
 def _make_subtract(columns):
     """Of n rows of so many columns, 8 or 1."""
     @intrinsic
-    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
-        n = size.count
+    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, dofs):
+        n = dofs.count
 
         def codegen(ctx, b, sig, args):
             matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -280,7 +280,7 @@ def _make_subtract(columns):
             for i in range(n):
                 put(out[i], (i, y_step))
             return ctx.get_dummy_value()
-        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
+        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, dofs), codegen
     return subtract
 
 
@@ -292,10 +292,10 @@ def _columns(b, memory, columns):
 
 
 @intrinsic
-def solve_rows_beside(tc, lu, offset, x, x_offset, column, column_offset, size):
+def solve_rows_with_column(tc, lu, offset, x, x_offset, column, column_offset, dofs):
     """`solve_rows` of a block at 8 doubles a row, with one right-hand side more in the first column behind its n: what stands
-    there beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `rows.flush_rows`."""
-    n = size.count
+    there beside the factors, plus n numbers of `column`; below 1e-150 it is zero, as in `lanes.flush_rows`."""
+    n = dofs.count
 
     def codegen(ctx, b, sig, args):
         factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -311,14 +311,14 @@ def solve_rows_beside(tc, lu, offset, x, x_offset, column, column_offset, size):
         for i in range(n):
             panel.put_vector(w[i], (8 * i, 1))
         return ctx.get_dummy_value()
-    return types.void(lu, offset, x, x_offset, column, column_offset, size), codegen
+    return types.void(lu, offset, x, x_offset, column, column_offset, dofs), codegen
 
 
 @intrinsic
-def solve_rows_with_last(tc, lu, offset, x, x_offset, size):
+def solve_rows_with_last(tc, lu, offset, x, x_offset, dofs):
     """`solve_rows` of a block at 8 doubles a row on x, whose last column first takes the last column of the factors' rows; there,
     below 1e-150 it is zero."""
-    n = size.count
+    n = dofs.count
 
     def codegen(ctx, b, sig, args):
         factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -333,7 +333,7 @@ def solve_rows_with_last(tc, lu, offset, x, x_offset, size):
         for i in range(n):
             panel.put_vector(w[i], (8 * i, 1))
         return ctx.get_dummy_value()
-    return types.void(lu, offset, x, x_offset, size), codegen
+    return types.void(lu, offset, x, x_offset, dofs), codegen
 
 
 # X <- A^-1 X for one factored block and n rows of 8 numbers, or of one, x_row doubles apart
@@ -342,4 +342,4 @@ solve_rows, solve_column = _make_solve(LANES), _make_solve(1)
 subtract_rows, subtract_column = _make_subtract(LANES), _make_subtract(1)
 
 __all__ = ["FOUR", "ONE", "SIX", "THREE", "TWELVE", "TWO", "lu_lanes", "lu_rows", "lu_two", "solve_column", "solve_lanes",
-           "solve_rows", "solve_rows_beside", "solve_rows_with_last", "subtract_column", "subtract_lanes", "subtract_rows"]
+           "solve_rows", "solve_rows_with_column", "solve_rows_with_last", "subtract_column", "subtract_lanes", "subtract_rows"]

@@ -1,7 +1,7 @@
 """The border of the linear system: columns of the sliders in the panel, their Schur complement, the augmented Lagrangian.
 
 Arrays: r, x_out [8 (rows + 1)]; panel, panel_out [rows, n, width] flat, n unknowns a node; force [*], forces of all constraints;
-of the border of m = 7 S unknowns, 5 in a plane, rows [m + 1, width] flat, schur, a [m, m], y, y_out [m].
+of the border of m = 7 S unknowns, 5 in a plane, border_rows [m + 1, width] flat, schur, a [m, m], y, y_out [m].
 """
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from .kinds import dim
 
 # a pivot of the scaled Schur complement below this is round-off, that of dependent sliders; without the augmented Lagrangian
 # their pivots are larger (docs/stress.md)
-LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-5
+LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-5
 
 
 @kernel
-def fill_residual(r, panel_out, size):
+def fill_residual(r, panel_out, dofs):
     """The residual as the only right-hand side, in a scene without sliders."""
-    n = len(size)
+    n = len(dofs)
     for i in range(panel_out.shape[0] // n):
         for c in range(n):
             panel_out[n * i + c] = r[8 * i + c]
 
 
 @kernel
-def fill_panel(contact, r, width, panel_out, size):
+def fill_panel(contact, r, width, panel_out, dofs):
     """Residual in column 0, the border columns of slider k behind."""
-    n = len(size)
-    border = 2 * dim(size) + 1
+    n = len(dofs)
+    border = 2 * dim(dofs) + 1
     for i in range(panel_out.shape[0] // (n * width)):
         for c in range(n):
             o = (n * i + c) * width
@@ -43,19 +43,19 @@ def fill_panel(contact, r, width, panel_out, size):
 
 
 @kernel
-def take_solution(panel, width, factor, x_out, size):
+def take_solution(panel, width, factor, x_out, dofs):
     """`factor` times column 0 of the panel to rows of x."""
-    n = len(size)
+    n = len(dofs)
     for i in range(panel.shape[0] // (n * width)):
         for c in range(n):
             x_out[8 * i + c] = factor * panel[(n * i + c) * width]
 
 
 @kernel
-def augment(contact, force, schur, y, size):
+def augment(contact, force, schur, y, dofs):
     """Add 1/r to the complement of every slider, theory.md (5.5), and write its force columns in units of 1/compliance; in the
     first iteration the whole force answers the gap. Returns -1, or a slider whose force moves nothing."""
-    border = 2 * dim(size) + 1
+    border = 2 * dim(dofs) + 1
     n = border * contact.entries.shape[0]
     for k in range(contact.entries.shape[0]):
         o = border * k
@@ -76,22 +76,22 @@ def augment(contact, force, schur, y, size):
 
 
 @kernel
-def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
+def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out, dofs):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural increments in rows of x_out and
-    the border unknowns in y_out; returns -1, or a slider that makes the complement singular. rows: work, one row of the panel
-    more than the border has unknowns."""
-    nu = len(size)
-    border = 2 * dim(size) + 1
+    the border unknowns in y_out; returns -1, or a slider that makes the complement singular. border_rows: work, one row of the
+    panel more than the border has unknowns."""
+    nu = len(dofs)
+    border = 2 * dim(dofs) + 1
     n = border * contact.entries.shape[0]
     for i in range((n + 1) * width):
-        rows[i] = 0.0
+        border_rows[i] = 0.0
     # a row of the complement is stored like one of the panel: minus the right-hand side, then the entries
     for k in range(contact.entries.shape[0]):
         first = border * k * width
         for i in range(border):
-            rows[first + i * width] = contact.residual[k, i]
+            border_rows[first + i * width] = contact.residual[k, i]
             for j in range(border):
-                rows[first + i * width + 1 + border * k + j] = contact.corner[k, 8 * i + j]
+                border_rows[first + i * width + 1 + border * k + j] = contact.corner[k, 8 * i + j]
         for m in range(contact.entries[k]):
             for c in range(nu):
                 o = (nu * contact.row[k, m] + c) * width
@@ -100,15 +100,15 @@ def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
                     if line != 0.0:
                         for j in range(0, width, 8):
                             p = first + i * width + j
-                            vst(rows, p, 0, vld(rows, p, 0) - line * vld(panel, o + j, 0))
+                            vst(border_rows, p, 0, vld(border_rows, p, 0) - line * vld(panel, o + j, 0))
     for i in range(n):
-        y_out[i] = -rows[i * width]
+        y_out[i] = -border_rows[i * width]
         for j in range(n):
-            schur[i, j] = rows[i * width + 1 + j]
-    singular = augment(contact, force, schur, y_out, size)
+            schur[i, j] = border_rows[i * width + 1 + j]
+    singular = augment(contact, force, schur, y_out, dofs)
     if singular >= 0:
         return singular
-    singular = solve_dense(schur, y_out, n, LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_PLAIN)
+    singular = solve_dense(schur, y_out, n, LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_UNAUGMENTED)
     if singular >= 0:
         return singular // border
     for k in range(contact.entries.shape[0]):
@@ -121,15 +121,15 @@ def solve_border(contact, force, panel, width, rows, schur, y_out, x_out, size):
             contact.remaining[k] = max(contact.remaining[k], abs(left))
     contact.augmented[2] = 0.0
     last = n * width
-    rows[last] = 1.0
+    border_rows[last] = 1.0
     for j in range(n):
-        rows[last + 1 + j] = y_out[j]
+        border_rows[last + 1 + j] = y_out[j]
     for i in range(panel.shape[0] // (nu * width)):
         for c in range(nu):
             o = (nu * i + c) * width
             x = vzero()
             for j in range(0, width, 8):
-                x += vld(panel, o + j, 0) * vld(rows, last + j, 0)
+                x += vld(panel, o + j, 0) * vld(border_rows, last + j, 0)
             x_out[8 * i + c] = -total(x)
     return -1
 

@@ -11,12 +11,12 @@ from .terms import Midpoint, assemble
 
 
 @kernel
-def add_plain_slider(term, system, k, share):
+def add_collocated_slider(term, system, k, share):
     """A slider of the compared methods, theory.md (7.1): force and sliding direction at one instant, the gap at the end of the
     step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
     then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
-    curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
-    d = dim(size)
+    curves, state, work, contact, dofs = term.curves, system.state, system.work, system.contact, system.dofs
+    d = dim(dofs)
     near = 0.5 / share    # derivative of s and q at that instant by those at the end of the step
     c = term.sliders.curve[k]
     base = curves.meta[c, 0]
@@ -32,40 +32,40 @@ def add_plain_slider(term, system, k, share):
     add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
     add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
     add_basis(curves, c, e1, work.s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
-    f = vector(state.force, contact.first_force[k], 1, size)
+    f = vector(state.force, contact.first_force[k], 1, dofs)
     contact.entries[k] = 0
-    end = zero_vector(size); end_s = zero_vector(size); tangent = zero_vector(size); bend = zero_vector(size)
+    end = zero_vector(dofs); end_s = zero_vector(dofs); tangent = zero_vector(dofs); bend = zero_vector(dofs)
     for a in range(lo, hi):
         node = base + a
-        x = position(work.q_end, node, size)
+        x = position(work.q_end, node, dofs)
         end += basis[3, a] * x; end_s += basis[4, a] * x
-        x = position(work.q_mid, node, size)
+        x = position(work.q_mid, node, dofs)
         tangent += basis[1, a] * x; bend += basis[2, a] * x
         add_to(work.r, 8 * system.row_of[node], 1, basis[0, a] * f)
         weights = Weights(share * basis[0, a], basis[3, a], 0.5 * basis[1, a])
-        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, a]) * f, size)
+        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, a]) * f, dofs)
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
     put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0), f,
-                         zero_vector(size), size)
+                         zero_vector(dofs), dofs)
     corner = contact.corner[k]
     for i in range(64):
         corner[i] = 0.0
     put(corner, d, 8, -1.0 * end_s)
     put(corner, 8 * d, 1, tangent)
     corner[9 * d] = near * dot(f, bend)
-    put_residual(contact, k, position(work.q_end, point, size) - end, dot(f, tangent), size)
+    put_residual(contact, k, position(work.q_end, point, dofs) - end, dot(f, tangent), dofs)
 
 
 @assemble.register(Sliding, Midpoint)
 @kernel
 def assemble_sliding_midpoint(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        add_plain_slider(term, system, k, 1.0)
+        add_collocated_slider(term, system, k, 1.0)
 
 
 @assemble.register(Sliding, Alpha)
 @kernel
 def assemble_sliding_at_end(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        add_plain_slider(term, system, k, 0.5)
+        add_collocated_slider(term, system, k, 0.5)

@@ -1,7 +1,7 @@
 """Blocks of sliders written out in LLVM like those of nodes in blocks.py: m = 7 unknowns of a slider beside n = 6 of a node in
 space, 5 beside 3 in a plane.
 
-Blocks are rows of 8 doubles of one array; the last column of a diagonal block has the right-hand side. `size` is the tuple of n
+Blocks are rows of 8 doubles of one array; the last column of a diagonal block has the right-hand side. `dofs` is the tuple of n
 numbers.
 """
 from __future__ import annotations
@@ -21,8 +21,8 @@ def _make_subtract(height, width, columns):
     """Y -= A X for a block A of a slider, or between one and a node, `row` and `column` the distances between its entries; X, Y
     have rows of so many columns, 8 or 1."""
     @intrinsic
-    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size):
-        n, m = height(size.count), width(size.count)
+    def subtract(tc, a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, dofs):
+        n, m = height(dofs.count), width(dofs.count)
 
         def codegen(ctx, b, sig, args):
             matrix = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -44,7 +44,7 @@ def _make_subtract(height, width, columns):
                     t = _add(b, t, _mul(b, f[k], w[k]))
                 put(_sub(b, z, t), (i, y_step))
             return ctx.get_dummy_value()
-        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, size), codegen
+        return types.void(a, offset, row, column, x, x_offset, x_row, y, y_offset, y_row, dofs), codegen
     return subtract
 
 
@@ -66,7 +66,7 @@ def _repeat(b, row, k):
 
 
 @intrinsic
-def factor_slider(tc, a, offset, pivots, p, c, soft, first, force, f, size):
+def factor_slider(tc, a, offset, pivots, p, c, soft, first, force, f, dofs):
     """Scale and factor the diagonal block of a slider of compliance c, theory.md 9. Returns its smallest pivot, 0 where there is
     none.
 
@@ -74,7 +74,7 @@ def factor_slider(tc, a, offset, pivots, p, c, soft, first, force, f, size):
     are divided by c, the row of sliding is multiplied by it. Then LU with exchange of rows, reciprocal pivots on the diagonal;
     pivots [m] from p on: the row that stood there. The right-hand side is exchanged too.
     """
-    m, d = _SLIDER(size.count), 3 if size.count == 6 else 2
+    m, d = _SLIDER(dofs.count), 3 if dofs.count == 6 else 2
 
     def codegen(ctx, b, sig, args):
         block = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -115,14 +115,14 @@ def factor_slider(tc, a, offset, pivots, p, c, soft, first, force, f, size):
             to = b.gep(exchanges.data, [b.add(exchanges.offset, ir.Constant(_I64, i))])
             b.store(b.trunc(place, to.type.pointee), to)
         return b.select(good, least, ir.Constant(_DOUBLE, 0.0))
-    return types.float64(a, offset, pivots, p, c, soft, first, force, f, size), codegen
+    return types.float64(a, offset, pivots, p, c, soft, first, force, f, dofs), codegen
 
 
 def _make_solve(right):
     """With right: the right-hand side beside the factors goes along in the last column."""
     @intrinsic
-    def solve(tc, a, offset, pivots, p, c, u, size):
-        m, d = _SLIDER(size.count), 3 if size.count == 6 else 2
+    def solve(tc, a, offset, pivots, p, c, u, dofs):
+        m, d = _SLIDER(dofs.count), 3 if dofs.count == 6 else 2
 
         def codegen(ctx, b, sig, args):
             factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -143,7 +143,7 @@ def _make_solve(right):
             for i in range(m):
                 block.put_vector(_mul(b, w[i], inverse) if i < d else w[i], (8 * i, 1))
             return ctx.get_dummy_value()
-        return types.void(a, offset, pivots, p, c, u, size), codegen
+        return types.void(a, offset, pivots, p, c, u, dofs), codegen
     return solve
 
 
@@ -152,9 +152,9 @@ solve_behind_slider, solve_behind_slider_with_right = _make_solve(False), _make_
 
 
 @intrinsic
-def solve_right_of_slider(tc, a, offset, c, size):
+def solve_right_of_slider(tc, a, offset, c, dofs):
     """The right-hand side beside the factors of a slider of compliance c <- D^-1 of it, forces in their own unit."""
-    m, d = _SLIDER(size.count), 3 if size.count == 6 else 2
+    m, d = _SLIDER(dofs.count), 3 if dofs.count == 6 else 2
 
     def codegen(ctx, b, sig, args):
         factors = _Memory(ctx, b, sig.args[0], args[0], args[1], sig.args[1])
@@ -164,7 +164,7 @@ def solve_right_of_slider(tc, a, offset, c, size):
         for i in range(m):
             factors.put_number(_mul(b, w[i], inverse) if i < d else w[i], (8 * i + LANES - 1, 1))
         return ctx.get_dummy_value()
-    return types.void(a, offset, c, size), codegen
+    return types.void(a, offset, c, dofs), codegen
 
 
 __all__ = ["column_on_slider", "column_slider_on_node", "column_slider_on_slider", "factor_slider", "solve_behind_slider",

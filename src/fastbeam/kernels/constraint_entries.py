@@ -11,14 +11,14 @@ Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the const
 from __future__ import annotations
 
 from .._generic import generic
-from .._jit import kernel, inlined
+from .._jit import inlined, kernel
 from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
 from .constraint_blocks import subtract_on_slider
 from .constraint_solve import RIGHT
 from .kinds import dim
+from .lanes import gather_lanes, put_rows
 from .planar_nodes import PlanarTies, planar_arm
-from .rows import gather_lanes, put_rows
 from .terms import NoTies
 from .ties import Ties, tie_arm
 
@@ -39,9 +39,9 @@ def add_line(store, to, line, at, n, m):
 
 
 @inlined
-def start_blocks(contact, couplings, order, factors, r, size):
+def start_blocks(contact, couplings, order, factors, r, dofs):
     """Right-hand sides, the blocks of constraints by themselves, and zeros."""
-    n = len(size)
+    n = len(dofs)
     store = factors.store
     nodes = order.rank.shape[0]
     for i in range(couplings.end[0], order.counts[1], 8):
@@ -60,9 +60,9 @@ def start_blocks(contact, couplings, order, factors, r, size):
 
 
 @inlined
-def put_entries(contact, couplings, touched, factors, size):
+def put_entries(contact, couplings, touched, factors, dofs):
     """Entries on rows that the solver sees."""
-    n = len(size)
+    n = len(dofs)
     for k in range(couplings.unknowns.shape[0]):
         for m in range(contact.entries[k]):
             t = touched.entry[k, m]
@@ -72,9 +72,9 @@ def put_entries(contact, couplings, touched, factors, size):
 
 
 @inlined
-def gather_job(contact, inner, touched, j, buffer, at, size):
+def gather_job(contact, inner, touched, j, buffer, at, dofs):
     """Columns and lines of one job by the nodes of its element, columns of all nodes first."""
-    n = len(size)
+    n = len(dofs)
     e = touched.job[j, 0]
     k = touched.job[j, 1]
     nodes = inner.where[e, 1] + 2
@@ -91,26 +91,26 @@ def gather_job(contact, inner, touched, j, buffer, at, size):
 
 
 @inlined
-def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, size):
+def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer, pair, dofs):
     """D_kl -= L_ki C_il and r_k -= L_ki y_i for inner node i of the element, whose columns are solved; y: where y_i stands in
     rhs."""
-    n = len(size)
+    n = len(dofs)
     store = factors.store
-    room = 16 * n * nodes
+    stride = 16 * n * nodes
     a = 0
     p = touched.last_job[touched.found[f, 0]]
     while p >= 0:
         k = touched.job[p, 1]
         m = couplings.unknowns[k]
-        line = room * a + 8 * n * (nodes + i)
+        line = stride * a + 8 * n * (nodes + i)
         for b in range(touched.found[f, 1]):
             d = touched.pair[pair + touched.found[f, 1] * a + b]
-            column = room * b + 8 * n * i
+            column = stride * b + 8 * n * i
             forces = couplings.forces[k] if a == b else 0
             for u in range(forces):
                 factors.own[7 * k + u] += store[d + 9 * u]
-            if m == 2 * dim(size) + 1:
-                subtract_on_slider(buffer, line, 1, 8, buffer, column, 8, store, d, 8, size)
+            if m == 2 * dim(dofs) + 1:
+                subtract_on_slider(buffer, line, 1, 8, buffer, column, 8, store, d, 8, dofs)
             else:
                 for u in range(m):
                     z = vld(store, d + 8 * u, 0)
@@ -130,9 +130,9 @@ def carry_inside(couplings, touched, order, factors, f, i, nodes, y, rhs, buffer
 
 
 @inlined
-def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size):
+def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, dofs):
     """Eliminate the inner nodes of one element from the columns and lines of its constraints, side by side in buffer."""
-    n = len(size)
+    n = len(dofs)
     block = 8 * n * n
     e = touched.found[f, 0]
     d = inner.where[e, 0]
@@ -142,18 +142,18 @@ def carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size)
         others = count + 2 - i
         for b in range(touched.found[f, 1]):
             at = 16 * n * nodes * b
-            solve_rows(inner.store, d, 8 * n, 8, buffer, at + 8 * n * i, 8, size)
+            solve_rows(inner.store, d, 8 * n, 8, buffer, at + 8 * n * i, 8, dofs)
         y = 8 * inner.rows[inner.where[e, 2] + i]
-        carry_inside(couplings, touched, order, factors, f, i, nodes, y, inner.rhs, buffer, pair, size)
+        carry_inside(couplings, touched, order, factors, f, i, nodes, y, inner.rhs, buffer, pair, dofs)
         for b in range(touched.found[f, 1]):
             at = 16 * n * nodes * b
             line = at + 8 * n * nodes
             for m in range(others):
                 j = i + 1 + m if m < others - 1 else 0
                 u = d + block * (1 + 2 * m)
-                subtract_rows(inner.store, u + block, 8 * n, 8, buffer, at + 8 * n * i, 8, buffer, at + 8 * n * j, 8, size)
+                subtract_rows(inner.store, u + block, 8 * n, 8, buffer, at + 8 * n * i, 8, buffer, at + 8 * n * j, 8, dofs)
                 # the transpose of U_ij
-                subtract_rows(inner.store, u, 8, 8 * n, buffer, line + 8 * n * i, 8, buffer, line + 8 * n * j, 8, size)
+                subtract_rows(inner.store, u, 8, 8 * n, buffer, line + 8 * n * i, 8, buffer, line + 8 * n * j, 8, dofs)
         d += block * (1 + 2 * others)
 
 
@@ -200,14 +200,14 @@ def pass_on_in_plane(ties, e, q_mid, q_end, buffer, column, line, m, store, to_c
 
 
 @generic
-def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
+def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
     """Columns and lines of job j at an end of its element, place t, into the blocks; a tied node passes them on."""
 
 
 @put_end.register(NoTies)
 @kernel
-def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
-    n = len(size)
+def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
+    n = len(dofs)
     add_column(factors.store, touched.column[t], buffer, column, n)
     add_line(factors.store, touched.line[t], buffer, line, n, couplings.unknowns[touched.job[j, 1]])
 
@@ -215,8 +215,8 @@ def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
 @put_end.register(Ties)
 @put_end.register(PlanarTies)
 @kernel
-def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, size):
-    n = len(size)
+def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
+    n = len(dofs)
     k = touched.job[j, 1]
     m = couplings.unknowns[k]
     add_column(factors.store, touched.column[t], buffer, column, n)
@@ -232,9 +232,9 @@ def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
 
 
 @kernel
-def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mid, q_end, size):
+def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mid, q_end, dofs):
     """Entries on inner nodes, element by element."""
-    n = len(size)
+    n = len(dofs)
     pair = 0
     for f in range(touched.counts[0]):
         nodes = inner.where[touched.found[f, 0], 1] + 2
@@ -242,18 +242,18 @@ def carry(contact, inner, ties, couplings, touched, order, factors, buffer, q_mi
         at = 0
         j = last
         while j >= 0:
-            gather_job(contact, inner, touched, j, buffer, at, size)
+            gather_job(contact, inner, touched, j, buffer, at, dofs)
             at += 16 * n * nodes
             j = touched.job[j, 3]
-        carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, size)
+        carry_jobs(inner, couplings, touched, order, factors, f, buffer, pair, dofs)
         pair += touched.found[f, 1] * touched.found[f, 1]
         at = 0
         j = last
         while j >= 0:
             line = at + 8 * n * nodes
-            put_end.call(ties, couplings, touched, factors, j, touched.job[j, 4], at, line, buffer, q_mid, q_end, size)
+            put_end.call(ties, couplings, touched, factors, j, touched.job[j, 4], at, line, buffer, q_mid, q_end, dofs)
             put_end.call(ties, couplings, touched, factors, j, touched.job[j, 5], line - 8 * n,
-                    line + 8 * n * (nodes - 1), buffer, q_mid, q_end, size)
+                    line + 8 * n * (nodes - 1), buffer, q_mid, q_end, dofs)
             at += 16 * n * nodes
             j = touched.job[j, 3]
 
@@ -272,19 +272,19 @@ def clear_held_columns(held, touched, factors, n):
 
 
 @kernel
-def start_inner(inner, x_out, size):
+def start_inner(inner, x_out, dofs):
     """-y of the inner nodes in their rows."""
-    n = len(size)
+    n = len(dofs)
     for i in range(inner.first[0], inner.first[0] + inner.element.shape[0]):
         for c in range(n):
             x_out[8 * i + c] = -inner.rhs[8 * i + c]
 
 
 @kernel
-def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
+def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
     """Subtract from the rows of inner nodes what the solved unknowns y of constraints contribute: K_ii^-1 C_i y, and what is
     passed on from inner nodes before them."""
-    n = len(size)
+    n = len(dofs)
     block = 8 * n * n
     for f in range(touched.counts[0]):
         e = touched.found[f, 0]
@@ -310,35 +310,35 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, size):
         d = inner.where[e, 0]
         for i in range(1, count + 1):
             others = count + 2 - i
-            solve_column(inner.store, d, 8 * n, 8, buffer, 8 * i, 1, size)
+            solve_column(inner.store, d, 8 * n, 8, buffer, 8 * i, 1, dofs)
             for m in range(others - 2):
                 low = d + 2 * block * (m + 1)
-                subtract_column(inner.store, low, 8 * n, 8, buffer, 8 * i, 1, buffer, 8 * (i + 1 + m), 1, size)
+                subtract_column(inner.store, low, 8 * n, 8, buffer, 8 * i, 1, buffer, 8 * (i + 1 + m), 1, dofs)
             for c in range(n):
                 x_out[8 * inner.rows[rows + i] + c] -= buffer[8 * i + c]
             d += block * (1 + 2 * others)
 
 
 @kernel
-def recover_inner_rows(tables, inner, x_out, scratch, size):
+def recover_inner_rows(tables, inner, x_out, scratch, dofs):
     """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what `start_inner` and
     `add_inner` left in their rows."""
-    n = len(size)
+    n = len(dofs)
     block = 8 * n * n
     for k in range(tables.meta.shape[0]):
         if tables.meta[k, 6] >= 0:
             nn = tables.meta[k, 0]
             no = tables.meta[k, 3]
-            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
-            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
+            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, dofs)
+            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), dofs)
             end = tables.meta[k, 6]
             for i in range(1, nn - 1):
                 end += block * (1 + 2 * (nn - i))
             for i in range(nn - 2, 0, -1):
                 end -= block * (1 + 2 * (nn - i))
                 xi = 8 * n * i
-                gather_lanes(x_out, tables.rows, no + 8 * i, 8, scratch, xi, size)
+                gather_lanes(x_out, tables.rows, no + 8 * i, 8, scratch, xi, dofs)
                 for m in range(nn - i):
                     a = i + 1 + m if m < nn - 1 - i else 0
-                    subtract_lanes(inner.store, end + block * (1 + 2 * m), scratch, 8 * n * a, scratch, xi, ONE, size)
-                put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, size)
+                    subtract_lanes(inner.store, end + block * (1 + 2 * m), scratch, 8 * n * a, scratch, xi, ONE, dofs)
+                put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, dofs)

@@ -1,7 +1,7 @@
 """Fill of the elimination of nodes and constraints in an order of kernels/constraint_rows.py, and where every block stands."""
 from __future__ import annotations
 
-from .._jit import kernel, one_variant, inlined
+from .._jit import inlined, kernel, one_variant
 from .constraint_rows import collect, find_waiting, is_changed, put_in_order, sweep
 
 
@@ -54,7 +54,7 @@ def sort_columns(column, first, last):
 
 
 @kernel
-def find_fill(couplings, touched, order, size):
+def find_fill(couplings, touched, order, dofs):
     """Columns of every row behind its diagonal, and its blocks. Returns where the blocks end in store, -1 where there is not
     enough room for columns."""
     n = couplings.diagonal.shape[0]
@@ -63,7 +63,7 @@ def find_fill(couplings, touched, order, size):
     sibling = order.work[2]
     for i in range(rows):
         g = order.order[i]
-        order.unknowns[i] = len(size) if g < n else couplings.unknowns[g - n]
+        order.unknowns[i] = len(dofs) if g < n else couplings.unknowns[g - n]
         order.work[0, i] = -1
         child[i] = -1
     end = couplings.end[0]
@@ -163,19 +163,19 @@ def find_places(couplings, touched, order):
 
 
 @kernel
-def update_order(contact, inner, ties, couplings, touched, order, room, buffer_room, size):
-    """Find order and structure again where something else is touched; room: doubles in store and in a buffer. Returns False, and
-    has to be called again, where some array is too short."""
-    waiting = find_waiting(contact, couplings, touched, size)
+def update_order(contact, inner, ties, couplings, touched, order, capacity, buffer_capacity, dofs):
+    """Find order and structure again where something else is touched; capacity: doubles in store and in a buffer. Returns False,
+    and has to be called again, where some array is too short."""
+    waiting = find_waiting(contact, couplings, touched, dofs)
     if not waiting and not is_changed(contact, touched):
         return True
     touched.counts[1] = 0
-    if not collect(contact, inner, ties, couplings, touched, len(size)) or touched.counts[2] > buffer_room:
+    if not collect(contact, inner, ties, couplings, touched, len(dofs)) or touched.counts[2] > buffer_capacity:
         return False
     sweep(couplings, touched, order)
     put_in_order(couplings, touched, order)
-    end = find_fill(couplings, touched, order, size)
-    if end < 0 or end > room or not find_targets(order):
+    end = find_fill(couplings, touched, order, dofs)
+    if end < 0 or end > capacity or not find_targets(order):
         return False
     order.counts[1] = end
     find_places(couplings, touched, order)

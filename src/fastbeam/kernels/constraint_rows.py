@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, one_variant, inlined
+from .._jit import inlined, kernel, one_variant
 from .inner import Inner, NoInner
 from .planar_nodes import PlanarTies
 from .terms import NoTies
@@ -101,10 +101,10 @@ def is_changed(contact, touched):
 
 
 @inlined
-def find_waiting(contact, couplings, touched, size):
+def find_waiting(contact, couplings, touched, dofs):
     """Mark constraints whose force hardly moves the nodes that are eliminated before them, as at a clamp: they have to be
     eliminated behind all that they touch. Returns whether anything changed."""
-    n = len(size)
+    n = len(dofs)
     changed = False
     for k in range(contact.entries.shape[0]):
         largest = 0.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel, one_variant, inlined
+from .._jit import inlined, kernel, one_variant
 from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
@@ -24,7 +24,7 @@ from .kinds import dim
 
 # least pivots that count as none: of a node, next to the largest entry of the row; of a constraint, with the augmented Lagrangian
 # and without
-LEAST_NODE, LEAST_PIVOT, LEAST_PLAIN = 1e-14, 1e-14, 1e-7
+LEAST_NODE, LEAST_PIVOT, LEAST_UNAUGMENTED = 1e-14, 1e-14, 1e-7
 RIGHT = 7     # column of the right-hand side
 
 
@@ -50,43 +50,43 @@ def subtract_block(store, low, up, target, rows, inner):
 
 
 @inlined
-def subtract_row(store, order, x, first, last, t, rows, inner, size):
+def subtract_row(store, order, x, first, last, t, rows, inner, dofs):
     """Blocks of later row x, from target t on, -= its block below the pivot times the row of the pivot, columns first to last.
     rows, inner: unknowns of both."""
-    n = len(size)
-    m = 2 * dim(size) + 1
+    n = len(dofs)
+    m = 2 * dim(dofs) + 1
     low = order.lower[x]
     if inner == n and rows == n:
         for y in range(first, last):
-            subtract_rows(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_rows(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, dofs)
     elif inner == n and rows == m:
         for y in range(first, last):
-            subtract_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, dofs)
     elif inner == m and rows == n:
         for y in range(first, last):
-            subtract_slider_on_node(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_slider_on_node(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, dofs)
     elif inner == m and rows == m:
         for y in range(first, last):
-            subtract_slider_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, size)
+            subtract_slider_on_slider(store, low, 8, 1, store, order.upper[y], 8, store, order.target[t + y - first], 8, dofs)
     else:
         for y in range(first, last):
             subtract_block(store, low, order.upper[y], order.target[t + y - first], rows, inner)
 
 
 @inlined
-def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner, size):
+def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner, dofs):
     """A column of numbers in target [*] at y, y_row apart, -= the block at low times one in source [*] at x; rows, inner: rows
     and columns of the block."""
-    n = len(size)
-    m = 2 * dim(size) + 1
+    n = len(dofs)
+    m = 2 * dim(dofs) + 1
     if inner == n and rows == n:
-        subtract_column(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+        subtract_column(store, low, 8, 1, source, x, x_row, target, y, y_row, dofs)
     elif inner == n and rows == m:
-        column_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+        column_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, dofs)
     elif inner == m and rows == n:
-        column_slider_on_node(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+        column_slider_on_node(store, low, 8, 1, source, x, x_row, target, y, y_row, dofs)
     elif inner == m and rows == m:
-        column_slider_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, size)
+        column_slider_on_slider(store, low, 8, 1, source, x, x_row, target, y, y_row, dofs)
     else:
         for a in range(rows):
             z = target[y + y_row * a]
@@ -96,7 +96,7 @@ def subtract_numbers(store, low, source, x, x_row, target, y, y_row, rows, inner
 
 
 @inlined
-def update_rows(couplings, order, factors, i, is_node, size):
+def update_rows(couplings, order, factors, i, is_node, dofs):
     """Take the products of the row at position i from the blocks behind it."""
     store = factors.store
     inner = order.unknowns[i]
@@ -111,22 +111,22 @@ def update_rows(couplings, order, factors, i, is_node, size):
         forces = couplings.forces[constraint] if is_node and constraint >= 0 else 0
         for a in range(forces):
             factors.own[7 * constraint + a] += store[d + 9 * a]
-        subtract_row(store, order, x, first, last, t, rows, inner, size)
+        subtract_row(store, order, x, first, last, t, rows, inner, dofs)
         t += last - first
         for a in range(forces):
             factors.own[7 * constraint + a] -= store[d + 9 * a]
         if x > first:
-            subtract_numbers(store, order.lower[x], store, order.upper[first] + RIGHT, 8, store, d + RIGHT, 8, rows, inner, size)
+            subtract_numbers(store, order.lower[x], store, order.upper[first] + RIGHT, 8, store, d + RIGHT, 8, rows, inner, dofs)
 
 
 @kernel
-def factor_with_exchange(order, factors, i, size):
+def factor_with_exchange(order, factors, i, dofs):
     """Factor the diagonal block of a node with exchange of rows, of the right-hand side too. Returns the worst pivot ratio."""
-    n = len(size)
+    n = len(dofs)
     d = order.diagonal[i]
     for c in range(n):
         factors.hold[c] = factors.store[d + 8 * c + RIGHT]
-    ratio = exchange_and_factor(factors.store, d, factors.pivots, 8 * i, size)
+    ratio = exchange_and_factor(factors.store, d, factors.pivots, 8 * i, dofs)
     if ratio > 0.0:
         for c in range(n):
             m = factors.pivots[8 * i + c]
@@ -139,7 +139,7 @@ def factor_with_exchange(order, factors, i, size):
 
 
 @inlined
-def solve_behind_node(order, factors, i, size):
+def solve_behind_node(order, factors, i, dofs):
     """Blocks behind the factored diagonal block of a node <- D^-1 of them, the right-hand side with the first."""
     store = factors.store
     d = order.diagonal[i]
@@ -148,13 +148,13 @@ def solve_behind_node(order, factors, i, size):
     for x in range(first, order.start[i + 1]):
         u = order.upper[x]
         if exchanged:
-            exchange_rows(factors.pivots, 8 * i, store, u, 8, size)
+            exchange_rows(factors.pivots, 8 * i, store, u, 8, dofs)
         if x == first:
-            solve_rows_with_last(store, d, store, u, size)
+            solve_rows_with_last(store, d, store, u, dofs)
         else:
-            solve_rows(store, d, 8, 1, store, u, 8, size)
+            solve_rows(store, d, 8, 1, store, u, 8, dofs)
     if first == order.start[i + 1]:
-        solve_column(store, d, 8, 1, store, d + RIGHT, 8, size)
+        solve_column(store, d, 8, 1, store, d + RIGHT, 8, dofs)
 
 
 @inlined
@@ -235,7 +235,7 @@ def solve_block(store, d, m, u):
 
 
 @inlined
-def solve_behind_constraint(couplings, order, factors, i, k, c, size):
+def solve_behind_constraint(couplings, order, factors, i, k, c, dofs):
     """Blocks behind the factored diagonal block of a constraint of compliance c <- D^-1 of them, the right-hand side with the
     first."""
     store = factors.store
@@ -243,16 +243,16 @@ def solve_behind_constraint(couplings, order, factors, i, k, c, size):
     m = couplings.unknowns[k]
     first = order.start[i]
     last = order.start[i + 1]
-    if first == last and m == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
-        solve_right_of_slider(store, d, c, size)
+    if first == last and m == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1:
+        solve_right_of_slider(store, d, c, dofs)
     elif first == last:
         solve_right(store, d, m)
         for a in range(couplings.forces[k]):
             store[d + 8 * a + RIGHT] /= c
-    elif m == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
-        solve_behind_slider_with_right(store, d, factors.pivots, 8 * i, c, order.upper[first], size)
+    elif m == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1:
+        solve_behind_slider_with_right(store, d, factors.pivots, 8 * i, c, order.upper[first], dofs)
         for x in range(first + 1, last):
-            solve_behind_slider(store, d, factors.pivots, 8 * i, c, order.upper[x], size)
+            solve_behind_slider(store, d, factors.pivots, 8 * i, c, order.upper[x], dofs)
     else:
         for x in range(first, last):
             solve_behind_any(couplings, order, factors, i, k, c, order.upper[x], x == first)
@@ -295,11 +295,11 @@ def solve_right(store, d, m):
 
 
 @kernel
-def eliminate(couplings, order, factors, contact, force, size):
+def eliminate(couplings, order, factors, contact, force, dofs):
     """Factor in place, the right-hand side goes along. force: of the constraints, one after the other. Returns False at a
     singular block: `factors.failed` then has the constraint, or -1."""
     n = order.rank.shape[0]
-    least = LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_PLAIN
+    least = LEAST_PIVOT if contact.augmented[0] > 0.0 else LEAST_UNAUGMENTED
     rows = order.order.shape[0]
     i = 0
     while i < rows:
@@ -308,17 +308,17 @@ def eliminate(couplings, order, factors, contact, force, size):
             c = compliance_of(couplings, factors, contact, k)
             pivot = 0.0
             if c > 0.0:
-                if couplings.unknowns[k] == 2 * dim(size) + 1 and couplings.in_force[k] == 1:
+                if couplings.unknowns[k] == 2 * dim(dofs) + 1 and couplings.in_force[k] == 1:
                     pivot = factor_slider(factors.store, order.diagonal[i], factors.pivots, 8 * i, c, contact.augmented[0] * c,
-                                          contact.augmented[2] * contact.augmented[0] * c, force, couplings.first_force[k], size)
+                                          contact.augmented[2] * contact.augmented[0] * c, force, couplings.first_force[k], dofs)
                 else:
                     scale_constraint(couplings, order, factors, contact, force, i, k, c)
                     pivot = factor_constraint(factors.store, order.diagonal[i], couplings.unknowns[k], factors.pivots, 8 * i)
             if not pivot > least:
                 factors.failed[1] = k
                 return False
-            solve_behind_constraint(couplings, order, factors, i, k, c, size)
-            update_rows(couplings, order, factors, i, False, size)
+            solve_behind_constraint(couplings, order, factors, i, k, c, dofs)
+            update_rows(couplings, order, factors, i, False, dofs)
             i += 1
             continue
         # two rows at a time where the second does not wait for the first
@@ -329,23 +329,23 @@ def eliminate(couplings, order, factors, contact, force, size):
             end = i + 1
         factored = False
         if end == i + 2:
-            factored = lu_two(factors.store, order.diagonal[i], order.diagonal[i + 1], LOW, HIGH, size)
+            factored = lu_two(factors.store, order.diagonal[i], order.diagonal[i + 1], LOW, HIGH, dofs)
         for r in range(i, end):
             factors.pivots[8 * r] = -1
-            if not factored and not lu_rows(factors.store, order.diagonal[r], LOW, HIGH, size):
+            if not factored and not lu_rows(factors.store, order.diagonal[r], LOW, HIGH, dofs):
                 # NaN fails the comparison too
-                if not factor_with_exchange(order, factors, r, size) > LEAST_NODE:
+                if not factor_with_exchange(order, factors, r, dofs) > LEAST_NODE:
                     return False
         for r in range(i, end):
-            solve_behind_node(order, factors, r, size)
+            solve_behind_node(order, factors, r, dofs)
         for r in range(i, end):
-            update_rows(couplings, order, factors, r, True, size)
+            update_rows(couplings, order, factors, r, True, dofs)
         i = end
     return True
 
 
 @kernel
-def substitute(order, factors, size):
+def substitute(order, factors, dofs):
     """Solution by positions from the eliminated rows."""
     store = factors.store
     x = factors.x
@@ -358,16 +358,16 @@ def substitute(order, factors, size):
             x[8 * i + a] = store[right + 8 * a]
         for e in range(first, last):
             j = order.column[e]
-            subtract_numbers(store, order.upper[e], x, 8 * j, 1, x, 8 * i, 1, m, order.unknowns[j], size)
+            subtract_numbers(store, order.upper[e], x, 8 * j, 1, x, 8 * i, 1, m, order.unknowns[j], dofs)
 
 
 @kernel
-def take_solution(couplings, order, factors, contact, force, x_out, y_out, size):
+def take_solution(couplings, order, factors, contact, force, x_out, y_out, dofs):
     """Solution by rows: nodes in rows of 8, constraints one by one; and the gaps that the augmented Lagrangian leaves."""
     n = order.rank.shape[0]
     for i in range(n):
         p = order.position[i]
-        for c in range(len(size)):
+        for c in range(len(dofs)):
             x_out[8 * i + c] = factors.x[8 * p + c]
     for k in range(couplings.unknowns.shape[0]):
         p = order.position[n + k]

@@ -44,81 +44,82 @@ for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, 
 
 
 @generic
-def carry_entries(inner, contact, rows, q_mid, q_end, size):
+def carry_entries(inner, contact, solver, q_mid, q_end, dofs):
     """Entries of constraints on nodes that are eliminated inside elements."""
 
 
 @carry_entries.register(NoInner)
 @kernel
-def carry_nothing(inner, contact, rows, q_mid, q_end, size):
+def carry_nothing(inner, contact, solver, q_mid, q_end, dofs):
     pass
 
 
 @carry_entries.register(Inner)
 @kernel
-def carry_to_ends(inner, contact, rows, q_mid, q_end, size):
-    carry(contact, inner, rows.ties, rows.couplings, rows.touched, rows.order, rows.factors, rows.buffer, q_mid, q_end, size)
+def carry_to_ends(inner, contact, solver, q_mid, q_end, dofs):
+    carry(contact, inner, solver.ties, solver.couplings, solver.touched, solver.order, solver.factors, solver.buffer, q_mid,
+          q_end, dofs)
 
 
 @generic
-def clear_columns(held, rows):
+def clear_columns(held, solver):
     """Columns of constraints on held unknowns."""
 
 
 @clear_columns.register(NoHeld)
 @kernel
-def clear_no_columns(held, rows):
+def clear_no_columns(held, solver):
     pass
 
 
 @clear_columns.register(Held)
 @kernel
-def clear_columns_of_held(held, rows):
-    clear_held_columns(held, rows.touched, rows.factors, rows.couplings.diagonal.shape[0])
+def clear_columns_of_held(held, solver):
+    clear_held_columns(held, solver.touched, solver.factors, solver.couplings.diagonal.shape[0])
 
 
 @kernel
-def fill_constraints(contact, rows, r, q_mid, q_end, size):
+def fill_constraints(contact, solver, r, q_mid, q_end, dofs):
     """Residual r and entries of all constraints into the blocks, in an order that is found again where they touch other rows.
     Returns False where there is not enough room: then `factors.failed[0]` is 1."""
-    if contact.full[0] != 0 or not update_order(contact, rows.inner, rows.ties, rows.couplings, rows.touched, rows.order,
-                                                rows.factors.store.shape[0], rows.buffer.shape[0], size):
-        rows.factors.failed[0] = 1
+    if contact.full[0] != 0 or not update_order(contact, solver.inner, solver.ties, solver.couplings, solver.touched,
+                                                solver.order, solver.factors.store.shape[0], solver.buffer.shape[0], dofs):
+        solver.factors.failed[0] = 1
         return False
-    start_blocks(contact, rows.couplings, rows.order, rows.factors, r, size)
-    put_entries(contact, rows.couplings, rows.touched, rows.factors, size)
-    carry_entries.call(rows.inner, contact, rows, q_mid, q_end, size)
-    clear_columns.call(rows.held, rows)
+    start_blocks(contact, solver.couplings, solver.order, solver.factors, r, dofs)
+    put_entries(contact, solver.couplings, solver.touched, solver.factors, dofs)
+    carry_entries.call(solver.inner, contact, solver, q_mid, q_end, dofs)
+    clear_columns.call(solver.held, solver)
     return True
 
 
 @kernel
-def solve_constraints(contact, rows, force, x_out, y_out, size):
+def solve_constraints(contact, solver, force, x_out, y_out, dofs):
     """Solve; increments of the nodes that the solver sees in rows of x_out, unknowns of constraints in y_out. Returns False at a
     singular block: `factors.failed[1]` is the constraint that has it, or -1 where a node has it."""
-    if not eliminate(rows.couplings, rows.order, rows.factors, contact, force, size):
+    if not eliminate(solver.couplings, solver.order, solver.factors, contact, force, dofs):
         return False
-    substitute(rows.order, rows.factors, size)
-    take_solution(rows.couplings, rows.order, rows.factors, contact, force, x_out, y_out, size)
+    substitute(solver.order, solver.factors, dofs)
+    take_solution(solver.couplings, solver.order, solver.factors, contact, force, x_out, y_out, dofs)
     return True
 
 
 @generic
-def begin_inner(inner, contact, rows, work, size):
+def begin_inner(inner, contact, solver, work, dofs):
     """Rows of nodes that were eliminated inside elements, from their stored solutions and the unknowns of constraints."""
 
 
 @begin_inner.register(NoInner)
 @kernel
-def begin_no_inner(inner, contact, rows, work, size):
+def begin_no_inner(inner, contact, solver, work, dofs):
     pass
 
 
 @begin_inner.register(Inner)
 @kernel
-def begin_all_inner(inner, contact, rows, work, size):
-    start_inner(inner, work.line.x, size)
-    add_inner(contact, inner, rows.touched, rows.couplings, work.y, rows.buffer, work.line.x, size)
+def begin_all_inner(inner, contact, solver, work, dofs):
+    start_inner(inner, work.increment.x, dofs)
+    add_inner(contact, inner, solver.touched, solver.couplings, work.y, solver.buffer, work.increment.x, dofs)
 
 
 @generic
@@ -140,7 +141,7 @@ def recover_no_elements(inner, tables, system):
 @recover_elements.register(Inner)
 @kernel
 def recover_all_elements(inner, tables, system):
-    recover_inner_rows(tables, inner, system.work.line.x, system.work.scratch, system.size)
+    recover_inner_rows(tables, inner, system.work.increment.x, system.work.scratch, system.dofs)
 
 
 @recover_inside.register(Beams)
@@ -151,30 +152,30 @@ def recover_beams(beams, system):
 
 @fill.register(ContactInRows)
 @kernel
-def fill_rows(contact, terms, system):
-    rows, work = system.solver, system.work
-    fill_constraints(contact, rows, work.r, work.q_mid, work.q_end, system.size)
+def fill_constraint_rows(contact, terms, system):
+    solver, work = system.solver, system.work
+    fill_constraints(contact, solver, work.r, work.q_mid, work.q_end, system.dofs)
 
 
 @solve.register(Constraints)
 @kernel
-def solve_rows(rows, contact, system):
+def solve_constraint_rows(solver, contact, system):
     """True also where a constraint has no pivot above its limit: `close` reports which one it is."""
-    if rows.factors.failed[0] != 0:
+    if solver.factors.failed[0] != 0:
         return False
-    if solve_constraints(contact, rows, system.state.force, system.work.line.x, system.work.y, system.size):
+    if solve_constraints(contact, solver, system.state.force, system.work.increment.x, system.work.y, system.dofs):
         return True
-    return rows.factors.failed[1] >= 0
+    return solver.factors.failed[1] >= 0
 
 
 @close.register(ContactInRows)
 @kernel
-def close_rows(contact, terms, system):
-    rows, work = system.solver, system.work
-    if rows.factors.failed[1] >= 0:
-        return -1.0 - rows.factors.failed[1], 0.0
+def close_constraint_rows(contact, terms, system):
+    solver, work = system.solver, system.work
+    if solver.factors.failed[1] >= 0:
+        return -1.0 - solver.factors.failed[1], 0.0
     push_increments.each(terms, system)
-    begin_inner.call(rows.inner, contact, rows, work, system.size)
+    begin_inner.call(solver.inner, contact, solver, work, system.dofs)
     recover_inside.each(terms, system)
     contact.augmented[3] = 0.0
     take_unknowns.each(terms, system)

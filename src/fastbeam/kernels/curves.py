@@ -106,14 +106,14 @@ def step_basis(curves, c, s0, s1, e0, e1, lo, hi, contact):
         for g in range(ng):
             add_basis(curves, c, e, x0 + curves.gauss_x[g] * (x1 - x0), 1, share * curves.gauss_w[g], 0.0, table,
                       basis, 3)
-    size = curves.ends[o + e1 + 1] - curves.ends[o + e1]
-    if abs(s1 - s0) > 1e-9 * size:
+    span = curves.ends[o + e1 + 1] - curves.ends[o + e1]
+    if abs(s1 - s0) > 1e-9 * span:
         for a in range(lo, hi):
             basis[4, a] = (basis[2, a] - basis[3, a]) / (s1 - s0)
 
 
 @one_variant
-def point_on_curve(curves, c, s, q, element, contact, derivative, size):
+def point_on_curve(curves, c, s, q, element, contact, derivative, dofs):
     """Position (derivative = 0) or its derivative by s (1) of curve c at s for node coordinates q."""
     p = curves.meta[c, 3] + element
     first = curves.first[p]
@@ -121,7 +121,7 @@ def point_on_curve(curves, c, s, q, element, contact, derivative, size):
     for a in range(first, first + n):
         contact.basis[0, a] = 0.0
     add_basis(curves, c, element, s, derivative, 1.0, 0.0, contact.legendre, contact.basis, 0)
-    x = zero_vector(size)
+    x = zero_vector(dofs)
     for a in range(first, first + n):
-        x += contact.basis[0, a] * position(q, curves.meta[c, 0] + a, size)
+        x += contact.basis[0, a] * position(q, curves.meta[c, 0] + a, dofs)
     return x

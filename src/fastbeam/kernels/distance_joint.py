@@ -31,23 +31,23 @@ class DistanceJoints(NamedTuple):
 @kernel
 def add_distance_joints(joints, system, share):
     """Tensions, gaps and entries; share: of the tangent that the node matrix holds."""
-    work, contact, size = system.work, system.contact, system.size
+    work, contact, dofs = system.work, system.contact, system.dofs
     for j in range(joints.length.shape[0]):
         k = joints.first[0] + j
         over = 1.0 / joints.length[j]
-        end = difference(joints, j, work.q_end, size)
-        mean = difference(joints, j, work.q_mid, size)
+        end = difference(joints, j, work.q_end, dofs)
+        mean = difference(joints, j, work.q_mid, dofs)
         push = system.state.force[contact.first_force[k]]
         begin_joint(contact, k, 1)
-        add_pair(joints, j, (-push * over) * mean, -0.5 * push * over, 0.0 * mean, mean, work, size)
+        add_pair(joints, j, (-push * over) * mean, -0.5 * push * over, 0.0 * mean, mean, work, dofs)
         length = dot(end, end)**0.5
         # (l^2 - L^2)/(2 L) without the loss of digits
         contact.residual[k, 0] = 0.5 * over * (length - joints.length[j]) * (length + joints.length[j])
         column = (-share * over) * mean
         line = over * end
-        put_point.call(joints.ties, column, line, contact, k, joints.node[j, 1], joints.row[j, 1], work.q_mid, work.q_end, size)
+        put_point.call(joints.ties, column, line, contact, k, joints.node[j, 1], joints.row[j, 1], work.q_mid, work.q_end, dofs)
         put_point.call(joints.ties, -1.0 * column, -1.0 * line, contact, k, joints.node[j, 0], joints.row[j, 0], work.q_mid,
-                       work.q_end, size)
+                       work.q_end, dofs)
 
 
 @assemble.register(DistanceJoints, Conserving)

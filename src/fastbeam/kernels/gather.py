@@ -5,14 +5,14 @@ Arrays: scratch [*], numbers of a group in lanes: layout.py has their places; of
 from __future__ import annotations
 
 from .._generic import generic
-from .._jit import kernel, inlined
+from .._jit import inlined, kernel
 from .algebra import cross, dot, perp, vld, vld2, vld3, vst2, vst3
 from .blocks import EIGHTEEN, FOUR, ONE, SIX, THREE, TWELVE, TWO
+from .cayley import director_increment, planar_turn, turned_back
 from .kinds import Plane, Space
-from .motions import OverStep, Resting, Still, ToEnd, gather_ends, gather_line, gather_spin_rates, needs_line
-from .rows import clear_lanes, copy_lanes, gather_lanes
+from .lanes import clear_lanes, copy_lanes, gather_lanes
+from .motions import OverStep, Resting, Still, ToEnd, gather_ends, gather_increment, gather_spin_rates, needs_increment
 from .terms import NoTies
-from .turns import director_increment, planar_turn, turned_back
 from .work import FROM_START
 
 
@@ -45,7 +45,7 @@ def put_steps(motion, tables, no, scratch, qo, uo):
     """The vectors of 8 nodes, whose starts stand at qo."""
     e = qo + 96
     gather_lanes(motion.dphi, tables.nodes, no, 3, scratch, e, THREE)
-    gather_lanes(motion.line.theta, tables.nodes, no, 3, scratch, e + 24, THREE)
+    gather_lanes(motion.increment.theta, tables.nodes, no, 3, scratch, e + 24, THREE)
     move = vld3(scratch, e, 8)
     t = vld3(scratch, e + 24, 8)
     c = 1.0 / (1.0 + 0.25 * dot(t, t))
@@ -56,7 +56,7 @@ def put_steps(motion, tables, no, scratch, qo, uo):
 
 @gather_ends.register(Space, OverStep)
 @inlined
-def gather_over_step(size, motion, tables, no, scratch, qo, uo):
+def gather_over_step(dofs, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     gather_lanes(motion.v, tables.nodes, no, 12, scratch, uo, TWELVE)
     put_steps(motion, tables, no, scratch, qo, uo)
@@ -64,7 +64,7 @@ def gather_over_step(size, motion, tables, no, scratch, qo, uo):
 
 @gather_ends.register(Space, ToEnd)
 @inlined
-def gather_end(size, motion, tables, no, scratch, qo, uo):
+def gather_end(dofs, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     gather_lanes(motion.u, tables.nodes, no, 12, scratch, uo, TWELVE)
     put_steps(motion, tables, no, scratch, qo, uo)
@@ -72,16 +72,16 @@ def gather_end(size, motion, tables, no, scratch, qo, uo):
 
 @gather_ends.register(Space, Still)
 @inlined
-def gather_shape(size, motion, tables, no, scratch, qo, uo):
+def gather_shape(dofs, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 12, scratch, qo, TWELVE)
     copy_lanes(scratch, qo, 96, scratch, qo + 96)
 
 
 @gather_ends.register(Space, Resting)
 @inlined
-def gather_resting(size, motion, tables, no, scratch, qo, uo):
+def gather_resting(dofs, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.u, tables.nodes, no, 12, scratch, uo, TWELVE)
-    gather_shape(size, motion, tables, no, scratch, qo, uo)
+    gather_shape(dofs, motion, tables, no, scratch, qo, uo)
 
 
 @inlined
@@ -95,11 +95,11 @@ def put_planar_step(scratch, qo, uo, move, h):
 
 @gather_ends.register(Plane, OverStep)
 @inlined
-def gather_planar_step(size, motion, tables, no, scratch, qo, uo):
+def gather_planar_step(dofs, motion, tables, no, scratch, qo, uo):
     e = qo + 32
     gather_lanes(motion.q, tables.nodes, no, 4, scratch, qo, FOUR)
     gather_lanes(motion.dphi, tables.nodes, no, 2, scratch, e, TWO)
-    gather_lanes(motion.line.theta, tables.nodes, no, 1, scratch, e + 16, ONE)
+    gather_lanes(motion.increment.theta, tables.nodes, no, 1, scratch, e + 16, ONE)
     gather_lanes(motion.v, tables.nodes, no, 4, scratch, uo, FOUR)
     move = vld2(scratch, e, 8)
     t = vld(scratch, e + 16, 0)
@@ -110,27 +110,27 @@ def gather_planar_step(size, motion, tables, no, scratch, qo, uo):
 
 @gather_ends.register(Plane, Still)
 @inlined
-def gather_planar_shape(size, motion, tables, no, scratch, qo, uo):
+def gather_planar_shape(dofs, motion, tables, no, scratch, qo, uo):
     gather_lanes(motion.q, tables.nodes, no, 4, scratch, qo, FOUR)
     copy_lanes(scratch, qo, 32, scratch, qo + 32)
 
 
 # --- the last increment -------------------------------------------------------------------------------------------------
-@needs_line.register(object)
+@needs_increment.register(object)
 @inlined
-def needs_line_after_start(motion):
-    return motion.line.use[0] != FROM_START
+def needs_increment_after_start(motion):
+    return motion.increment.control[0] != FROM_START
 
 
-@needs_line.register(ToEnd)
+@needs_increment.register(ToEnd)
 @kernel
-def always_needs_line(motion):
+def always_needs_increment(motion):
     return True
 
 
 @generic
 def put_before(off, scratch, tables, no, lo, position, step):
-    """The position of 8 nodes before the increment `step` into lanes at lo; off: `work.Line.off`."""
+    """The position of 8 nodes before the increment `step` into lanes at lo; off: `work.LastIncrement.off`."""
 
 
 @put_before.register(NoTies)
@@ -141,21 +141,21 @@ def put_before_step(off, scratch, tables, no, lo, position, step):
 
 @put_before.register(object)
 @inlined
-def put_beside_step(off, scratch, tables, no, lo, position, step):
+def put_before_step_of_tied(off, scratch, tables, no, lo, position, step):
     gather_lanes(off, tables.nodes, no, 3, scratch, lo, THREE)
     vst3(scratch, lo, 8, position - vld3(scratch, lo, 8) - step)
 
 
-@gather_line.register(Space)
+@gather_increment.register(Space)
 @inlined
-def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
-    line = motion.line
+def gather_increment_in_space(dofs, motion, tables, no, scratch, end, lo):
+    increment = motion.increment
     s = lo + 96
-    gather_lanes(line.x, tables.rows, no, 8, scratch, s, SIX)
-    gather_lanes(line.theta, tables.nodes, no, 3, scratch, lo, THREE)
+    gather_lanes(increment.x, tables.rows, no, 8, scratch, s, SIX)
+    gather_lanes(increment.theta, tables.nodes, no, 3, scratch, lo, THREE)
     spin = vld3(scratch, s + 24, 8)
     y, g = turned_back(dot(spin, spin), dot(vld3(scratch, lo, 8), spin))
-    put_before.call(line.off, scratch, tables, no, lo, vld3(scratch, end, 8), vld3(scratch, s, 8))
+    put_before.call(increment.off, scratch, tables, no, lo, vld3(scratch, end, 8), vld3(scratch, s, 8))
     for i in range(24, 96, 24):
         d = vld3(scratch, end + i, 8)
         x = cross(spin, d)
@@ -164,15 +164,15 @@ def gather_line_in_space(size, motion, tables, no, scratch, end, lo):
         vst3(scratch, lo + i, 8, d)
 
 
-@gather_line.register(Space, ToEnd)
+@gather_increment.register(Space, ToEnd)
 @inlined
-def gather_line_to_end(size, motion, tables, no, scratch, end, lo):
+def gather_increment_to_end(dofs, motion, tables, no, scratch, end, lo):
     """Before the first increment of a step: its start, and zero for the increment."""
-    if motion.line.use[0] == FROM_START:
+    if motion.increment.control[0] == FROM_START:
         gather_lanes(motion.q, tables.nodes, no, 12, scratch, lo, TWELVE)
         clear_lanes(scratch, lo + 96, 96)
     else:
-        gather_line_in_space(size, motion, tables, no, scratch, end, lo)
+        gather_increment_in_space(dofs, motion, tables, no, scratch, end, lo)
 
 
 @generic
@@ -188,21 +188,21 @@ def put_planar_before_step(off, scratch, tables, no, lo, position, step):
 
 @put_planar_before.register(object)
 @inlined
-def put_planar_beside_step(off, scratch, tables, no, lo, position, step):
+def put_planar_before_step_of_tied(off, scratch, tables, no, lo, position, step):
     gather_lanes(off, tables.nodes, no, 2, scratch, lo, TWO)
     vst2(scratch, lo, 8, position - vld2(scratch, lo, 8) - step)
 
 
-@gather_line.register(Plane)
+@gather_increment.register(Plane)
 @inlined
-def gather_planar_line(size, motion, tables, no, scratch, end, lo):
-    line = motion.line
+def gather_planar_increment(dofs, motion, tables, no, scratch, end, lo):
+    increment = motion.increment
     s = lo + 32
-    gather_lanes(line.x, tables.rows, no, 8, scratch, s, THREE)
-    gather_lanes(line.theta, tables.nodes, no, 1, scratch, lo, ONE)
+    gather_lanes(increment.x, tables.rows, no, 8, scratch, s, THREE)
+    gather_lanes(increment.theta, tables.nodes, no, 1, scratch, lo, ONE)
     spin = vld(scratch, s + 16, 0)
     y, g = turned_back(spin * spin, vld(scratch, lo, 0) * spin)
-    put_planar_before.call(line.off, scratch, tables, no, lo, vld2(scratch, end, 8), vld2(scratch, s, 8))
+    put_planar_before.call(increment.off, scratch, tables, no, lo, vld2(scratch, end, 8), vld2(scratch, s, 8))
     d = vld2(scratch, end + 16, 8)
     d -= (g * spin) * (y * perp(d) + (0.5 * spin) * d)
     vst2(scratch, s + 16, 8, spin * perp(d))

@@ -18,7 +18,7 @@ from .algebra import pstm as vstm
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
-from .layout import (MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES, POSITION_ROTATION, PRODUCTS, ROOM,
+from .layout import (MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES, POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS,
                      ROTATION_POSITION, SHEAR_2, SHEAR_3, TWIST)
 from .strain_sets import (GreenLagrange, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
                           form_stresses, mean_of_forms, point_stiffness, present_strains, quadratic_forms, strains_of_state,
@@ -64,11 +64,11 @@ def strains_of_shape(strains, scratch, z, ao, eo):
 
 @extrapolated_strains.register(GreenLagrange)
 @kernel
-def extrapolated(strains, scratch, z, x, eo, spare):
+def extrapolated(strains, scratch, z, x, eo, temporary):
     forms(strains, scratch, z, eo)
-    form_changes(scratch, z, x, spare)
+    form_changes(scratch, z, x, temporary)
     for i in range(0, 48, 8):
-        vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, spare + i, 0))
+        vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, temporary + i, 0))
 
 
 @strains_of_state.register(GreenLagrange)
@@ -175,7 +175,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     z_mid = at.blocks + MIDDLE
     z_end = at.blocks + columns
     # rows of the end of one node, stiffness times rows of the positions, their rows in the middle
-    re = at.blocks + ROOM
+    re = at.blocks + POINT_PRODUCTS
     ct = re + 144
     tm = ct + 144
     half_w = 0.5 * vld(constants, to, 0)
@@ -209,7 +209,7 @@ def sum_one(constants, scratch, at, a, b, o):
     g2 = vzero(); g3 = vzero(); e4 = vzero()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
-        so = at.points + at.point_room * g
+        so = at.points + at.point_stride * g
         na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
         pb = vld(constants, t + 24 * b, 0); nb = vld(constants, t + 24 * b + 8, 0); db = vld(constants, t + 24 * b + 16, 0)
         pn = na * pb

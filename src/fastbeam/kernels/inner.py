@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, inlined
+from .._jit import inlined, kernel
 from .algebra import vld, vst
 from .blocks import ONE, lu_lanes, solve_lanes, solve_rows, subtract_lanes, subtract_rows
+from .lanes import copy_lanes, gather_lanes, put_rows, scatter_rows
 from .layout import FACTORS, LIST, NODES
-from .rows import copy_lanes, gather_lanes, put_rows, scatter_rows
 from .work import halve
 
 PIVOT = 1e-13        # a pivot below this share of its diagonal entry counts as zero
@@ -59,10 +59,10 @@ def store_size(nn: int, columns: bool, n: int = 6, with_y: int = 1) -> int:
 @kernel
 def short_store(nn, n, with_y):
     """The same without columns; with_y: 1 where y_i stand there, 0 where they do not."""
-    room = 0
+    doubles = 0
     for i in range(1, nn - 1):
-        room += 8 * n * (n * (nn - i) + with_y)
-    return room
+        doubles += 8 * n * (n * (nn - i) + with_y)
+    return doubles
 
 
 # --- what is kept of an elimination -------------------------------------------------------------------------------------
@@ -134,12 +134,12 @@ def keep_columns(rhs, r):
 
 
 @generic
-def take_loads(keep, tables, at, scratch, ro, spare, size):
+def take_loads(keep, tables, at, scratch, ro, temporary, dofs):
     """Add what loads and sliders do to 8 nodes to their residual at ro."""
 
 
 @generic
-def place(keep, store, d, scratch, spare, block):
+def place(keep, store, d, scratch, temporary, block):
     """Where the elimination of a node keeps its results, from d on in `store`: (array and offset of the factors of K_ii, offset
     of U_ij of the first other node j, distance to the next)."""
 
@@ -150,33 +150,33 @@ def keep_lower(keep, scratch, low, store, d, block):
 
 
 @generic
-def keep_solution(keep, scratch, y, tables, at, store, d, size):
+def keep_solution(keep, scratch, y, tables, at, store, d, dofs):
     """Keep y_i of 8 nodes. Returns where the next node begins in `store`."""
 
 
 @take_loads.register(object)
 @inlined
-def take_rows(keep, tables, at, scratch, ro, spare, size):
+def take_rows(keep, tables, at, scratch, ro, temporary, dofs):
     """Add the residual at ro to its rows, where loads and sliders have put theirs, and fetch the sum."""
-    scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, size)
-    gather_lanes(keep.r, tables.rows, at, 8, scratch, ro, size)
+    scatter_rows(scratch, ro, tables.rows, at, 8, 0, keep.r, dofs)
+    gather_lanes(keep.r, tables.rows, at, 8, scratch, ro, dofs)
 
 
 @take_loads.register(Condensed)
 @inlined
-def take_loads_alone(keep, tables, at, scratch, ro, spare, size):
-    subtract_loads(keep.loads, tables, at, scratch, ro, spare, size)
+def take_loads_alone(keep, tables, at, scratch, ro, temporary, dofs):
+    subtract_loads(keep.loads, tables, at, scratch, ro, temporary, dofs)
 
 
 @place.register(object)
 @inlined
-def place_short(keep, store, d, scratch, spare, block):
-    return scratch, spare, d, block
+def place_short(keep, store, d, scratch, temporary, block):
+    return scratch, temporary, d, block
 
 
 @place.register(WithColumns)
 @inlined
-def place_with_columns(keep, store, d, scratch, spare, block):
+def place_with_columns(keep, store, d, scratch, temporary, block):
     return store, d, d + block, 2 * block
 
 
@@ -194,97 +194,97 @@ def keep_lower_block(keep, scratch, low, store, d, block):
 
 @keep_solution.register(Short)
 @inlined
-def keep_in_store(keep, scratch, y, tables, at, store, d, size):
-    copy_lanes(scratch, y, 8 * len(size), store, d)
-    return d + 8 * len(size)
+def keep_in_store(keep, scratch, y, tables, at, store, d, dofs):
+    copy_lanes(scratch, y, 8 * len(dofs), store, d)
+    return d + 8 * len(dofs)
 
 
 @keep_solution.register(WithColumns)
 @inlined
-def keep_by_rows(keep, scratch, y, tables, at, store, d, size):
-    scatter_rows(scratch, y, tables.rows, at, 8, 0, keep.rhs, size)
+def keep_by_rows(keep, scratch, y, tables, at, store, d, dofs):
+    scatter_rows(scratch, y, tables.rows, at, 8, 0, keep.rhs, dofs)
     return d
 
 
 @keep_solution.register(Condensed)
 @inlined
-def keep_in_rows(keep, scratch, y, tables, at, store, d, size):
-    put_rows(scratch, y, tables.rows, at, 8, 0, keep.x, size)
+def keep_in_rows(keep, scratch, y, tables, at, store, d, dofs):
+    put_rows(scratch, y, tables.rows, at, 8, 0, keep.x, dofs)
     return d
 
 
 # --- elimination --------------------------------------------------------------------------------------------------------
 @kernel
-def subtract_loads(loads, tables, at, scratch, ro, spare, size):
+def subtract_loads(loads, tables, at, scratch, ro, temporary, dofs):
     """Subtract the loads of 8 nodes from their residual at ro."""
-    gather_lanes(loads, tables.rows, at, 8, scratch, spare, size)
-    for c in range(0, 8 * len(size), 8):
-        vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) - vld(scratch, spare + c, 0))
+    gather_lanes(loads, tables.rows, at, 8, scratch, temporary, dofs)
+    for c in range(0, 8 * len(dofs), 8):
+        vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) - vld(scratch, temporary + c, 0))
 
 
 @kernel
-def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, spare, size):
+def eliminate_inner(keep, store, io, tables, no, nn, scratch, ro, ko, temporary, dofs):
     """Eliminate the inner nodes of one group: rows at ro, blocks at ko. Returns False, and stops, where a pivot counts as zero.
 
-    store takes what `keep` says, from io on; factors that are not kept go to scratch, a block at `spare`.
+    store takes what `keep` says, from io on; factors that are not kept go to scratch, a block at `temporary`.
     LU and triangular solutions: explicit inverses would be faster and are not accurate enough, because on slender beams the soft
     directions of the others' stiffness are small differences.
     """
-    n = len(size)
+    n = len(dofs)
     block = 8 * n * n
     for i in range(1, nn - 1):
-        take_loads.call(keep, tables, no + 8 * i, scratch, ro + 8 * n * i, spare, size)
+        take_loads.call(keep, tables, no + 8 * i, scratch, ro + 8 * n * i, temporary, dofs)
     d = io
     for i in range(1, nn - 1):
         diagonal = ko + block * (nn * i + i)
-        lu, lo, u0, step = place.call(keep, store, d, scratch, spare, block)
-        if not lu_lanes(scratch, diagonal, lu, lo, PIVOT, size):
+        lu, lo, u0, step = place.call(keep, store, d, scratch, temporary, block)
+        if not lu_lanes(scratch, diagonal, lu, lo, PIVOT, dofs):
             return False
         y = diagonal     # the diagonal block is needed no more, y takes its place
-        solve_lanes(lu, lo, scratch, ro + 8 * n * i, 8, scratch, y, 8, size)
+        solve_lanes(lu, lo, scratch, ro + 8 * n * i, 8, scratch, y, 8, dofs)
         # others: i + 1 .. nn - 1, then 0
         for m in range(nn - i):
             j = i + 1 + m if m < nn - 1 - i else 0
             for c in range(0, 8 * n, 8):
-                solve_lanes(lu, lo, scratch, ko + block * (nn * i + j) + c, 8 * n, store, u0 + step * m + c, 8 * n, size)
+                solve_lanes(lu, lo, scratch, ko + block * (nn * i + j) + c, 8 * n, store, u0 + step * m + c, 8 * n, dofs)
         for m in range(nn - i):
             k = i + 1 + m if m < nn - 1 - i else 0
             low = ko + block * (nn * k + i)
             for l in range(nn - i):
                 j = i + 1 + l if l < nn - 1 - i else 0
-                subtract_lanes(scratch, low, store, u0 + step * l, scratch, ko + block * (nn * k + j), size, size)
-            subtract_lanes(scratch, low, scratch, y, scratch, ro + 8 * n * k, ONE, size)
+                subtract_lanes(scratch, low, store, u0 + step * l, scratch, ko + block * (nn * k + j), dofs, dofs)
+            subtract_lanes(scratch, low, scratch, y, scratch, ro + 8 * n * k, ONE, dofs)
             keep_lower.call(keep, scratch, low, store, u0 + step * m, block)
-        d = keep_solution.call(keep, scratch, y, tables, no + 8 * i, store, u0 + step * (nn - i), size)
+        d = keep_solution.call(keep, scratch, y, tables, no + 8 * i, store, u0 + step * (nn - i), dofs)
     return True
 
 
 @generic
-def eliminate_group(inner, tables, k, at, scratch, r_out, size):
+def eliminate_group(inner, tables, k, at, scratch, r_out, dofs):
     """Eliminate the inner nodes of group k where its tables say so. Returns the distance of the nodes that are left."""
 
 
 @eliminate_group.register(NoInner)
 @inlined
-def eliminate_nothing(inner, tables, k, at, scratch, r_out, size):
+def eliminate_nothing(inner, tables, k, at, scratch, r_out, dofs):
     return 1
 
 
 @eliminate_group.register(Inner)
 @inlined
-def eliminate_inside(inner, tables, k, at, scratch, r_out, size):
+def eliminate_inside(inner, tables, k, at, scratch, r_out, dofs):
     if tables.meta[k, FACTORS] < 0:
         return 1
     if not eliminate_inner(kept.call(inner.rhs, r_out), inner.store, tables.meta[k, FACTORS], tables, tables.meta[k, LIST], at.nn,
-                           scratch, at.rows, at.blocks, 0, size):
+                           scratch, at.rows, at.blocks, 0, dofs):
         inner.state[0] = 0.0
     return at.nn - 1
 
 
 @kernel
-def eliminate_columns(inner, contact, panel, width, size):
+def eliminate_columns(inner, contact, panel, width, dofs):
     """Carry the border columns on inner rows to the end nodes, for the elements that a slider touches."""
-    n = len(size)
+    n = len(dofs)
     block = 8 * n * n
     found = 0
     first = inner.first[0]
@@ -306,18 +306,18 @@ def eliminate_columns(inner, contact, panel, width, size):
             others = count + 2 - i
             row = n * width * inner.rows[rows + i]
             for c in range(0, width, 8):
-                solve_rows(inner.store, d, 8 * n, 8, panel, row + c, width, size)
+                solve_rows(inner.store, d, 8 * n, 8, panel, row + c, width, dofs)
                 for m in range(others):
                     k = i + 1 + m if m < others - 1 else 0
                     subtract_rows(inner.store, d + 2 * block * (m + 1), 8 * n, 8, panel, row + c, width, panel,
-                                  n * width * inner.rows[rows + k] + c, width, size)
+                                  n * width * inner.rows[rows + k] + c, width, dofs)
             d += block * (1 + 2 * others)
 
 
 @kernel
-def put_inner_rhs(inner, panel, width, size):
+def put_inner_rhs(inner, panel, width, dofs):
     """y of the inner rows into column 0 of the panel."""
-    n = len(size)
+    n = len(dofs)
     for i in range(inner.first[0], panel.shape[0] // (n * width)):
         for c in range(n):
             panel[(n * i + c) * width] = inner.rhs[8 * i + c]
@@ -342,71 +342,71 @@ IN_STORE, IN_ROWS = InStore(), InRows()
 
 
 @generic
-def take_solution(where, store, end, tables, at, factor, scratch, xi, x, size):
+def take_solution(where, store, end, tables, at, factor, scratch, xi, x, dofs):
     """factor times y_i of 8 nodes into lanes at xi. Returns where U_ij end in `store`."""
 
 
 @take_solution.register(InStore)
 @inlined
-def take_from_store(where, store, end, tables, at, factor, scratch, xi, x, size):
-    take_scaled(store, end - 8 * len(size), factor, scratch, xi, len(size))
-    return end - 8 * len(size)
+def take_from_store(where, store, end, tables, at, factor, scratch, xi, x, dofs):
+    take_scaled(store, end - 8 * len(dofs), factor, scratch, xi, len(dofs))
+    return end - 8 * len(dofs)
 
 
 @take_solution.register(InRows)
 @inlined
-def take_from_rows(where, store, end, tables, at, factor, scratch, xi, x, size):
-    gather_lanes(x, tables.rows, at, 8, scratch, xi, size)
-    take_scaled(scratch, xi, factor, scratch, xi, len(size))
+def take_from_rows(where, store, end, tables, at, factor, scratch, xi, x, dofs):
+    gather_lanes(x, tables.rows, at, 8, scratch, xi, dofs)
+    take_scaled(scratch, xi, factor, scratch, xi, len(dofs))
     return end
 
 
 @kernel
-def recover_group(where, store, end, nn, tables, no, factor, scratch, xo, x_out, size):
+def recover_group(where, store, end, nn, tables, no, factor, scratch, xo, x_out, dofs):
     """Increments of the inner nodes of 8 elements, from those of the end nodes: nn nodes in lanes from xo on. end: where what was
     stored of them ends; where: InStore or InRows; factor: increment per solution."""
-    n = len(size)
+    n = len(dofs)
     column = 8 * n
     block = column * n
     for i in range(nn - 2, 0, -1):
         xi = xo + column * i
-        end = take_solution.call(where, store, end, tables, no + 8 * i, factor, scratch, xi, x_out, size)
+        end = take_solution.call(where, store, end, tables, no + 8 * i, factor, scratch, xi, x_out, dofs)
         end -= block * (nn - i)
         for m in range(nn - i):
             a = i + 1 + m if m < nn - 1 - i else 0
-            subtract_lanes(store, end + block * m, scratch, xo + column * a, scratch, xi, ONE, size)
-        put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, size)
+            subtract_lanes(store, end + block * m, scratch, xo + column * a, scratch, xi, ONE, dofs)
+        put_rows(scratch, xi, tables.rows, no + 8 * i, 8, 0, x_out, dofs)
 
 
 @generic
-def recover_rows(inner, tables, factor, x_out, scratch, size):
+def recover_rows(inner, tables, factor, x_out, scratch, dofs):
     """Increments of all inner nodes of elements with one strain set from those of the end nodes, in a scene without sliders."""
 
 
 @recover_rows.register(NoInner)
 @kernel
-def recover_nothing(inner, tables, factor, x_out, scratch, size):
+def recover_nothing(inner, tables, factor, x_out, scratch, dofs):
     pass
 
 
 @recover_rows.register(Inner)
 @kernel
-def recover_inner_rows(inner, tables, factor, x_out, scratch, size):
-    n = len(size)
+def recover_inner_rows(inner, tables, factor, x_out, scratch, dofs):
+    n = len(dofs)
     for k in range(tables.meta.shape[0]):
         if tables.meta[k, FACTORS] >= 0:
             nn = tables.meta[k, NODES]
             no = tables.meta[k, LIST]
-            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, size)
-            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), size)
+            gather_lanes(x_out, tables.rows, no, 8, scratch, 0, dofs)
+            gather_lanes(x_out, tables.rows, no + 8 * (nn - 1), 8, scratch, 8 * n * (nn - 1), dofs)
             recover_group(IN_STORE, inner.store, tables.meta[k, FACTORS] + short_store(nn, n, 1), nn, tables, no, factor, scratch,
-                          0, x_out, size)
+                          0, x_out, dofs)
 
 
 @kernel
-def recover_inner(inner, panel, width, size):
+def recover_inner(inner, panel, width, dofs):
     """Solutions of the inner rows of the panel from those of the end nodes, all columns."""
-    n = len(size)
+    n = len(dofs)
     block = 8 * n * n
     for e in range(inner.where.shape[0]):
         count = inner.where[e, 1]
@@ -421,5 +421,5 @@ def recover_inner(inner, panel, width, size):
                 for m in range(others):
                     k = i + 1 + m if m < others - 1 else 0
                     subtract_rows(inner.store, d + block * (1 + 2 * m), 8 * n, 8, panel, n * width * inner.rows[rows + k] + c,
-                                  width, panel, row + c, width, size)
+                                  width, panel, row + c, width, dofs)
             d -= block * (1 + 2 * (others + 1))

@@ -19,28 +19,28 @@ from .ties import Ties
 
 
 @generic
-def put_columns(column, line, contact, k, row, size):
+def put_columns(column, line, contact, k, row, dofs):
     """Entry of a position: derivative of its residual by the forces, and of the gaps by the position."""
 
 
 @generic
-def put_arm_columns(column, line, contact, k, row, arm_mid, arm_end, size):
+def put_arm_columns(column, line, contact, k, row, arm_mid, arm_end, dofs):
     """Entry of the spin of a node that carries such a position on an arm."""
 
 
 @put_columns.register(f8)
 @kernel
-def put_unit(column, line, contact, k, row, size):
-    o = new_entry(contact, k, row, size)
-    for i in range(dim(size)):
+def put_unit(column, line, contact, k, row, dofs):
+    o = new_entry(contact, k, row, dofs)
+    for i in range(dim(dofs)):
         contact.column[k, o + 9 * i] = column
         contact.line[k, o + 9 * i] = line
 
 
 @put_arm_columns.register(f8)
 @kernel
-def put_unit_arm(column, line, contact, k, row, arm_mid, arm_end, size):
-    o = new_entry(contact, k, row, size) + 8 * dim(size)
+def put_unit_arm(column, line, contact, k, row, arm_mid, arm_end, dofs):
+    o = new_entry(contact, k, row, dofs) + 8 * dim(dofs)
     put_cross_matrix(contact.column[k], o, column, arm_mid)
     put_cross_matrix(contact.line[k], o, line, arm_end)
 
@@ -48,8 +48,8 @@ def put_unit_arm(column, line, contact, k, row, arm_mid, arm_end, size):
 @put_columns.register(V3[f8])
 @put_columns.register(V2[f8])
 @kernel
-def put_direction(column, line, contact, k, row, size):
-    o = new_entry(contact, k, row, size)
+def put_direction(column, line, contact, k, row, dofs):
+    o = new_entry(contact, k, row, dofs)
     put(contact.column[k], o, 8, column)
     put(contact.line[k], o, 8, line)
 
@@ -57,35 +57,35 @@ def put_direction(column, line, contact, k, row, size):
 @put_arm_columns.register(V3[f8])
 @put_arm_columns.register(V2[f8])
 @kernel
-def put_direction_arm(column, line, contact, k, row, arm_mid, arm_end, size):
-    o = new_entry(contact, k, row, size) + 8 * dim(size)
+def put_direction_arm(column, line, contact, k, row, arm_mid, arm_end, dofs):
+    o = new_entry(contact, k, row, dofs) + 8 * dim(dofs)
     put(contact.column[k], o, 8, cross_product.call(arm_mid, column))
     put(contact.line[k], o, 8, cross_product.call(arm_end, line))
 
 
 @generic
-def put_point(ties, column, line, contact, k, node, row, q_mid, q_end, size):
+def put_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs):
     """Entries of one node; tied nodes pass them on."""
 
 
 @put_point.register(NoTies)
 @kernel
-def put_free_point(ties, column, line, contact, k, node, row, q_mid, q_end, size):
-    put_columns.call(column, line, contact, k, row, size)
+def put_free_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs):
+    put_columns.call(column, line, contact, k, row, dofs)
 
 
 @put_point.register(Ties)
 @put_point.register(PlanarTies)
 @kernel
-def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, size):
+def put_tied_point(ties, column, line, contact, k, node, row, q_mid, q_end, dofs):
     if ties.start[node + 1] == ties.start[node]:
-        put_columns.call(column, line, contact, k, row, size)
+        put_columns.call(column, line, contact, k, row, dofs)
     for t in range(ties.start[node], ties.start[node + 1]):
         if ties.kind[t] == 0:
-            put_columns.call(column, line, contact, k, ties.target_row[t], size)
+            put_columns.call(column, line, contact, k, ties.target_row[t], dofs)
         elif ties.kind[t] == 1:
             put_arm_columns.call(column, line, contact, k, ties.target_row[t], tied_arm.call(ties, t, q_mid),
-                                 tied_arm.call(ties, t, q_end), size)
+                                 tied_arm.call(ties, t, q_end), dofs)
 
 
 @kernel
@@ -111,11 +111,11 @@ def take_forces(joints, system):
 @kernel
 def joints_are_closed(joints, system):
     """Whether the augmented Lagrangian leaves gaps of round-off size only."""
-    contact, q, size = system.contact, system.state.q, system.size
+    contact, q, dofs = system.contact, system.state.q, system.dofs
     for j in range(joints.node.shape[0]):
         reach = system.length
-        for c in range(dim(size)):
-            reach = max(reach, system.length + abs(q[(12 if dim(size) == 3 else 4) * joints.node[j, 0] + c]))
+        for c in range(dim(dofs)):
+            reach = max(reach, system.length + abs(q[(12 if dim(dofs) == 3 else 4) * joints.node[j, 0] + c]))
         if not contact.remaining[joints.first[0] + j] <= 1e-15 * reach:
             return False
     return True

@@ -1,6 +1,6 @@
 """The two kinds of nodes, in space and in a plane, and operations of kinematics that depend on the kind.
 
-A node has 6 unknowns in space (position, spin) and 12 coordinates (position, three directors), in a plane 3 and 4. `size` is the
+A node has 6 unknowns in space (position, spin) and 12 coordinates (position, three directors), in a plane 3 and 4. `dofs` is the
 tuple of as many zeros as a node has unknowns; the class of this tuple, `Space` or `Plane`, decides at compile time what an
 operation does. Forces and positions are vectors of 3 or 2 numbers; spins, Cayley vectors and moments are vectors in space and
 numbers in a plane.
@@ -16,11 +16,11 @@ from numba.extending import intrinsic
 from .._generic import generic
 from .._jit import kernel
 from .algebra import (M3, V2, V3, _DOUBLE, _I64, _add, _int, _lane_ir, _mul, _pack, _parts, _pointer, _sub, cross, cross2, dot,
-                      f8, part, perp)
+                      f8, native, perp)
 
 
 class Space(NamedTuple):
-    """`size` of nodes in space."""
+    """`dofs` of nodes in space."""
 
     x: int = 0
     y: int = 0
@@ -31,7 +31,7 @@ class Space(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """`size` of nodes in a plane."""
+    """`dofs` of nodes in a plane."""
 
     x: int = 0
     y: int = 0
@@ -41,34 +41,34 @@ class Plane(NamedTuple):
 SPACE, PLANE = Space(), Plane()
 
 
-def _dim(size):
-    return {6: 3, 3: 2}[size.count]
+def _dim(dofs):
+    return {6: 3, 3: 2}[dofs.count]
 
 
-def _coordinates(size):
-    return {6: 12, 3: 4}[size.count]
+def _coordinates(dofs):
+    return {6: 12, 3: 4}[dofs.count]
 
 
-def _vector_type(size):
-    return V3[f8] if _dim(size) == 3 else V2[f8]
+def _vector_type(dofs):
+    return V3[f8] if _dim(dofs) == 3 else V2[f8]
 
 
-def _spin_type(size):
-    return V3[f8] if _dim(size) == 3 else f8
+def _spin_type(dofs):
+    return V3[f8] if _dim(dofs) == 3 else f8
 
 
 @intrinsic
-def dim(tc, size):
+def dim(tc, dofs):
     """Components of a position."""
-    d = _dim(size)
-    return types.intp(size), lambda ctx, b, sig, args: ir.Constant(_I64, d)
+    d = _dim(dofs)
+    return types.intp(dofs), lambda ctx, b, sig, args: ir.Constant(_I64, d)
 
 
 @intrinsic
-def coordinates(tc, size):
+def coordinates(tc, dofs):
     """Coordinates of a node."""
-    n = _coordinates(size)
-    return types.intp(size), lambda ctx, b, sig, args: ir.Constant(_I64, n)
+    n = _coordinates(dofs)
+    return types.intp(dofs), lambda ctx, b, sig, args: ir.Constant(_I64, n)
 
 
 # --- loads and stores ---------------------------------------------------------------------------------------------------
@@ -81,35 +81,35 @@ def _loaded(ctx, b, array_type, array, offset, step, n):
 
 
 @intrinsic
-def vector(tc, array, offset, stride, size):
+def vector(tc, array, offset, stride, dofs):
     """A vector of 3 numbers, 2 in a plane, from an offset on; stride: doubles from one to the next."""
-    d = _dim(size)
+    d = _dim(dofs)
 
     def codegen(ctx, b, sig, args):
         return _loaded(ctx, b, sig.args[0], args[0], _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2]), d)
-    return _vector_type(size)(array, offset, stride, size), codegen
+    return _vector_type(dofs)(array, offset, stride, dofs), codegen
 
 
 @intrinsic
-def position(tc, q, node, size):
+def position(tc, q, node, dofs):
     """Position of a node among the coordinates of all."""
-    d, n = _dim(size), _coordinates(size)
+    d, n = _dim(dofs), _coordinates(dofs)
 
     def codegen(ctx, b, sig, args):
         o = b.mul(_int(ctx, b, args[1], sig.args[1]), ir.Constant(_I64, n))
         return _loaded(ctx, b, sig.args[0], args[0], o, ir.Constant(_I64, 1), d)
-    return _vector_type(size)(q, node, size), codegen
+    return _vector_type(dofs)(q, node, dofs), codegen
 
 
 @intrinsic
-def cayley_vector(tc, theta, node, size):
+def cayley_vector(tc, theta, node, dofs):
     """Cayley vector of a node, in a plane a number."""
-    n = 3 if _dim(size) == 3 else 1
+    n = 3 if _dim(dofs) == 3 else 1
 
     def codegen(ctx, b, sig, args):
         o = b.mul(_int(ctx, b, args[1], sig.args[1]), ir.Constant(_I64, n))
         return _loaded(ctx, b, sig.args[0], args[0], o, ir.Constant(_I64, 1), n)
-    return _spin_type(size)(theta, node, size), codegen
+    return _spin_type(dofs)(theta, node, dofs), codegen
 
 
 def _zeros(n):
@@ -118,17 +118,17 @@ def _zeros(n):
 
 
 @intrinsic
-def zero_vector(tc, size):
+def zero_vector(tc, dofs):
     """The vector 0."""
-    d = _dim(size)
-    return _vector_type(size)(size), lambda ctx, b, sig, args: _zeros(d)
+    d = _dim(dofs)
+    return _vector_type(dofs)(dofs), lambda ctx, b, sig, args: _zeros(d)
 
 
 @intrinsic
-def zero_spin(tc, size):
+def zero_spin(tc, dofs):
     """The spin 0."""
-    n = 3 if _dim(size) == 3 else 1
-    return _spin_type(size)(size), lambda ctx, b, sig, args: _zeros(n)
+    n = 3 if _dim(dofs) == 3 else 1
+    return _spin_type(dofs)(dofs), lambda ctx, b, sig, args: _zeros(n)
 
 
 def _make_put(accumulate):
@@ -191,40 +191,41 @@ def add_stiffness(tc, a, offset, factor, x, y):
 
 # --- elements in lanes: as many as a register holds, components 8 doubles apart -------------------------------------------
 @intrinsic
-def vector_lanes(tc, array, offset, size):
+def vector_lanes(tc, array, offset, dofs):
     """A vector in lanes from an offset on."""
-    d = _dim(size)
+    d = _dim(dofs)
 
     def codegen(ctx, b, sig, args):
         o = _int(ctx, b, args[1], sig.args[1])
-        return _pack(b, part, [b.load(_pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), part), align=8)
-                               for i in range(d)])
-    return {2: V2, 3: V3}[d][part](array, offset, size), codegen
+        return _pack(b, native, [b.load(_pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), native),
+                                        align=8)
+                                 for i in range(d)])
+    return {2: V2, 3: V3}[d][native](array, offset, dofs), codegen
 
 
 def _zero_lanes():
-    return ir.Constant(_lane_ir(part), [0.0] * part.lanes)
+    return ir.Constant(_lane_ir(native), [0.0] * native.lanes)
 
 
 @intrinsic
-def zero_lanes(tc, size):
+def zero_lanes(tc, dofs):
     """The vector 0 in lanes."""
-    d = _dim(size)
-    return {2: V2, 3: V3}[d][part](size), lambda ctx, b, sig, args: _pack(b, part, [_zero_lanes()] * d)
+    d = _dim(dofs)
+    return {2: V2, 3: V3}[d][native](dofs), lambda ctx, b, sig, args: _pack(b, native, [_zero_lanes()] * d)
 
 
 @intrinsic
-def zero_moment(tc, size):
+def zero_moment(tc, dofs):
     """The moment 0 in lanes."""
-    return (V3[part] if _dim(size) == 3 else part)(size), lambda ctx, b, sig, args: (
-        _pack(b, part, [_zero_lanes()] * 3) if _dim(size) == 3 else _zero_lanes())
+    return (V3[native] if _dim(dofs) == 3 else native)(dofs), lambda ctx, b, sig, args: (
+        _pack(b, native, [_zero_lanes()] * 3) if _dim(dofs) == 3 else _zero_lanes())
 
 
 @intrinsic
-def zero_dyad(tc, size):
+def zero_dyad(tc, dofs):
     """The dyad 0 in lanes."""
-    return (M3[part] if _dim(size) == 3 else part)(size), lambda ctx, b, sig, args: (
-        _pack(b, part, [_zero_lanes()] * 9) if _dim(size) == 3 else _zero_lanes())
+    return (M3[native] if _dim(dofs) == 3 else native)(dofs), lambda ctx, b, sig, args: (
+        _pack(b, native, [_zero_lanes()] * 9) if _dim(dofs) == 3 else _zero_lanes())
 
 
 def _make_put_lanes(accumulate):
@@ -234,7 +235,7 @@ def _make_put_lanes(accumulate):
         def codegen(ctx, b, sig, args):
             o = _int(ctx, b, args[1], sig.args[1])
             for i, y in enumerate([args[2]] if n == 1 else _parts(b, args[2], n)):
-                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), part)
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i)), native)
                 b.store(_add(b, b.load(p, align=8), y) if accumulate else y, p, align=8)
             return ctx.get_dummy_value()
         return types.void(array, offset, x), codegen
@@ -252,8 +253,8 @@ def moment(tc, x, y):
     def codegen(ctx, b, sig, args):
         u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
         z = [_sub(b, _mul(b, u[i], v[j]), _mul(b, u[j], v[i])) for i, j in ([(0, 1)] if x.n == 2 else [(1, 2), (2, 0), (0, 1)])]
-        return z[0] if x.n == 2 else _pack(b, part, z)
-    return (part if x.n == 2 else x)(x, y), codegen
+        return z[0] if x.n == 2 else _pack(b, native, z)
+    return (native if x.n == 2 else x)(x, y), codegen
 
 
 @intrinsic
@@ -263,19 +264,19 @@ def dyad(tc, x, y):
         u, v = _parts(b, args[0], x.n), _parts(b, args[1], x.n)
         if x.n == 2:
             return _add(b, _mul(b, u[0], v[0]), _mul(b, u[1], v[1]))
-        return _pack(b, part, [_mul(b, p, q) for p in u for q in v])
-    return (part if x.n == 2 else M3[part])(x, y), codegen
+        return _pack(b, native, [_mul(b, p, q) for p in u for q in v])
+    return (native if x.n == 2 else M3[native])(x, y), codegen
 
 
 @intrinsic
-def add_turned(tc, array, offset, k, size):
+def add_turned(tc, array, offset, k, dofs):
     """Add 1/2 (k - tr(k) I), k a sum of dyads d f^T, to the rotation-rotation part of a block of the tangent: the derivative of
     the moment of forces f on directors d by their spin, theory.md (4.2)."""
-    n, d = size.count, _dim(size)
+    n, d = dofs.count, _dim(dofs)
 
     def codegen(ctx, b, sig, args):
         o = _int(ctx, b, args[1], sig.args[1])
-        half = ir.Constant(_lane_ir(part), [0.5] * part.lanes)
+        half = ir.Constant(_lane_ir(native), [0.5] * native.lanes)
         if d == 2:
             xs = [_sub(b, _zero_lanes(), _mul(b, half, args[2]))]
         else:
@@ -285,10 +286,10 @@ def add_turned(tc, array, offset, k, size):
         m = 3 if d == 3 else 1
         for i, x in enumerate(xs):
             at = ir.Constant(_I64, 8 * (n * (d + i // m) + d + i % m))
-            p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, at), part)
+            p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, at), native)
             b.store(_add(b, b.load(p, align=8), x), p, align=8)
         return ctx.get_dummy_value()
-    return types.void(array, offset, k, size), codegen
+    return types.void(array, offset, k, dofs), codegen
 
 
 # --- products -----------------------------------------------------------------------------------------------------------

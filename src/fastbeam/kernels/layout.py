@@ -4,9 +4,9 @@ Offsets count doubles; one number of each of the 8 elements takes 8 of them. Off
 quadrature points of an element are in `Layout`, the others are constants of this file.
 
 Kernels call a layout `at`, and offsets by a letter and o: no, bo of the list of nodes and of blocks of a group; to the table of
-a point; qo, uo, fo coordinates, second rates and forces of a node; lo what `gather_line` gathers; po the scratch of a point; zo
-or z the vectors (phi', d_i, d_i') there, eo strains or forms, so stresses, ao a shape; ro residual, ko a block of the tangent;
-io, d what is stored of inner nodes, xo and xi increments.
+a point; qo, uo, fo coordinates, second rates and forces of a node; lo what `gather_increment` gathers; po the scratch of a
+point; zo or z the vectors (phi', d_i, d_i') there, eo strains or forms, so stresses, ao a shape; ro residual, ko a block of the
+tangent; io, d what is stored of inner nodes, xo and xi increments.
 """
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ PLANAR_ROWS, PLANAR_PRODUCTS, PLANAR_ROTATION_POSITION, PLANAR_POSITION_ROTATION
 # at the end of the step, strains, z before the last increment, that increment, stresses or quadratic forms; then the products of
 # `point_stiffness`
 Z = 21 * 8
-MIDDLE, END, STRAINS, BEFORE, STEP, SPARE = 0, Z, 2 * Z, 2 * Z + 56, 3 * Z + 56, 4 * Z + 56
-ROOM = 2 * Z
-ROOM_END = ROOM + (49 + 9 + 18 + 18) * 8
+MIDDLE, END, STRAINS, BEFORE, STEP, TEMPORARY = 0, Z, 2 * Z, 2 * Z + 56, 3 * Z + 56, 4 * Z + 56
+POINT_PRODUCTS = 2 * Z
+POINT_SCRATCH = POINT_PRODUCTS + (49 + 9 + 18 + 18) * 8
 # behind it, of every pair of nodes a < b, vectors of the middle, then of the end: three for twist and curvatures, one for the
 # lengths of directors
 TWISTS = 12 * 8
@@ -71,16 +71,16 @@ class Layout(NamedTuple):
     rows: int                # residual
     blocks: int              # tangent: nn x nn blocks
     points: int              # what pairs of nodes share of the stiffness of a point
-    point_room: int          # distance of points there
+    point_stride: int        # distance of points there
     spin_rates: int          # derivatives of second rates by spins, in space
-    line: int                # coordinates before the last increment, and that increment
+    increment: int           # coordinates before the last increment, and that increment
     tangent_forces: int      # forces of the stresses that only the tangent takes (4.6), in place of the second rates, which are
     #                          needed no more once the inertia forces are there
     twists: int              # vectors of pairs of nodes
     pairs: int               # sums of stresses for pairs of nodes; in space in the blocks of the tangent, in the quarter position
     #                          against position, which is evaluated last
     pair_size: int           # distance of pairs
-    size: int                # doubles in all
+    doubles: int             # in all
 
 
 # sums of a pair in space: two of shears, three of twist and curvatures, one of lengths; in a plane shear, curvature, lengths
@@ -88,9 +88,9 @@ SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 6
 
 
 @inlined
-def layout(size, nn, nq):
+def layout(dofs, nn, nq):
     """The layout for nodes in space or in a plane."""
-    n = len(size)
+    n = len(dofs)
     node = 96 if n == 6 else 32
     strains = 6 if n == 6 else 3
     directors = 3 if n == 6 else 2
@@ -102,22 +102,22 @@ def layout(size, nn, nq):
     forces = rates + node * nn
     rows = forces + node * nn
     blocks = rows + 8 * n * nn
-    twists = blocks + ROOM_END
+    twists = blocks + POINT_SCRATCH
     points = blocks + 8 * n * n * nn * nn
     if n == 6:
         points = max(points, twists + TWISTS * nn * (nn - 1))
-    point_room = POINT_NODES + POINT_NODE * nn if n == 6 else PLANAR_NODES + PLANAR_NODE * nn
-    spin_rates = points + nq * point_room
-    line = spin_rates + (144 * nn if n == 6 else 0)
-    end = line + 2 * node * nn
+    point_stride = POINT_NODES + POINT_NODE * nn if n == 6 else PLANAR_NODES + PLANAR_NODE * nn
+    spin_rates = points + nq * point_stride
+    increment = spin_rates + (144 * nn if n == 6 else 0)
+    end = increment + 2 * node * nn
     pairs = blocks if n == 6 else end
     pair_size = 288 if n == 6 else 24
-    size = end if n == 6 else end + pair_size * nn * nn
+    doubles = end if n == 6 else end + pair_size * nn * nn
     return Layout(nn, nq, point, point_size, inertia, masses, masses + 8 * nn * nn, masses + 16 * nn * nn, 2 * node, rates,
-                  forces, rows, blocks, points, point_room, spin_rates, line, rates, twists, pairs, pair_size, size)
+                  forces, rows, blocks, points, point_stride, spin_rates, increment, rates, twists, pairs, pair_size, doubles)
 
 
-def layout_of(size: tuple[int, ...], nn: int, nq: int) -> Layout:
+def layout_of(dofs: tuple[int, ...], nn: int, nq: int) -> Layout:
     """The same for callers in Python, without compiled code."""
-    found: Layout = layout.py_func(size, nn, nq)
+    found: Layout = layout.py_func(dofs, nn, nq)
     return found

@@ -21,9 +21,9 @@ class LoadWork(NamedTuple):
 @kernel
 def account_loads(term, system, h):
     """f . Dphi + m . theta, which is what the step is tested with (theory.md 4)."""
-    work, size = system.work, system.size
-    d = dim(size)
-    spins = len(size) - d
+    work, dofs = system.work, system.dofs
+    d = dim(dofs)
+    spins = len(dofs) - d
     total = 0.0
     for r in range(term.node.shape[0]):
         n = term.node[r]

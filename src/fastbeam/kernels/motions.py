@@ -14,7 +14,7 @@ from .._generic import generic
 from .._jit import kernel
 from .alpha import Alpha
 from .terms import AtRest, Conserving, Equilibrium, Midpoint
-from .work import Line
+from .work import LastIncrement
 
 
 class AtEnd(NamedTuple):
@@ -25,15 +25,15 @@ AT_END = AtEnd()
 
 
 class OverStep(NamedTuple):
-    """A step from q by dphi and line.theta: the conserving step and the midpoint rule."""
+    """A step from q by dphi and increment.theta: the conserving step and the midpoint rule."""
 
     method: Any
     q: np.ndarray          # float64 [12 N], in a plane [4 N]: at the start of the step
     dphi: np.ndarray       # float64 [3 N], [2 N]: increments of the positions
     v: np.ndarray          # float64 [12 N], [4 N]: rates at the start
-    line: Line
+    increment: LastIncrement
     h: float               # s
-    rate: float            # factor of the mass matrix in the tangent: 2/h^2
+    mass_factor: float     # factor of the mass matrix in the tangent: 2/h^2
 
 
 class ToEnd(NamedTuple):
@@ -44,8 +44,8 @@ class ToEnd(NamedTuple):
     dphi: np.ndarray       # float64 [3 N]
     u: np.ndarray          # float64 [12 N]: second rates at the end
     spin_rate: np.ndarray  # float64 [18 N]: derivatives of those of d2, d3 by the spins
-    line: Line
-    rate: float            # half of d(second rates)/d(displacements), as the tangent is halved
+    increment: LastIncrement
+    mass_factor: float     # half of d(second rates)/d(displacements), as the tangent is halved
 
 
 class Resting(NamedTuple):
@@ -54,8 +54,8 @@ class Resting(NamedTuple):
     method: Any
     q: np.ndarray          # float64 [12 N]
     u: np.ndarray          # float64 [12 N]: second rates
-    line: Line
-    rate: float            # 0
+    increment: LastIncrement
+    mass_factor: float     # 0
 
 
 class Still(NamedTuple):
@@ -63,8 +63,8 @@ class Still(NamedTuple):
 
     method: Any
     q: np.ndarray          # float64 [12 N], in a plane [4 N]
-    line: Line
-    rate: float            # 0
+    increment: LastIncrement
+    mass_factor: float     # 0
 
 
 @generic
@@ -76,35 +76,35 @@ def motion(method, state, work, h):
 @motion.register(Midpoint)
 @kernel
 def motion_over_step(method, state, work, h):
-    return OverStep(method, state.q, work.dphi, state.v, work.line, h, 2.0 / (h * h))
+    return OverStep(method, state.q, work.dphi, state.v, work.increment, h, 2.0 / (h * h))
 
 
 @motion.register(Alpha)
 @kernel
 def motion_to_end(alpha, state, work, h):
-    return ToEnd(AT_END, state.q, work.dphi, work.u, alpha.spin_rate, work.line, 0.5 * alpha.factor[1])
+    return ToEnd(AT_END, state.q, work.dphi, work.u, alpha.spin_rate, work.increment, 0.5 * alpha.factor[1])
 
 
 @motion.register(AtRest)
 @kernel
 def motion_at_rest(method, state, work, h):
-    return Resting(method, state.q, work.u, work.line, 0.0)
+    return Resting(method, state.q, work.u, work.increment, 0.0)
 
 
 @motion.register(Equilibrium)
 @kernel
 def no_motion(method, state, work, h):
-    return Still(method, state.q, work.line, 0.0)
+    return Still(method, state.q, work.increment, 0.0)
 
 
 # --- asked of a motion --------------------------------------------------------------------------------------------------
 @generic
-def gather_ends(size, motion, tables, no, scratch, qo, uo):
+def gather_ends(dofs, motion, tables, no, scratch, qo, uo):
     """Coordinates of 8 nodes in the middle and at the end of the step into lanes from qo on, and their second rates at uo."""
 
 
 @generic
-def gather_line(size, motion, tables, no, scratch, end, lo):
+def gather_increment(dofs, motion, tables, no, scratch, end, lo):
     """The shape z and the increment x of theory.md (4.6): coordinates of 8 nodes before the last increment into lanes from lo on
     and, behind them, that increment, from their coordinates at `end`."""
 
@@ -115,14 +115,14 @@ def gather_spin_rates(motion, tables, no, nn, scratch, at):
 
 
 @generic
-def needs_line(motion):
+def needs_increment(motion):
     """Whether the last increment has to be gathered. Before the first increment of a step there is none, and the shape at the
     start follows from those in the middle and at the end."""
 
 
 # --- asked of a method --------------------------------------------------------------------------------------------------
 @generic
-def add_inertia(method, constants, scratch, at, size):
+def add_inertia(method, constants, scratch, at, dofs):
     """M u on the coordinates of every node."""
 
 
@@ -138,7 +138,7 @@ def columns(method):
 
 
 @generic
-def line_of_tangent(method, scratch, zo, gathered):
+def increment_of_tangent(method, scratch, zo, gathered):
     """BEFORE and STEP for the shape of `columns`: the shape before the last increment, and that increment. Returns whether there
     is one."""
 
@@ -150,10 +150,10 @@ def share_of_end(method):
 
 
 @generic
-def pair_rate(method, rate):
+def pair_mass_factor(method, mass_factor):
     """Factor of the mass matrix in the tangent; 0 where `add_spin_rates` adds the tangent of inertia."""
 
 
 @generic
-def add_spin_rates(method, constants, scratch, at, rate):
+def add_spin_rates(method, constants, scratch, at, mass_factor):
     """The tangent of the inertia forces for methods where it is not a multiple of the mass matrix (generalised alpha)."""

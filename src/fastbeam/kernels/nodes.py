@@ -15,15 +15,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel, inlined
+from .._jit import inlined, kernel
 from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
                       zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
+from .cayley import cayley_increment, director_increment
 from .kinds import Space, coordinates
-from .rows import gather_lanes, load_rows, store_rows
+from .lanes import gather_lanes, load_rows, store_rows
 from .terms import (AtRest, Conserving, Equilibrium, Midpoint, advance_nodes, assemble, carry_columns, move_nodes, predict_nodes,
                     spread_nodes)
-from .turns import cayley_increment, director_increment
 
 
 class Bodies(NamedTuple):
@@ -56,7 +56,7 @@ NODES_SCRATCH = 240
 
 @kernel
 def turn_of(theta, i):
-    """Cayley vector of node i in this step, and the factor of `turns.director_increment`."""
+    """Cayley vector of node i in this step, and the factor of `cayley.director_increment`."""
     t = ld3(theta, 3 * i, 1)
     return t, 1.0 / (1.0 + 0.25 * dot(t, t))
 
@@ -208,9 +208,9 @@ def larger(x, y):
 
 
 @kernel
-def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
+def add_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
     """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node.
-    rate: 2/h^2, or 0 where the derivative of u is added elsewhere."""
+    mass_factor: 2/h^2, or 0 where the derivative of u is added elsewhere."""
     for k in range(bodies.node.shape[0]):
         q = 12 * bodies.node[k]
         ro = 8 * bodies.row[k]
@@ -232,7 +232,7 @@ def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
         for a in range(4):
             x = ld3(q_mid, q + 3 * a, 1)
             for b in range(4):
-                m = rate * bodies.inertia[j0 + 4 * a + b]
+                m = mass_factor * bodies.inertia[j0 + 4 * a + b]
                 if m != 0.0:
                     y = ld3(q_end, q + 3 * b, 1)
                     if a == 0 and b == 0:
@@ -250,9 +250,9 @@ def add_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
 
 
 @kernel
-def apply_held(held, r, blocks, size):
+def apply_held(held, r, blocks, dofs):
     """Rows and columns of held unknowns become those of the identity."""
-    n = len(size)
+    n = len(dofs)
     for k in range(held.block.shape[0]):
         o = 8 * n * held.block[k]
         rm = held.row_mask[k]
@@ -269,9 +269,9 @@ def apply_held(held, r, blocks, size):
 
 
 @kernel
-def clear_held(held, width, panel, size):
+def clear_held(held, width, panel, dofs):
     """Zero in all columns of held rows."""
-    n = len(size)
+    n = len(dofs)
     for k in range(held.row.shape[0]):
         for c in range(n):
             if (held.mask[k] >> c) & 1:
@@ -280,15 +280,15 @@ def clear_held(held, width, panel, size):
                     panel[o + j] = 0.0
 
 
-class NoRates(NamedTuple):
+class NoVelocities(NamedTuple):
     """In place of velocities: statics changes only shapes."""
 
 
-NO_RATES = NoRates()
+NO_VELOCITIES = NoVelocities()
 
 
 @generic
-def load_rates(v, i, scratch):
+def load_velocities(v, i, scratch):
     """Rates of eight nodes from i on into lanes."""
 
 
@@ -298,7 +298,7 @@ def accept(v, scratch, k, move, h):
 
 
 @generic
-def store_rates(v, i, scratch):
+def store_velocities(v, i, scratch):
     """Rates of eight nodes from i on back from lanes."""
 
 
@@ -307,26 +307,26 @@ def accept_one(v, q, k, move, h):
     """`advance` for one vector of a node."""
 
 
-@load_rates.register(NoRates)
-@store_rates.register(NoRates)
+@load_velocities.register(NoVelocities)
+@store_velocities.register(NoVelocities)
 @kernel
-def pass_no_rates(v, i, scratch):
+def pass_no_velocities(v, i, scratch):
     pass
 
 
-@load_rates.register(object)
+@load_velocities.register(object)
 @inlined
-def load_rates_of_nodes(v, i, scratch):
+def load_velocities_of_nodes(v, i, scratch):
     load_rows(v, 12 * i, 12, scratch, 96, TWELVE)
 
 
-@store_rates.register(object)
+@store_velocities.register(object)
 @inlined
-def store_rates_of_nodes(v, i, scratch):
+def store_velocities_of_nodes(v, i, scratch):
     store_rows(scratch, 96, v, 12 * i, 12, TWELVE)
 
 
-@accept.register(NoRates)
+@accept.register(NoVelocities)
 @inlined
 def accept_shape(v, scratch, k, move, h):
     vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
@@ -336,11 +336,11 @@ def accept_shape(v, scratch, k, move, h):
 @inlined
 def accept_motion(v, scratch, k, move, h):
     vst3(scratch, k, 8, vld3(scratch, k, 8) + move)
-    rate = vld3(scratch, k + 96, 8)
-    vst3(scratch, k + 96, 8, rate + (2.0 / h) * (move - h * rate))
+    velocity = vld3(scratch, k + 96, 8)
+    vst3(scratch, k + 96, 8, velocity + (2.0 / h) * (move - h * velocity))
 
 
-@accept_one.register(NoRates)
+@accept_one.register(NoVelocities)
 @inlined
 def accept_one_shape(v, q, k, move, h):
     st3(q, k, 1, ld3(q, k, 1) + move)
@@ -350,27 +350,27 @@ def accept_one_shape(v, q, k, move, h):
 @inlined
 def accept_one_motion(v, q, k, move, h):
     st3(q, k, 1, ld3(q, k, 1) + move)
-    rate = ld3(v, k, 1)
-    st3(v, k, 1, rate + (2.0 / h) * (move - h * rate))
+    velocity = ld3(v, k, 1)
+    st3(v, k, 1, velocity + (2.0 / h) * (move - h * velocity))
 
 
 @kernel
 def advance(q, v, dphi, theta, h, first, last, scratch):
     """Accept the increments of the nodes from `first` to before `last`: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2); in
-    statics, where v is NO_RATES, only the first."""
+    statics, where v is NO_VELOCITIES, only the first."""
     i = first
     while i + 8 <= last:
         load_rows(q, 12 * i, 12, scratch, 0, TWELVE)
         load_rows(dphi, 3 * i, 3, scratch, 192, THREE)
         load_rows(theta, 3 * i, 3, scratch, 216, THREE)
-        load_rates.call(v, i, scratch)
+        load_velocities.call(v, i, scratch)
         t = vld3(scratch, 216, 8)
         c = 1.0 / (1.0 + 0.25 * dot(t, t))
         accept.call(v, scratch, 0, vld3(scratch, 192, 8), h)
         for k in range(24, 96, 24):
             accept.call(v, scratch, k, director_increment(c, t, vld3(scratch, k, 8)), h)
         store_rows(scratch, 0, q, 12 * i, 12, TWELVE)
-        store_rates.call(v, i, scratch)
+        store_velocities.call(v, i, scratch)
         i += 8
     while i < last:
         t, c = turn_of(theta, i)
@@ -383,23 +383,23 @@ def advance(q, v, dphi, theta, h, first, last, scratch):
 # --- as parts of a step -------------------------------------------------------------------------------------------------
 @predict_nodes.register(Space)
 @kernel
-def predict_in_space(size, state, work, spinless, h, c, first, last):
+def predict_in_space(dofs, state, work, spinless, h, c, first, last):
     predict(state.q, state.v, h, c, work.past, spinless, first, last, work.theta, work.dphi)
 
 
 @spread_nodes.register(Space, Conserving)
 @spread_nodes.register(Space, Midpoint)
 @kernel
-def spread_in_space(size, method, state, work, h, first, last):
+def spread_in_space(dofs, method, state, work, h, first, last):
     spread(state.q, state.v, work.dphi, work.theta, h, first, last, work.q_mid, work.q_end, work.u)
 
 
 @spread_nodes.register(object, Equilibrium)
 @spread_nodes.register(object, AtRest)
 @kernel
-def spread_at_rest(size, method, state, work, h, first, last):
+def spread_at_rest(dofs, method, state, work, h, first, last):
     """The middle and the end are the present shape."""
-    n = coordinates(size)
+    n = coordinates(dofs)
     for c in range(n * first, min(n * last, work.q_mid.shape[0])):
         work.q_mid[c] = state.q[c]
         work.q_end[c] = state.q[c]
@@ -407,20 +407,20 @@ def spread_at_rest(size, method, state, work, h, first, last):
 
 @move_nodes.register(Space)
 @kernel
-def move_in_space(size, row_of, work, first, last, scratch):
-    return update_nodes(row_of, work.line.x, first, last, work.theta, work.dphi, scratch)
+def move_in_space(dofs, row_of, work, first, last, scratch):
+    return update_nodes(row_of, work.increment.x, first, last, work.theta, work.dphi, scratch)
 
 
 @advance_nodes.register(Space)
 @kernel
-def advance_in_space(size, method, state, work, h, first, last, scratch):
+def advance_in_space(dofs, method, state, work, h, first, last, scratch):
     advance(state.q, state.v, work.dphi, work.theta, h, first, last, scratch)
 
 
 @advance_nodes.register(Space, Equilibrium)
 @kernel
-def move_at_rest(size, method, state, work, h, first, last, scratch):
-    advance(state.q, NO_RATES, work.dphi, work.theta, 0.0, first, last, scratch)
+def move_at_rest(dofs, method, state, work, h, first, last, scratch):
+    advance(state.q, NO_VELOCITIES, work.dphi, work.theta, 0.0, first, last, scratch)
 
 
 @assemble.register(Bodies, Conserving)
@@ -441,10 +441,10 @@ def assemble_bodies_at_rest(bodies, method, system, h):
 @assemble.register(Held)
 @kernel
 def assemble_held(held, method, system, h):
-    apply_held(held, system.work.r, system.work.blocks, system.size)
+    apply_held(held, system.work.r, system.work.blocks, system.dofs)
 
 
 @carry_columns.register(Held)
 @kernel
 def carry_held_columns(held, system):
-    clear_held(held, system.width, system.work.panel, system.size)
+    clear_held(held, system.width, system.work.panel, system.dofs)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .._jit import kernel, inlined
+from .._jit import inlined, kernel
 from .algebra import component0, component1, component2, cross2, dot, perp, square_root, triple
 from .algebra import padd2 as vadd2
 from .algebra import pld as vld
@@ -114,7 +114,7 @@ def add_director_forces(constants, to, nn, scratch, fo, x, y):
 
 @evaluate_point.register(Plane)
 @inlined
-def evaluate_point_in_plane(size, method, strains, constants, reference, g, scratch, at, case):
+def evaluate_point_in_plane(dofs, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
     middle = planar_shape(constants, to, at.nn, scratch, 0)
     end = planar_shape(constants, to, at.nn, scratch, 32)
@@ -130,8 +130,9 @@ def evaluate_point_in_plane(size, method, strains, constants, reference, g, scra
         # the tangent takes the strains to which the last increment led in a straight line: their difference to those of the
         # present shape, theory.md (4.6)
         if case.gathered:
-            line = planar_shape(constants, to, at.nn, scratch, at.line)
-            before = planar_extrapolated.call(strains, line, planar_shape(constants, to, at.nn, scratch, at.line + 32))
+            shape_before = planar_shape(constants, to, at.nn, scratch, at.increment)
+            before = planar_extrapolated.call(strains, shape_before, planar_shape(constants, to, at.nn, scratch,
+                                                                                  at.increment + 32))
         more = apply_law(law, share_of_end.call(method) * (before - present))
         t = s + more
         x, y = planar_director_forces.call(strains, data, middle, planar_form_stresses.call(strains, data, more))
@@ -143,7 +144,7 @@ def evaluate_point_in_plane(size, method, strains, constants, reference, g, scra
     x, y = planar_director_forces.call(strains, data, middle, forms)
     add_director_forces(constants, to, at.nn, scratch, at.forces, x, y)
     planar_point_stiffness.call(strains, data, middle, end, law, t, constants, to, scratch, at,
-                                at.points + at.point_room * g)
+                                at.points + at.point_stride * g)
 
 
 @inlined
@@ -257,7 +258,7 @@ def simo_sums(strains, constants, scratch, at, a, b):
     h = vzero(); g = vzero(); e3 = vzero(); e4 = vzero()
     for p in range(at.nq):
         t = at.point + at.point_size * p + 8
-        po = at.points + at.point_room * p
+        po = at.points + at.point_stride * p
         pa = vld(constants, t + 24 * a, 0); na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
         pb = vld(constants, t + 24 * b, 0); nb = vld(constants, t + 24 * b + 8, 0); db = vld(constants, t + 24 * b + 16, 0)
         s2 = vld(scratch, po + 8, 0)
@@ -349,7 +350,7 @@ def green_sum(constants, scratch, at, a, b):
     g = vzero()
     for p in range(at.nq):
         t = at.point + at.point_size * p + 8
-        po = at.points + at.point_room * p
+        po = at.points + at.point_stride * p
         na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
         g += vld(constants, t + 24 * b, 0) * (na * vld(scratch, po + 8, 0) - da * vld(scratch, po + 16, 0))
     return g
@@ -371,23 +372,23 @@ def green_geometric(strains, scratch, sums, ua, ub):
 # --- pairs of nodes -----------------------------------------------------------------------------------------------------
 @put_pairs.register(Plane)
 @inlined
-def put_planar_pairs(size, strains, constants, scratch, at, rate):
+def put_planar_pairs(dofs, strains, constants, scratch, at, mass_factor):
     for a in range(at.nn):
         for b in range(a, at.nn):
             planar_sum_pair.call(strains, constants, scratch, at, a, b)
     for a in range(at.nn):
         for b in range(at.nn):
-            planar_pair(strains, constants, scratch, at, a, b, rate)
+            planar_pair(strains, constants, scratch, at, a, b, mass_factor)
 
 
 @inlined
-def planar_pair(strains, constants, scratch, at, a, b, rate):
+def planar_pair(strains, constants, scratch, at, a, b, mass_factor):
     """The 3 x 3 block of nodes a, b."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
     rr = vzero(); rt = vzero2(); tr = vzero2()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
-        po = at.points + at.point_room * g
+        po = at.points + at.point_stride * g
         ba = po + PLANAR_NODES + PLANAR_NODE * a
         bb = po + PLANAR_NODES + PLANAR_NODE * b
         pa = vld(constants, t + 24 * a, 0); pb = vld(constants, t + 24 * b, 0)
@@ -405,8 +406,8 @@ def planar_pair(strains, constants, scratch, at, a, b, rate):
     sums = at.pairs + at.pair_size * (at.nn * a + b)
     rt -= (0.5 * vld(scratch, sums, 0)) * ua
     tr -= (0.5 * vld(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0)) * ub
-    m = rate * vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia, 0)
-    md = rate * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia + 8, 0)
+    m = mass_factor * vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia, 0)
+    md = mass_factor * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia + 8, 0)
     rr += planar_geometric.call(strains, scratch, sums, ua, ub) + md * dot(ua, ub)
     ko = at.blocks + 72 * (at.nn * a + b)
     vst(scratch, ko, 0, t00 + m); vst(scratch, ko + 8, 0, t01); vst2(scratch, ko + 16, 24, tr)

@@ -13,12 +13,12 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
+from .cayley import planar_turn
 from .kinds import Plane
-from .nodes import NO_RATES, NoRates, predict_from
+from .nodes import NO_VELOCITIES, NoVelocities, predict_from
 from .slider import tied_arm
 from .terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes, pull_tied_columns,
                     push_tied_columns, spread_nodes, tie_increments)
-from .turns import planar_turn
 
 
 class PlanarBodies(NamedTuple):
@@ -94,21 +94,21 @@ def planar_update(row_of, x, first, last, theta, dphi):
 
 
 @generic
-def follow_rate(v, k, move, h):
+def follow_velocity(v, k, move, h):
     """Rate of a vector after its increment."""
 
 
-@follow_rate.register(NoRates)
+@follow_velocity.register(NoVelocities)
 @kernel
-def follow_no_rate(v, k, move, h):
+def follow_no_velocity(v, k, move, h):
     pass
 
 
-@follow_rate.register(object)
+@follow_velocity.register(object)
 @kernel
-def follow_planar_rate(v, k, move, h):
-    rate = ld2(v, k, 1)
-    st2(v, k, 1, rate + (2.0 / h) * (move - h * rate))
+def follow_planar_velocity(v, k, move, h):
+    velocity = ld2(v, k, 1)
+    st2(v, k, 1, velocity + (2.0 / h) * (move - h * velocity))
 
 
 @kernel
@@ -119,12 +119,12 @@ def planar_advance(q, v, dphi, theta, h, first, last, scratch):
             x = ld2(q, k, 1)
             move = planar_turn(theta[i], x) if k > 4 * i else ld2(dphi, 2 * i, 1)
             st2(q, k, 1, x + move)
-            follow_rate.call(v, k, move, h)
+            follow_velocity.call(v, k, move, h)
 
 
 @kernel
-def add_planar_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
-    """Inertia of point masses and rigid bodies; rate: 2/h^2."""
+def add_planar_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
+    """Inertia of point masses and rigid bodies; mass_factor: 2/h^2."""
     for k in range(bodies.node.shape[0]):
         q = 4 * bodies.node[k]
         ro = 8 * bodies.row[k]
@@ -136,9 +136,9 @@ def add_planar_bodies(bodies, q_mid, q_end, u, rate, r_out, blocks_out):
         y = ld2(q_end, q + 2, 1)
         add2(r_out, ro, 1, m * ld2(u, q, 1))
         r_out[ro + 2] += cross2(x, f)
-        blocks_out[ko] += rate * m
-        blocks_out[ko + 9] += rate * m
-        blocks_out[ko + 18] += rate * j * dot(x, y) - 0.5 * dot(y, f)
+        blocks_out[ko] += mass_factor * m
+        blocks_out[ko + 9] += mass_factor * m
+        blocks_out[ko + 18] += mass_factor * j * dot(x, y) - 0.5 * dot(y, f)
 
 
 @kernel
@@ -267,32 +267,32 @@ def push_columns_in_plane(ties, q_end, panel, pitch, width, columns):
 # --- as parts of a step -------------------------------------------------------------------------------------------------
 @predict_nodes.register(Plane)
 @kernel
-def predict_in_plane(size, state, work, spinless, h, c, first, last):
+def predict_in_plane(dofs, state, work, spinless, h, c, first, last):
     planar_predict(state.q, state.v, h, c, work.past, spinless, first, last, work.theta, work.dphi)
 
 
 @spread_nodes.register(Plane, Conserving)
 @kernel
-def spread_in_plane(size, method, state, work, h, first, last):
+def spread_in_plane(dofs, method, state, work, h, first, last):
     planar_spread(state.q, state.v, work.dphi, work.theta, h, first, last, work.q_mid, work.q_end, work.u)
 
 
 @move_nodes.register(Plane)
 @kernel
-def move_in_plane(size, row_of, work, first, last, scratch):
-    return planar_update(row_of, work.line.x, first, last, work.theta, work.dphi)
+def move_in_plane(dofs, row_of, work, first, last, scratch):
+    return planar_update(row_of, work.increment.x, first, last, work.theta, work.dphi)
 
 
 @advance_nodes.register(Plane)
 @kernel
-def advance_in_plane(size, method, state, work, h, first, last, scratch):
+def advance_in_plane(dofs, method, state, work, h, first, last, scratch):
     planar_advance(state.q, state.v, work.dphi, work.theta, h, first, last, scratch)
 
 
 @advance_nodes.register(Plane, Equilibrium)
 @kernel
-def move_in_plane_at_rest(size, method, state, work, h, first, last, scratch):
-    planar_advance(state.q, NO_RATES, work.dphi, work.theta, 0.0, first, last, scratch)
+def move_in_plane_at_rest(dofs, method, state, work, h, first, last, scratch):
+    planar_advance(state.q, NO_VELOCITIES, work.dphi, work.theta, 0.0, first, last, scratch)
 
 
 @assemble.register(PlanarBodies, Conserving)

@@ -8,7 +8,7 @@ directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
-from .._jit import kernel, inlined
+from .._jit import inlined, kernel
 from .algebra import add_iso, cross, dot, outer, square_root
 from .algebra import padd3 as vadd3
 from .algebra import pld as vld
@@ -21,7 +21,7 @@ from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
 from .kinds import Space
 from .layout import (CURVATURE_2, CURVATURE_3, END, LENGTHS, MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES,
-                     POSITION_ROTATION, PRODUCTS, ROOM, ROTATION_POSITION, SHAPE, SHAPES_AT, SHEAR_2, SHEAR_3, STRESSES,
+                     POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS, ROTATION_POSITION, SHAPE, SHAPES_AT, SHEAR_2, SHEAR_3, STRESSES,
                      TWIST, TWISTS)
 from .strain_sets import (SimoReissner, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
                           form_stresses, mean_of_forms, point_stiffness, prepare_points, present_strains, quadratic_forms,
@@ -107,20 +107,20 @@ def strains_of_end(strains, scratch, z, ao, eo):
 
 @extrapolated_strains.register(SimoReissner)
 @kernel
-def extrapolated(strains, scratch, z, x, eo, spare):
+def extrapolated(strains, scratch, z, x, eo, temporary):
     """The stretch r changes by (dQ_1 - Gamma_2 dGamma_2 - Gamma_3 dGamma_3)/r, Q_1 = phi'.phi'/2."""
     forms(strains, scratch, z, eo)
-    form_changes(scratch, z, x, spare)
+    form_changes(scratch, z, x, temporary)
     r = stretch(scratch, eo)
     g2 = vld(scratch, eo + 8, 0); g3 = vld(scratch, eo + 16, 0)
-    dr = vld(scratch, spare, 0) - g2 * vld(scratch, spare + 8, 0) - g3 * vld(scratch, spare + 16, 0)
+    dr = vld(scratch, temporary, 0) - g2 * vld(scratch, temporary + 8, 0) - g3 * vld(scratch, temporary + 16, 0)
     vst(scratch, eo, 0, r + dr / r)
     for i in range(8, 24, 8):
-        vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, spare + i, 0))
+        vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, temporary + i, 0))
     c = 1.75 + vld(scratch, eo + 48, 0)
-    dc = vld(scratch, spare + 48, 0)
+    dc = vld(scratch, temporary + 48, 0)
     for i in range(24, 48, 8):
-        vst(scratch, eo + i, 0, (c + dc) * vld(scratch, eo + i, 0) + c * vld(scratch, spare + i, 0))
+        vst(scratch, eo + i, 0, (c + dc) * vld(scratch, eo + i, 0) + c * vld(scratch, temporary + i, 0))
 
 
 @strains_of_state.register(SimoReissner)
@@ -200,7 +200,7 @@ def director_forces(strains, constants, to, nn, scratch, z, so, fo):
 # --- stiffness of a point -----------------------------------------------------------------------------------------------
 @prepare_points.register(Space, SimoReissner)
 @kernel
-def put_twists(size, strains, scratch, at):
+def put_twists(dofs, strains, scratch, at):
     """For every pair of nodes a < b with directors y: y_2a x y_3b - y_3a x y_2b, the same with 3, 1 and with 1, 2, and the sum of
     y_ia x y_ib; of the middle of the step, then of its end. All points share them."""
     for b in range(1, at.nn):
@@ -377,7 +377,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     z_end = at.blocks + columns
     ao = po + SHAPES_AT
     # offsets of D, of the rows of the positions at the end, of their products with D, of the rows of a spin at the end
-    do = at.blocks + ROOM
+    do = at.blocks + POINT_PRODUCTS
     te = do + 392
     ct = te + 72
     re = ct + 144
@@ -420,7 +420,7 @@ def sums_of_pair(strains, constants, scratch, at, a, b):
     g2 = vzero(); g3 = vzero(); h2 = vzero(); h3 = vzero(); e4 = vzero(); e5 = vzero(); e6 = vzero(); e7 = vzero()
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
-        so = at.points + at.point_room * g
+        so = at.points + at.point_stride * g
         pa = vld(constants, t + 24 * a, 0); na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
         pb = vld(constants, t + 24 * b, 0); nb = vld(constants, t + 24 * b + 8, 0); db = vld(constants, t + 24 * b + 16, 0)
         s2 = vld(scratch, so + 8, 0); s3 = vld(scratch, so + 16, 0)

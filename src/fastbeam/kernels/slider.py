@@ -156,10 +156,10 @@ def tied_arm(ties, e, q):
 
 
 @kernel
-def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out, size):
+def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out, dofs):
     """First guess of s and force: as `nodes.predict`; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
     (theory.md 5.4) and the force of the last step."""
-    d = dim(size)
+    d = dim(dofs)
     m = (d + 1) * s.shape[0]
     for k in range(sliders.curve.shape[0]):
         b = sliders.curve[k]
@@ -168,22 +168,22 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
         if c == c:
             i = 4 + (d + 1) * k
             s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
-            put(force_out, d * k, 1, (1.0 + c) * vector(past, i + 1, 1, size) - c * vector(past, i + m + 1, 1, size))
+            put(force_out, d * k, 1, (1.0 + c) * vector(past, i + 1, 1, dofs) - c * vector(past, i + m + 1, 1, dofs))
         else:
-            tangent = point_on_curve(curves, b, s[k], q, e, contact, 1, size)
-            relative = position(v, sliders.point[k], size) - point_on_curve(curves, b, s[k], v, e, contact, 0, size)
+            tangent = point_on_curve(curves, b, s[k], q, e, contact, 1, dofs)
+            relative = position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s[k], v, e, contact, 0, dofs)
             s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
 
 
 @kernel
-def new_entry(contact, k, row, size):
+def new_entry(contact, k, row, dofs):
     """Offset of a new entry of slider k, filled with zeros. Where the arrays are full it is the last entry again, and `full` is
     set."""
     m = contact.entries[k]
     if m == contact.row.shape[1]:
         contact.full[0] = 1
         m -= 1
-    n = 8 * len(size)
+    n = 8 * len(dofs)
     contact.entries[k] = m + 1
     contact.row[k, m] = row
     for i in range(n * m, n * m + n):
@@ -197,64 +197,64 @@ class Weights(NamedTuple):
 
     mean: float     # share of the force; the mean gap changes with -mean/2 of its position
     end: float      # the gap at the end of the step changes with -end of its position
-    rate: float     # derivative of `mean` by the place of the slider at the end
+    slope: float    # derivative of `mean` by the place of the slider at the end
 
 
 @kernel
-def put_position(contact, k, row, weights, f, slide, size):
+def put_position(contact, k, row, weights, f, slide, dofs):
     """Entry of a position, which takes weights.mean of the force f; slide: derivative of the sliding equation by the position.
     Returns its offset."""
-    o = new_entry(contact, k, row, size)
-    d = dim(size)
+    o = new_entry(contact, k, row, dofs)
+    d = dim(dofs)
     column = contact.column[k]
     line = contact.line[k]
     for i in range(d):
         column[o + 8 * i + i] = weights.mean
         line[o + 8 * i + i] = -weights.end
         line[o + 8 * i + d + 1 + i] = 0.5 * weights.mean
-    put(column, o + d, 8, weights.rate * f)
+    put(column, o + d, 8, weights.slope * f)
     put(line, o + d, 8, slide)
     return o
 
 
 @kernel
-def put_arm(contact, k, row, arm_mid, arm_end, weights, f, slide, size):
+def put_arm(contact, k, row, arm_mid, arm_end, weights, f, slide, dofs):
     """Entry of the spin of a node that carries the position of `put_position` on an arm."""
-    d = dim(size)
-    o = new_entry(contact, k, row, size) + 8 * d
+    d = dim(dofs)
+    o = new_entry(contact, k, row, dofs) + 8 * d
     column = contact.column[k]
     line = contact.line[k]
     put_cross_matrix(column, o, weights.mean, arm_mid)
-    put(column, o + d, 8, cross_product.call(arm_mid, weights.rate * f))
+    put(column, o + d, 8, cross_product.call(arm_mid, weights.slope * f))
     put_cross_matrix(line, o, -weights.end, arm_end)
     put_cross_matrix(line, o + d + 1, 0.5 * weights.mean, arm_end)
     put(line, o + d, 8, cross_product.call(arm_end, slide))
 
 
 @generic
-def put_translation(ties, contact, k, node, row, work, weights, f, slide, size):
+def put_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
     """Entry of the position of one node as in `put_position`; tied nodes pass it on. Returns the offset of the node's own entry,
     -1 where it is tied."""
 
 
 @put_translation.register(NoTies)
 @kernel
-def put_free_translation(ties, contact, k, node, row, work, weights, f, slide, size):
-    return put_position(contact, k, row, weights, f, slide, size)
+def put_free_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
+    return put_position(contact, k, row, weights, f, slide, dofs)
 
 
 @kernel
-def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, size):
+def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
     """`put_translation` where there are tied nodes."""
     if ties.start[node + 1] > ties.start[node]:
         for t in range(ties.start[node], ties.start[node + 1]):
             if ties.kind[t] == 0:
-                put_position(contact, k, ties.target_row[t], weights, f, slide, size)
+                put_position(contact, k, ties.target_row[t], weights, f, slide, dofs)
             elif ties.kind[t] == 1:
                 put_arm(contact, k, ties.target_row[t], tied_arm.call(ties, t, work.q_mid), tied_arm.call(ties, t, work.q_end),
-                        weights, f, slide, size)
+                        weights, f, slide, dofs)
         return -1
-    return put_position(contact, k, row, weights, f, slide, size)
+    return put_position(contact, k, row, weights, f, slide, dofs)
 
 
 class Passage(NamedTuple):
@@ -283,20 +283,20 @@ def nodes_under(curves, c, e0, e1):
 @kernel
 def pass_along(basis, base, lo, hi, system, spin_root):
     """The `Passage` of a slider over nodes lo to before hi of a curve that begins at node `base`."""
-    q, work, size = system.state.q, system.work, system.size
-    end = zero_vector(size); end_s = zero_vector(size); mean = zero_vector(size); mean_s = zero_vector(size)
-    t0 = zero_vector(size); t1 = zero_vector(size); dt0 = zero_vector(size); dt1 = zero_vector(size)
-    turn = zero_spin(size); turn_s = zero_spin(size)
+    q, work, dofs = system.state.q, system.work, system.dofs
+    end = zero_vector(dofs); end_s = zero_vector(dofs); mean = zero_vector(dofs); mean_s = zero_vector(dofs)
+    t0 = zero_vector(dofs); t1 = zero_vector(dofs); dt0 = zero_vector(dofs); dt1 = zero_vector(dofs)
+    turn = zero_spin(dofs); turn_s = zero_spin(dofs)
     for a in range(lo, hi):
         n_mean = 0.5 * (basis[0, a] + basis[1, a])
-        x0 = position(q, base + a, size); x1 = position(work.q_end, base + a, size); xm = position(work.q_mid, base + a, size)
+        x0 = position(q, base + a, dofs); x1 = position(work.q_end, base + a, dofs); xm = position(work.q_mid, base + a, dofs)
         end += basis[1, a] * x1
         end_s += basis[2, a] * x1
         mean += n_mean * xm
         mean_s += basis[2, a] * xm
         t0 += basis[3, a] * x0; t1 += basis[3, a] * x1
         dt0 += basis[4, a] * x0; dt1 += basis[4, a] * x1
-        x = cayley_vector(work.theta, spin_root[base + a], size)
+        x = cayley_vector(work.theta, spin_root[base + a], dofs)
         turn += n_mean * x
         turn_s += (0.5 * basis[2, a]) * x
     return Passage(end, end_s, mean, mean_s, t0, t1, dt0, dt1, turn, turn_s)
@@ -306,11 +306,11 @@ def pass_along(basis, base, lo, hi, system, spin_root):
 def put_curve(term, system, k, base, lo, hi, way, law, slide):
     """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean; `slide`
     times N[s_n, s_n+1] is the derivative of the sliding equation by a position."""
-    work, contact, size, row_of = system.work, system.contact, system.size, system.row_of
-    d = dim(size)
+    work, contact, dofs, row_of = system.work, system.contact, system.dofs, system.row_of
+    d = dim(dofs)
     basis = contact.basis
-    f = vector(system.state.force, contact.first_force[k], 1, size)
-    g_mean = position(work.q_mid, term.sliders.point[k], size) - way.mean
+    f = vector(system.state.force, contact.first_force[k], 1, dofs)
+    g_mean = position(work.q_mid, term.sliders.point[k], dofs) - way.mean
     moment = cross_product.call(g_mean, f)
     across = cross_product.call(law.force, way.t1 - way.t0)
     for a in range(lo, hi):
@@ -319,30 +319,30 @@ def put_curve(term, system, k, base, lo, hi, way, law, slide):
         root = term.sliders.spin_root[node]
         add_to(work.r, 8 * row_of[node], 1, weights.mean * f)
         add_to(work.r, 8 * row_of[root] + d, 1, weights.mean * moment)
-        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, f, basis[3, a] * slide, size)
+        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, f, basis[3, a] * slide, dofs)
         if o < 0 or root != node:
-            o = new_entry(contact, k, row_of[root], size)
+            o = new_entry(contact, k, row_of[root], dofs)
         # the node's share in the frame: its moment n_mean g_mean x F, its theta in the sliding equation
         column = contact.column[k]
         put_cross_matrix(column, o + 8 * d, weights.mean, g_mean)
         put_cross_matrix(column, o + 9 * d + 1, -weights.mean, f)
-        put(column, o + 9 * d, 8, weights.rate * moment)
-        turned = on_spin.call(cayley_vector(work.theta, root, size), (0.25 * weights.mean) * across)
+        put(column, o + 9 * d, 8, weights.slope * moment)
+        turned = on_spin.call(cayley_vector(work.theta, root, dofs), (0.25 * weights.mean) * across)
         put(contact.line[k], o + 9 * d, 8, turned)
 
 
 @kernel
 def add_slider(term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
-    curves, state, work, contact, size = term.curves, system.state, system.work, system.contact, system.size
-    d = dim(size)
+    curves, state, work, contact, dofs = term.curves, system.state, system.work, system.contact, system.dofs
+    d = dim(dofs)
     c = term.sliders.curve[k]
     base = curves.meta[c, 0]
     e0 = find_element(curves, c, state.s[k], contact.element[k])
     e1 = find_element(curves, c, work.s_end[k], e0)
     lo, hi = nodes_under(curves, c, e0, e1)
     step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
-    f = vector(state.force, contact.first_force[k], 1, size)
+    f = vector(state.force, contact.first_force[k], 1, dofs)
     way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
     jump = way.t1 - way.t0
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way))
@@ -354,8 +354,8 @@ def add_slider(term, system, k):
     # -F on the point
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
-    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0), f, zero_vector(size),
-                         size)
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0), f, zero_vector(dofs),
+                         dofs)
     # corner: rows gap, sliding, g_mean against F, s, g_mean
     corner = contact.corner[k]
     for i in range(64):
@@ -365,8 +365,8 @@ def add_slider(term, system, k):
     corner[9 * d] = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, law.force), jump)
                      + law.slope)
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
-    put_residual(contact, k, position(work.q_end, point, size) - way.end,
-                 dot(slide, way.t1) + dot(back, way.t0) + law.rest, size)
+    put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
+                 dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
 
 
 @kernel
@@ -376,9 +376,9 @@ def mean_tangent(way):
 
 
 @kernel
-def put_residual(contact, k, gap, sliding, size):
+def put_residual(contact, k, gap, sliding, dofs):
     """Residuals of the border of slider k, and the equation g_mean = mean gap, which holds whatever the increment."""
-    d = dim(size)
+    d = dim(dofs)
     residual = contact.residual[k]
     put(residual, 0, 1, gap)
     residual[d] = sliding
@@ -393,7 +393,7 @@ def put_residual(contact, k, gap, sliding, size):
 def predict_sliding(term, system, h, c):
     state, work = system.state, system.work
     predict_sliders(term.curves, term.sliders, system.contact, state.q, state.v, state.s, h, c, work.past, work.s_end,
-                    state.force, system.size)
+                    state.force, system.dofs)
     begin_along.call(term.along, term, system, h)
 
 
@@ -409,7 +409,7 @@ def assemble_sliding(term, method, system, h):
 @kernel
 def move_sliders(term, system):
     """Add the solved unknowns of all sliders to forces and positions."""
-    state, work, contact, d = system.state, system.work, system.contact, dim(system.size)
+    state, work, contact, d = system.state, system.work, system.contact, dim(system.dofs)
     for k in range(state.s.shape[0]):
         for c in range(d):
             state.force[contact.first_force[k] + c] += work.y[contact.first[k] + c]
@@ -423,11 +423,11 @@ def move_sliders(term, system):
 @kernel
 def gaps_are_closed(term, system):
     """Whether the augmented Lagrangian of the last iteration leaves gaps of round-off size only."""
-    contact, q, size = system.contact, system.state.q, system.size
+    contact, q, dofs = system.contact, system.state.q, system.dofs
     for k in range(term.sliders.point.shape[0]):
-        p = coordinates(size) * term.sliders.point[k]
+        p = coordinates(dofs) * term.sliders.point[k]
         reach = 0.0
-        for c in range(dim(size)):
+        for c in range(dim(dofs)):
             reach = max(reach, abs(q[p + c]))
         if not contact.remaining[k] <= 1e-15 * (system.length + reach):
             return False

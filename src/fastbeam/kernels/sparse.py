@@ -2,7 +2,7 @@
 
 The symbol `pardiso` is resolved when a kernel that uses it is loaded: `linsolve.load_mkl` has to run before.
 
-Arrays: b, x, r, r_out, out, room [m, n rows], m right-hand sides; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; data
+Arrays: b, x, r, r_out, out, bound [m, n rows], m right-hand sides; blocks [8 n (blocks + 1)]; panel [rows, n, width] flat; data
 [n n blocks].
 """
 from __future__ import annotations
@@ -67,9 +67,9 @@ def call_pardiso(t, phase, b, x):
 
 
 @kernel
-def add_product(t, m, x, sizes, out, size):
+def add_product(t, m, x, sizes, out, dofs):
     """out -= K x for right-hand side m, or, where only `sizes` count, out += |K| |x|."""
-    n = len(size)
+    n = len(dofs)
     symmetric = t.numbers[2] == SYMMETRIC
     for i in range(t.indptr.shape[0] - 1):
         for c in range(n):
@@ -89,7 +89,7 @@ def add_product(t, m, x, sizes, out, size):
 
 
 @kernel
-def block_residual(t, x, b, r_out, size):
+def block_residual(t, x, b, r_out, dofs):
     """r = b - K x for all right-hand sides; returns the largest relative norm, infinity where it is not finite."""
     worst = 0.0
     for m in range(b.shape[0]):
@@ -98,7 +98,7 @@ def block_residual(t, x, b, r_out, size):
         for i in range(b.shape[1]):
             r_out[m, i] = b[m, i]
             whole += b[m, i] * b[m, i]
-        add_product(t, m, x, False, r_out, size)
+        add_product(t, m, x, False, r_out, dofs)
         for i in range(b.shape[1]):
             error += r_out[m, i] * r_out[m, i]
         if not error < np.inf:
@@ -111,17 +111,17 @@ def block_residual(t, x, b, r_out, size):
 
 
 @kernel
-def distance(t, x, b, r, room, size):
+def distance(t, x, b, r, bound, dofs):
     """Largest norm of the residual r relative to |b| + |K| |x|, by right-hand sides."""
     worst = 0.0
     for m in range(b.shape[0]):
         forces = 0.0
         error = 0.0
         for i in range(b.shape[1]):
-            room[m, i] = abs(b[m, i])
-        add_product(t, m, x, True, room, size)
+            bound[m, i] = abs(b[m, i])
+        add_product(t, m, x, True, bound, dofs)
         for i in range(b.shape[1]):
-            forces += room[m, i] * room[m, i]
+            forces += bound[m, i] * bound[m, i]
             error += r[m, i] * r[m, i]
         if not forces < np.inf:
             return np.inf
@@ -137,9 +137,9 @@ def begin_step(t):
 
 
 @kernel
-def load_system(t, blocks, panel, width, size):
+def load_system(t, blocks, panel, width, dofs):
     """Take K and the right-hand sides from the first m columns of panel [n rows, width]. Returns the first call for `go_on`."""
-    nu = len(size)
+    nu = len(dofs)
     symmetric = t.numbers[2] == SYMMETRIC
     for k in range(t.indices.shape[0]):
         a = t.block[k]
@@ -167,7 +167,7 @@ def start_corrections(t):
 
 
 @kernel
-def go_on(t, phase, code, size):
+def go_on(t, phase, code, dofs):
     """After a call of `phase` that returned `code`: which is next, FACTOR, SOLVE (y = K^-1 r with the factors that are there),
     DONE or FAILED.
 
@@ -182,7 +182,7 @@ def go_on(t, phase, code, size):
         for m in range(t.b.shape[0]):
             for i in range(t.b.shape[1]):
                 t.x[m, i] += t.y[m, i]
-        worst = block_residual(t, t.x, t.b, t.r, size)
+        worst = block_residual(t, t.x, t.b, t.r, dofs)
     before = t.worst[1]
     t.worst[1] = worst
     t.counts[4] += 1
@@ -196,7 +196,7 @@ def go_on(t, phase, code, size):
     elif not worst <= REFUSE_AT:
         if not worst <= SOFT:
             return FAILED
-        if not distance(t, t.x, t.b, t.r, t.y, size) <= NEAR:
+        if not distance(t, t.x, t.b, t.r, t.y, dofs) <= NEAR:
             return FAILED
     t.counts[3] = 1
     t.worst[0] = max(t.worst[0], worst)
@@ -212,10 +212,10 @@ def store_solution(t, panel, width):
 
 
 @kernel
-def take_half(t, data, own, size):
+def take_half(t, data, own, dofs):
     """Take the blocks of a half (`halves.Half`) from those of the whole matrix, each row of numbers on its own; blocks between
     the rows from `own` on count half."""
-    nu = len(size)
+    nu = len(dofs)
     for row in range(0, t.numbers[4], nu):
         first = t.indptr[row]
         n = t.indptr[row + 1] - first
@@ -228,11 +228,11 @@ def take_half(t, data, own, size):
 
 
 @kernel
-def solve_sparse(t, blocks, panel, width, size):
+def solve_sparse(t, blocks, panel, width, dofs):
     """Solve K X = panel [n rows, width] in its first m columns, in place. False: no acceptable solution."""
-    phase = load_system(t, blocks, panel, width, size)
+    phase = load_system(t, blocks, panel, width, dofs)
     while phase > DONE:
-        phase = go_on(t, phase, call_pardiso(t, phase, t.r, t.y), size)
+        phase = go_on(t, phase, call_pardiso(t, phase, t.r, t.y), dofs)
     if phase == FAILED:
         return False
     store_solution(t, panel, width)

@@ -31,29 +31,29 @@ class Springs(NamedTuple):
 
 
 @kernel
-def difference(link, k, q, size):
+def difference(link, k, q, dofs):
     """x_b - x_a of link k at coordinates q."""
-    return position(q, link.node[k, 1], size) - position(q, link.node[k, 0], size)
+    return position(q, link.node[k, 1], dofs) - position(q, link.node[k, 0], dofs)
 
 
 @kernel
-def add_pair(link, k, force, iso, x, y, work, size):
+def add_pair(link, k, force, iso, x, y, work, dofs):
     """`force` on b and its opposite on a into the residual, and iso I + x y^T, its derivative by the end position of b."""
     add_to(work.r, 8 * link.row[k, 1], 1, force)
     add_to(work.r, 8 * link.row[k, 0], 1, -1.0 * force)
     for e in range(4):
         sign = 1.0 if e == 0 or e == 3 else -1.0
-        add_stiffness(work.blocks, 8 * len(size) * link.block[k, e], sign * iso, sign * x, y)
+        add_stiffness(work.blocks, 8 * len(dofs) * link.block[k, e], sign * iso, sign * x, y)
 
 
 @assemble.register(Springs, Conserving)
 @kernel
 def assemble_springs(springs, method, system, h):
-    work, size = system.work, system.size
+    work, dofs = system.work, system.dofs
     for k in range(springs.stiffness.shape[0]):
-        start = difference(springs, k, system.state.q, size)
-        end = difference(springs, k, work.q_end, size)
-        mean = difference(springs, k, work.q_mid, size)
+        start = difference(springs, k, system.state.q, dofs)
+        end = difference(springs, k, work.q_end, dofs)
+        mean = difference(springs, k, work.q_mid, dofs)
         c = springs.stiffness[k]
         rest = springs.length[k]
         share = 0.0
@@ -61,30 +61,30 @@ def assemble_springs(springs, method, system, h):
             after = dot(end, end)**0.5
             both = dot(start, start)**0.5 + after
             share = 2.0 * rest / both
-            add_pair(springs, k, 0.0 * mean, 0.0, (c * share / (both * after)) * mean, end, work, size)
-        add_pair(springs, k, (c * (1.0 - share)) * mean, 0.5 * c * (1.0 - share), 0.0 * mean, end, work, size)
+            add_pair(springs, k, 0.0 * mean, 0.0, (c * share / (both * after)) * mean, end, work, dofs)
+        add_pair(springs, k, (c * (1.0 - share)) * mean, 0.5 * c * (1.0 - share), 0.0 * mean, end, work, dofs)
 
 
 @assemble.register(Springs)
 @kernel
 def assemble_springs_at_once(springs, method, system, h):
     """The force at one shape and half its derivative."""
-    work, size = system.work, system.size
+    work, dofs = system.work, system.dofs
     for k in range(springs.stiffness.shape[0]):
-        r = difference(springs, k, work.q_mid, size)
+        r = difference(springs, k, work.q_mid, dofs)
         c = springs.stiffness[k]
         rest = springs.length[k]
         share = 0.0
         if rest > 0.0:
             square = dot(r, r)
             share = rest / square**0.5
-            add_pair(springs, k, 0.0 * r, 0.0, (0.5 * c * share / square) * r, r, work, size)
-        add_pair(springs, k, (c * (1.0 - share)) * r, 0.5 * c * (1.0 - share), 0.0 * r, r, work, size)
+            add_pair(springs, k, 0.0 * r, 0.0, (0.5 * c * share / square) * r, r, work, dofs)
+        add_pair(springs, k, (c * (1.0 - share)) * r, 0.5 * c * (1.0 - share), 0.0 * r, r, work, dofs)
 
 
 @potential_energy.register(Springs)
 @kernel
-def energy_of_springs(springs, q, size, out):
+def energy_of_springs(springs, q, dofs, out):
     for k in range(springs.stiffness.shape[0]):
-        r = difference(springs, k, q, size)
+        r = difference(springs, k, q, dofs)
         out[0] += 0.5 * springs.stiffness[k] * (dot(r, r)**0.5 - springs.length[k])**2

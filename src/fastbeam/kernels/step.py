@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._generic import RecordType, in_memory, item_type
-from .._jit import beside, kernel
+from .._jit import compile_in_background, kernel
 from . import along, beams, compared_sliders, constraints, load_work, slider, tied  # noqa: F401  all terms
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor
@@ -22,9 +22,9 @@ from .sparse import begin_step as begin_pardiso_step
 from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, account, advance_nodes, assemble, begin_contact,
                     begin_solver, begin_step, carry_columns, clear, clear_increments, close, complete_columns, fill, first_guess,
                     follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
-                    push_increments, put_loads, recover, restore, save, solve, spread_nodes, take_increments, take_unknowns,
-                    weigh, weigh_residual, within_limits)
-from .work import clear_equations, copy, follow_line, keep, start_line
+                    push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve, spread_nodes,
+                    take_increments, take_unknowns, within_limits)
+from .work import clear_equations, copy, follow_increment, keep, start_increment
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 # increments below these may be round-off: where they do not shrink; where they are far longer than foretold
@@ -38,8 +38,8 @@ LARGEST_IN_TIME = 1e6
 @kernel
 def begin_in_time(method, terms, system, h):
     c = extrapolation(system.work.past, h)
-    predict_nodes.call(system.size, system.state, system.work, system.spinless, h, c, 0, system.row_of.shape[0])
-    start_line(system.work)
+    predict_nodes.call(system.dofs, system.state, system.work, system.spinless, h, c, 0, system.row_of.shape[0])
+    start_increment(system.work)
     begin_contact.call(system.contact)
     first_guess.each(terms, system, h, c)
 
@@ -60,7 +60,7 @@ def begin_with_contact(contact):
 @begin_step.register(AtRest)
 @kernel
 def begin_at_rest(method, terms, system, h):
-    system.work.line.use[0] = 0.0
+    system.work.increment.control[0] = 0.0
 
 
 @save.register(object)
@@ -70,7 +70,7 @@ def keep_nothing(method):
     pass
 
 
-@weigh_residual.register(object)
+@scale_residual.register(object)
 @clear_increments.register(object)
 @take_increments.register(object)
 @kernel
@@ -108,7 +108,7 @@ def clear_static_increments(method, system):
 def take_static_increments(method, system):
     """Positions move, triads are updated by a rotation."""
     work = system.work
-    advance_nodes.call(system.size, method, system.state, work, 0.0, 0, system.row_of.shape[0], work.scratch)
+    advance_nodes.call(system.dofs, method, system.state, work, 0.0, 0, system.row_of.shape[0], work.scratch)
 
 
 @put_loads.register(Loads)
@@ -123,24 +123,24 @@ def assemble_step(terms, system, h):
     """Residual and tangent of one Newton iteration at the present dphi, theta, s_end, force."""
     method = system.method
     clear_equations(system.work)
-    spread_nodes.call(system.size, method, system.state, system.work, h, 0, system.row_of.shape[0])
+    spread_nodes.call(system.dofs, method, system.state, system.work, h, 0, system.row_of.shape[0])
     clear.each(terms, method, system)
     assemble.each(terms, method, system, h)
-    weigh_residual.call(method, system)
-    weigh.each(terms, method, system)
+    scale_residual.call(method, system)
+    scale_solutions.each(terms, method, system)
 
 
 @fill.register(NoContact)
 @fill.register(ContactOfCarriers)
 @kernel
 def fill_without_border(contact, terms, system):
-    fill_residual(system.work.r, system.work.panel, system.size)
+    fill_residual(system.work.r, system.work.panel, system.dofs)
 
 
 @fill.register(Contact)
 @kernel
 def fill_bordered(contact, terms, system):
-    fill_panel(contact, system.work.r, system.width, system.work.panel, system.size)
+    fill_panel(contact, system.work.r, system.width, system.work.panel, system.dofs)
     carry_columns.each(terms, system)
 
 
@@ -157,12 +157,12 @@ def begin_pardiso(solver):
 
 
 @kernel
-def eliminate(plan, work, sides, size):
+def eliminate(plan, work, sides, dofs):
     """By block elimination."""
     # NaN fails the comparison too
-    good = factor(plan, work.blocks, work.pivots, sides, size) > 1e-14
+    good = factor(plan, work.blocks, work.pivots, sides, dofs) > 1e-14
     if good:
-        back_substitute(plan, work.blocks, sides, size)
+        back_substitute(plan, work.blocks, sides, dofs)
     return good
 
 
@@ -170,19 +170,19 @@ def eliminate(plan, work, sides, size):
 @solve.register(Elimination, ContactOfCarriers)
 @kernel
 def eliminate_residual(plan, contact, system):
-    return eliminate(plan, system.work, OneSide(system.work.panel), system.size)
+    return eliminate(plan, system.work, OneSide(system.work.panel), system.dofs)
 
 
 @solve.register(Elimination, Contact)
 @kernel
 def eliminate_bordered(plan, contact, system):
-    return eliminate(plan, system.work, RightSides(system.work.panel, system.width), system.size)
+    return eliminate(plan, system.work, RightSides(system.work.panel, system.width), system.dofs)
 
 
 @solve.register(PardisoTables)
 @kernel
 def solve_by_pardiso(pardiso, contact, system):
-    return solve_sparse(pardiso, system.work.blocks, system.work.panel, system.width, system.size)
+    return solve_sparse(pardiso, system.work.blocks, system.work.panel, system.width, system.dofs)
 
 
 @solve.register(SolverOutside)
@@ -196,7 +196,7 @@ def solve_nothing(solver, contact, system):
 @kernel
 def close_residual(contact, terms, system):
     method, work = system.method, system.work
-    take_solution(work.panel, system.width, node_share.call(method), work.line.x, system.size)
+    take_solution(work.panel, system.width, node_share.call(method), work.increment.x, system.dofs)
     push_increments.each(terms, system)
     recover.each_backward(terms, system, inner_share.call(method))
     return 0.0, 0.0
@@ -207,8 +207,8 @@ def close_residual(contact, terms, system):
 def close_bordered(contact, terms, system):
     work = system.work
     complete_columns.each_backward(terms, system)
-    singular = solve_border(contact, system.state.force, work.panel, system.width, work.rows, work.schur, work.y, work.line.x,
-                            system.size)
+    singular = solve_border(contact, system.state.force, work.panel, system.width, work.border_rows, work.schur, work.y,
+                            work.increment.x, system.dofs)
     if singular >= 0:
         return -1.0 - singular, 0.0
     push_increments.each(terms, system)
@@ -225,10 +225,10 @@ def update_step(terms, system):
     singular, slide = close.call(system.contact, terms, system)
     if singular < 0.0:
         return singular
-    move, spin = move_nodes.call(system.size, system.row_of, system.work, 0, system.row_of.shape[0], system.work.scratch)
+    move, spin = move_nodes.call(system.dofs, system.row_of, system.work, 0, system.row_of.shape[0], system.work.scratch)
     follow_nodes.each(terms, system)
     take_increments.call(system.method, system)
-    follow_line(system.work.line, move / system.length + spin)
+    follow_increment(system.work.increment, move / system.length + spin)
     return move / system.length + spin + slide / system.length
 
 
@@ -316,9 +316,9 @@ def finish_step(terms, system, h):
     """Accept a converged step."""
     state, work = system.state, system.work
     account.each(terms, system, h)
-    work.past[work.past.shape[0] - 1] = work.line.use[2]
-    remember(state.s, work.s_end, state.force, dim(system.size), h, work.past)
-    advance_nodes.call(system.size, system.method, state, work, h, 0, system.row_of.shape[0], work.scratch)
+    work.past[work.past.shape[0] - 1] = work.increment.control[2]
+    remember(state.s, work.s_end, state.force, dim(system.dofs), h, work.past)
+    advance_nodes.call(system.dofs, system.method, state, work, h, 0, system.row_of.shape[0], work.scratch)
     accept.each(terms, system.method, system)
     copy(work.s_end, state.s)
 
@@ -377,7 +377,7 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
                 mean_force_out[0, k] = mean_force_out[1, k]
 
 
-def _beside_run(terms, system, weights, h, *others):
+def _jobs_of_run(terms, system, weights, h, *others):
     """Calls in `run` that together take as long to compile as all others, in their order, from the types of its arguments."""
     shared, all_terms = RecordType(system), RecordType(terms)
     method, contact, solver = (item_type(system.types[system.fields.index(x)]) for x in ("method", "contact", "solver"))
@@ -389,7 +389,7 @@ def _beside_run(terms, system, weights, h, *others):
     return calls
 
 
-beside(run, _beside_run)
+compile_in_background(run, _jobs_of_run)
 
 
 @kernel
@@ -486,8 +486,8 @@ def finish(terms, system, h):
 
 
 @kernel
-def energy_of(terms, q, size, out):
-    potential_energy.each(in_memory(terms), q, size, out)
+def energy_of(terms, q, dofs, out):
+    potential_energy.each(in_memory(terms), q, dofs, out)
 
 
 @kernel

@@ -43,7 +43,7 @@ def present_strains(strains, scratch, z, ao, eo):
 
 
 @generic
-def extrapolated_strains(strains, scratch, z, x, eo, spare):
+def extrapolated_strains(strains, scratch, z, x, eo, temporary):
     """E(z) + DE(z) x of theory.md (4.6), six lanes at eo."""
 
 
@@ -68,13 +68,13 @@ def add_director_forces(strains, constants, to, nn, scratch, z, so, fo):
 
 
 @generic
-def prepare_points(size, strains, scratch, at):
+def prepare_points(dofs, strains, scratch, at):
     """What all points of an element share, before the loop over them."""
 
 
 @prepare_points.register(object)
 @kernel
-def prepare_nothing(size, strains, scratch, at):
+def prepare_nothing(dofs, strains, scratch, at):
     pass
 
 

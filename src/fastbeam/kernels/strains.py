@@ -15,8 +15,8 @@ from .algebra import pst as vst
 from .algebra import pst3 as vst3
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
-from .layout import BEFORE, END, MIDDLE, NODE_TABLE, SPARE, STEP, STRAINS, Z
-from .motions import columns, line_of_tangent, put_forms, share_of_end
+from .layout import BEFORE, END, MIDDLE, NODE_TABLE, STEP, STRAINS, TEMPORARY, Z
+from .motions import columns, increment_of_tangent, put_forms, share_of_end
 from .strain_sets import extrapolated_strains, form_stresses, mean_of_forms, present_strains, quadratic_forms
 from .terms import Conserving, Midpoint
 
@@ -43,10 +43,10 @@ def interpolate(constants, to, nn, node, scratch, qo, zo):
 @kernel
 def put_forms_of_both_ends(method, strains, scratch, zo):
     for i in range(0, Z, 8):
-        vst(scratch, zo + SPARE + i, 0, 2.0 * vld(scratch, zo + MIDDLE + i, 0) - vld(scratch, zo + END + i, 0))
-    quadratic_forms.call(strains, scratch, zo + SPARE, zo + STRAINS)
-    quadratic_forms.call(strains, scratch, zo + END, zo + SPARE)
-    return SPARE
+        vst(scratch, zo + TEMPORARY + i, 0, 2.0 * vld(scratch, zo + MIDDLE + i, 0) - vld(scratch, zo + END + i, 0))
+    quadratic_forms.call(strains, scratch, zo + TEMPORARY, zo + STRAINS)
+    quadratic_forms.call(strains, scratch, zo + END, zo + TEMPORARY)
+    return TEMPORARY
 
 
 @put_forms.register(Midpoint)
@@ -81,15 +81,15 @@ def half_share(method):
     return 0.5
 
 
-@line_of_tangent.register(object)
+@increment_of_tangent.register(object)
 @kernel
-def line_of_end(method, scratch, zo, gathered):
+def increment_of_end(method, scratch, zo, gathered):
     return gathered
 
 
-@line_of_tangent.register(Midpoint)
+@increment_of_tangent.register(Midpoint)
 @kernel
-def line_of_middle(method, scratch, zo, gathered):
+def increment_of_middle(method, scratch, zo, gathered):
     zb = zo + BEFORE
     zx = zo + STEP
     for i in range(0, Z, 8):
@@ -113,15 +113,15 @@ def mean_strains(method, strains, reference, e0, scratch, zo, ao):
 
 
 @kernel
-def unused_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
+def excess_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
     """The difference between the strains to which the last increment led in a straight line and those of the present shape, to
     be added for the tangent, theory.md (4.6); written to STRAINS, where the mean strains stood. BEFORE: the shape before the
     last increment, STEP: that increment; where not `gathered`, there was none in this step and the shape before is that of its
     start."""
     eo = zo + STRAINS
-    present = zo + SPARE
+    present = zo + TEMPORARY
     present_strains.call(strains, scratch, zo + columns.call(method), ao, present)
-    if line_of_tangent.call(method, scratch, zo, gathered):
+    if increment_of_tangent.call(method, scratch, zo, gathered):
         extrapolated_strains.call(strains, scratch, zo + BEFORE, zo + STEP, eo, present + 56)
     else:
         # strains at the start, from their mean and those at the end

@@ -24,10 +24,10 @@ from .algebra import vld, vst
 from .beam import evaluate_group
 from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import IN_ROWS, PIVOT, Condensed, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
+from .lanes import clear_lanes, copy_lanes, gather_lanes, put_rows
 from .layout import POINTS, layout
 from .motions import motion
 from .nodes import larger
-from .rows import clear_lanes, copy_lanes, gather_lanes, put_rows
 from .terms import move_nodes, spread_nodes
 
 
@@ -50,11 +50,11 @@ class Substructures(NamedTuple):
 def place_stores(subs: Substructures, n: int) -> Substructures:
     """The same beams with n unknowns a node, and room for their elimination."""
     group = subs.group.copy()
-    size = 16 * n * n * (group[:, 1] - 1)
+    doubles = 16 * n * n * (group[:, 1] - 1)
     for nn in np.unique(group[:, 2]).tolist():
-        size += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n, 0), 0)
-    group[:, 3] = np.cumsum(size) - size
-    return subs._replace(group=group, store=np.zeros(size.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
+        doubles += np.where(group[:, 2] == nn, group[:, 1] * store_size(nn, False, n, 0), 0)
+    group[:, 3] = np.cumsum(doubles) - doubles
+    return subs._replace(group=group, store=np.zeros(doubles.sum()), ends=np.zeros(subs.beam.size * (32 * n + 16)),
                          state=np.ones(len(group)))
 
 
@@ -64,11 +64,11 @@ def front_size(n: int) -> int:
 
 
 @kernel
-def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out, size):
+def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out, dofs):
     """Eliminate the node between the elements behind it, whose condensed blocks stand from so on, and the present one at ro, ko.
     present: where S_oc and S_co stand, 1 or 3 and 2 or 4; y goes to its row of x_out. Returns False where a pivot counts as
     zero."""
-    n = len(size)
+    n = len(dofs)
     column = 8 * n
     block = column * n
     last = nn - 1
@@ -80,24 +80,24 @@ def condense_node(scratch, so, present, nn, tables, no, ro, ko, store, d, x_out,
     r = so + 7 * block
     for c in range(0, block, 8):
         vst(scratch, ko + c, 0, vld(scratch, ko + c, 0) + vld(scratch, so + 5 * block + c, 0))
-    if not lu_lanes(scratch, ko, scratch, lu, PIVOT, size):
+    if not lu_lanes(scratch, ko, scratch, lu, PIVOT, dofs):
         return False
     y = ko    # the block at ko is needed no more, y takes its place
     for c in range(0, column, 8):
-        solve_lanes(scratch, lu, scratch, ko + block * last + c, column, store, d + c, column, size)
-        solve_lanes(scratch, lu, scratch, co + c, column, store, d + block + c, column, size)
-    solve_lanes(scratch, lu, scratch, ro, 8, scratch, y, 8, size)
-    put_rows(scratch, y, tables.rows, no, 8, 0, x_out, size)
+        solve_lanes(scratch, lu, scratch, ko + block * last + c, column, store, d + c, column, dofs)
+        solve_lanes(scratch, lu, scratch, co + c, column, store, d + block + c, column, dofs)
+    solve_lanes(scratch, lu, scratch, ro, 8, scratch, y, 8, dofs)
+    put_rows(scratch, y, tables.rows, no, 8, 0, x_out, dofs)
     ec = ko + block * nn * last
     ee = ec + block * last
     clear_lanes(scratch, oe, block)
     clear_lanes(scratch, eo, block)
-    subtract_lanes(scratch, ec, store, d, scratch, ee, size, size)
-    subtract_lanes(scratch, ec, store, d + block, scratch, eo, size, size)
-    subtract_lanes(scratch, oc, store, d, scratch, oe, size, size)
-    subtract_lanes(scratch, oc, store, d + block, scratch, so, size, size)
-    subtract_lanes(scratch, ec, scratch, y, scratch, ro + column * last, ONE, size)
-    subtract_lanes(scratch, oc, scratch, y, scratch, r, ONE, size)
+    subtract_lanes(scratch, ec, store, d, scratch, ee, dofs, dofs)
+    subtract_lanes(scratch, ec, store, d + block, scratch, eo, dofs, dofs)
+    subtract_lanes(scratch, oc, store, d, scratch, oe, dofs, dofs)
+    subtract_lanes(scratch, oc, store, d + block, scratch, so, dofs, dofs)
+    subtract_lanes(scratch, ec, scratch, y, scratch, ro + column * last, ONE, dofs)
+    subtract_lanes(scratch, oc, scratch, y, scratch, r, ONE, dofs)
     copy_lanes(scratch, ee, block, scratch, so + 5 * block)
     copy_lanes(scratch, ro + column * last, column, scratch, r + column)
     return True
@@ -112,20 +112,20 @@ def ends_of_beam(subs, tables, g, lane):
 
 
 @kernel
-def spread_listed(nodes, first, last, size, method, state, work, h):
+def spread_listed(nodes, first, last, dofs, method, state, work, h):
     """`terms.spread_nodes` for the nodes of a list, from `first` to before `last`."""
     for k in range(first, last):
-        spread_nodes.call(size, method, state, work, h, nodes[k], nodes[k] + 1)
+        spread_nodes.call(dofs, method, state, work, h, nodes[k], nodes[k] + 1)
 
 
 @kernel
-def condense(subs, tables, strains, first, last, size, method, state, work, h, scratch):
+def condense(subs, tables, strains, first, last, dofs, method, state, work, h, scratch):
     """Evaluate and condense the groups of beams from `first` to before `last`, under the loads in work.f_ext. Rows of interior
-    nodes in line.x take their y at once: no later element reads the increments there."""
-    line = work.line
-    keep = Condensed(work.f_ext, line.x)
+    nodes in increment.x take their y at once: no later element reads the increments there."""
+    increment = work.increment
+    keep = Condensed(work.f_ext, increment.x)
     move = motion.call(method, state, work, h)
-    n = len(size)
+    n = len(dofs)
     column = 8 * n
     block = column * n
     per_node = 2 * block
@@ -135,7 +135,7 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
     for g in range(first, last):
         nn = subs.group[g, 2]
         inner = short_store(nn, n, 0)
-        at = layout(size, nn, tables.meta[subs.group[g, 0], POINTS])
+        at = layout(dofs, nn, tables.meta[subs.group[g, 0], POINTS])
         ro = at.rows
         ko = at.blocks
         d = subs.group[g, 3] - per_node
@@ -144,8 +144,8 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
         for j in range(subs.group[g, 1]):
             k = subs.group[g, 0] + j
             no = tables.meta[k, 3]
-            evaluate_group(tables, k, at, strains, move, scratch, size)
-            good = eliminate_inner(keep, subs.store, d + per_node, tables, no, nn, scratch, ro, ko, so + 6 * block, size)
+            evaluate_group(tables, k, at, strains, move, scratch, dofs)
+            good = eliminate_inner(keep, subs.store, d + per_node, tables, no, nn, scratch, ro, ko, so + 6 * block, dofs)
             if j == 0:
                 end = ko + block * (nn - 1)
                 copy_lanes(scratch, ko, block, scratch, so)
@@ -157,8 +157,8 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
             else:
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
-                subtract_loads(keep.loads, tables, no, scratch, ro, so + 6 * block, size)
-                good = good and condense_node(scratch, so, present, nn, tables, no, ro, ko, subs.store, d, line.x, size)
+                subtract_loads(keep.loads, tables, no, scratch, ro, so + 6 * block, dofs)
+                good = good and condense_node(scratch, so, present, nn, tables, no, ro, ko, subs.store, d, increment.x, dofs)
                 present = 3 - present
             d += per_node + inner
             if not good:
@@ -169,15 +169,15 @@ def condense(subs, tables, strains, first, last, size, method, state, work, h, s
             for p in range(4):
                 # start-start, start-end, end-start, end-end
                 at = o + block * (0 if p == 0 else present if p == 1 else present + 2 if p == 2 else 5)
-                put_rows(scratch, at, subs.beam, 8 * g, per_beam, column * p + 8 * i, subs.ends, size)
-        put_rows(scratch, r, subs.beam, 8 * g, per_beam, 4 * column, subs.ends, size)
-        put_rows(scratch, r + column, subs.beam, 8 * g, per_beam, 4 * column + 8, subs.ends, size)
+                put_rows(scratch, at, subs.beam, 8 * g, per_beam, column * p + 8 * i, subs.ends, dofs)
+        put_rows(scratch, r, subs.beam, 8 * g, per_beam, 4 * column, subs.ends, dofs)
+        put_rows(scratch, r + column, subs.beam, 8 * g, per_beam, 4 * column + 8, subs.ends, dofs)
 
 
 @kernel
-def add_end_blocks(subs, first, last, blocks_out, size):
+def add_end_blocks(subs, first, last, blocks_out, dofs):
     """Add the blocks of the ends of beams to the blocks of the tangent from `first` to before `last`."""
-    n = len(size)
+    n = len(dofs)
     per_beam = 32 * n + 16
     for k in range(first, last):
         for t in range(subs.block_start[k], subs.block_start[k + 1]):
@@ -187,9 +187,9 @@ def add_end_blocks(subs, first, last, blocks_out, size):
 
 
 @kernel
-def add_end_rows(subs, first, last, r_out, size):
+def add_end_rows(subs, first, last, r_out, dofs):
     """Add the residuals of the ends of beams to the rows from `first` to before `last`."""
-    n = len(size)
+    n = len(dofs)
     per_beam = 32 * n + 16
     for k in range(first, last):
         for t in range(subs.row_start[k], subs.row_start[k + 1]):
@@ -198,10 +198,10 @@ def add_end_rows(subs, first, last, r_out, size):
 
 
 @kernel
-def recover(subs, tables, first, last, factor, row_of, work, scratch, size):
+def recover(subs, tables, first, last, factor, row_of, work, scratch, dofs):
     """Increments of the interior nodes of the groups of beams from `first` to before `last` from those of their ends, added to
     those of the step; factor: increment per solution, -1 in a step. Returns the largest, as `nodes.update_nodes` does."""
-    n = len(size)
+    n = len(dofs)
     column = 8 * n
     block = column * n
     per_node = 2 * block
@@ -214,36 +214,37 @@ def recover(subs, tables, first, last, factor, row_of, work, scratch, size):
         end = column * nn
         inner = short_store(nn, n, 0)
         # start of the beam, then the nodes of an element
-        gather_lanes(work.line.x, tables.rows, tables.meta[k0, 3], 8, scratch, 0, size)
-        gather_lanes(work.line.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, scratch, end, size)
+        gather_lanes(work.increment.x, tables.rows, tables.meta[k0, 3], 8, scratch, 0, dofs)
+        gather_lanes(work.increment.x, tables.rows, tables.meta[k0 + count - 1, 3] + 8 * (nn - 1), 8, scratch, end, dofs)
         for j in range(count - 1, -1, -1):
             no = tables.meta[k0 + j, 3]
             d = subs.group[g, 3] + j * (per_node + inner) - per_node
             if j == 0:
                 copy_lanes(scratch, 0, column, scratch, column)
             else:
-                gather_lanes(work.line.x, tables.rows, no, 8, scratch, column, size)
+                gather_lanes(work.increment.x, tables.rows, no, 8, scratch, column, dofs)
                 take_scaled(scratch, column, factor, scratch, column, n)
-                subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, size)
-                subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, size)
-                put_rows(scratch, column, tables.rows, no, 8, 0, work.line.x, size)
-            recover_group(IN_ROWS, subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.line.x, size)
+                subtract_lanes(subs.store, d, scratch, end, scratch, column, ONE, dofs)
+                subtract_lanes(subs.store, d + block, scratch, 0, scratch, column, ONE, dofs)
+                put_rows(scratch, column, tables.rows, no, 8, 0, work.increment.x, dofs)
+            recover_group(IN_ROWS, subs.store, d + per_node + inner, nn, tables, no, factor, scratch, column, work.increment.x,
+                          dofs)
             copy_lanes(scratch, column, column, scratch, end)
         for lane in range(8):
             a, b = ends_of_beam(subs, tables, g, lane)
-            m, s = move_nodes.call(size, row_of, work, a + 1, b, scratch)
+            m, s = move_nodes.call(dofs, row_of, work, a + 1, b, scratch)
             move = larger(m, move)
             spin = larger(s, spin)
     return move, spin
 
 
 @kernel
-def move_listed(nodes, first, last, size, row_of, work):
+def move_listed(nodes, first, last, dofs, row_of, work):
     """Add the increments of the nodes of a list, from `first` to before `last`."""
     move = 0.0
     spin = 0.0
     for k in range(first, last):
-        m, s = move_nodes.call(size, row_of, work, nodes[k], nodes[k] + 1, work.scratch)
+        m, s = move_nodes.call(dofs, row_of, work, nodes[k], nodes[k] + 1, work.scratch)
         move = larger(m, move)
         spin = larger(s, spin)
     return move, spin

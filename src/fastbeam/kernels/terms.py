@@ -54,7 +54,7 @@ class AtRest(NamedTuple):
 class System(NamedTuple):
     """What all terms share."""
 
-    size: Any             # kinds.Space or kinds.Plane
+    dofs: Any             # kinds.Space or kinds.Plane
     method: Any           # Conserving, Midpoint, alpha.Alpha, Equilibrium or AtRest
     contact: Any          # slider.Contact or NoContact
     solver: Any           # chain.Elimination, sparse.PardisoTables or SolverOutside
@@ -98,7 +98,7 @@ def assemble(term, method, system, h):
 
 
 @generic
-def weigh(term, method, system):
+def scale_solutions(term, method, system):
     """After assembly: halve solutions that the term has stored, where the method halves its equations."""
 
 
@@ -159,28 +159,28 @@ def within_limits(term, system, counts_out):
 
 
 @generic
-def potential_energy(term, q, size, out):
+def potential_energy(term, q, dofs, out):
     """Add the energy, J, that the term stores at coordinates q to out[0]."""
 
 
 # --- by the kind of nodes -----------------------------------------------------------------------------------------------
 @generic
-def predict_nodes(size, state, work, spinless, h, c, first, last):
+def predict_nodes(dofs, state, work, spinless, h, c, first, last):
     """First guess of the nodes from `first` to before `last`."""
 
 
 @generic
-def spread_nodes(size, method, state, work, h, first, last):
+def spread_nodes(dofs, method, state, work, h, first, last):
     """Coordinates of these nodes in the middle and at the end of the step, and second rates, for terms that need them."""
 
 
 @generic
-def move_nodes(size, row_of, work, first, last, scratch):
+def move_nodes(dofs, row_of, work, first, last, scratch):
     """Add the rows of increments to these nodes. Returns the largest of positions and of spins."""
 
 
 @generic
-def advance_nodes(size, method, state, work, h, first, last, scratch):
+def advance_nodes(dofs, method, state, work, h, first, last, scratch):
     """Accept the increments of these nodes."""
 
 
@@ -224,7 +224,7 @@ def restore(method):
 
 
 @generic
-def weigh_residual(method, system):
+def scale_residual(method, system):
     """Halve the residual where the method forms half its tangent and assembles the whole residual."""
 
 

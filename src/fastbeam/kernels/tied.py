@@ -17,7 +17,7 @@ put_translation.register(PlanarTies)(put_tied_translation)
 @follow_nodes.register(PlanarTies)
 @kernel
 def follow_ties(ties, system):
-    tie_increments.call(ties, system.state.q, system.work.theta, system.work.dphi, system.work.line.off)
+    tie_increments.call(ties, system.state.q, system.work.theta, system.work.dphi, system.work.increment.off)
 
 
 @first_guess.register(Ties)
@@ -48,14 +48,14 @@ def carry_tied_columns(ties, system):
 @kernel
 def complete_tied_columns(ties, system):
     work, width = system.work, system.width
-    push_tied_columns.call(ties, work.q_end, work.panel, len(system.size) * width, width, width)
+    push_tied_columns.call(ties, work.q_end, work.panel, len(system.dofs) * width, width, width)
 
 
 @push_increments.register(Ties)
 @push_increments.register(PlanarTies)
 @kernel
 def push_tied_increments(ties, system):
-    push_tied_columns.call(ties, system.work.q_end, system.work.line.x, 8, 1, 1)
+    push_tied_columns.call(ties, system.work.q_end, system.work.increment.x, 8, 1, 1)
 
 
 @clear.register(Ties, Alpha)

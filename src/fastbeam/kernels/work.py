@@ -10,14 +10,14 @@ import numpy as np
 
 from .._jit import kernel
 
-# `Line.use` before the first increment of a step: the line is at its start
+# `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
 
 
-class Line(NamedTuple):
+class LastIncrement(NamedTuple):
     """The last increment of a Newton iteration, for stresses that follow it in a straight line (theory.md (4.6))."""
 
-    use: np.ndarray       # float64 [3]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
+    control: np.ndarray   # float64 [3]: whether the tangent takes it, 0, 1 or FROM_START; size of increments, relative to that of
     #                       the scene, up to which it does not; size of the first increment of the step, -1 before there is one
     theta: np.ndarray     # float64 [3 N]: Cayley vectors of the step after the increment, the same array as `Work.theta`, padded:
     #                       rows of three are read as rows of four
@@ -40,7 +40,7 @@ class Work(NamedTuple):
     blocks: np.ndarray    # float64 [8 n (blocks + 1)] for n unknowns per node
     pivots: np.ndarray    # int64 [n rows]
     panel: np.ndarray     # float64 [rows, n, width] flat: right-hand sides of the rows that the solver sees; with sliders of all
-    rows: np.ndarray      # float64 [7 S + 1, width] flat, 5 in a plane
+    border_rows: np.ndarray  # float64 [7 S + 1, width] flat, 5 in a plane
     schur: np.ndarray     # float64 [7 S, 7 S], 5 in a plane
     y: np.ndarray         # float64 [7 S]
     scratch: np.ndarray   # float64 [*]
@@ -55,7 +55,7 @@ class Work(NamedTuple):
     past: np.ndarray      # float64 [4 + 2 (4 S) + 6 N + 1]: mean rates of steps, nodes.remember; the newest of nodes
     #                       are their increments
     keep_past: np.ndarray  # float64 [*], as past
-    line: Line
+    increment: LastIncrement
 
 
 class State(NamedTuple):
@@ -89,27 +89,27 @@ def halve(x):
 
 
 @kernel
-def start_line(work):
+def start_increment(work):
     """Before the first increment of a step the tangent takes the stresses of the first guess if that of the step before was good,
     else those at the start of the step. From here on dphi and theta are increments of this step, no longer mean rates of the
     last one: past[3] = 0."""
     work.past[3] = 0.0
     first = work.past[work.past.shape[0] - 1]
-    follow_line(work.line, first if work.past[0] > 0.0 else np.inf)
-    work.line.use[2] = -1.0
-    if work.line.use[0] != 0.0:
-        work.line.use[0] = FROM_START
+    follow_increment(work.increment, first if work.past[0] > 0.0 else np.inf)
+    work.increment.control[2] = -1.0
+    if work.increment.control[0] != 0.0:
+        work.increment.control[0] = FROM_START
 
 
 @kernel
-def follow_line(line, moved):
+def follow_increment(increment, moved):
     """Decide by the size of an increment whether the tangent takes the stresses to which it led in a straight line. The row
     behind the last, which idle lanes of element loops write and read, is cleared."""
-    for i in range(line.x.shape[0] - 8, line.x.shape[0]):
-        line.x[i] = 0.0
-    line.use[0] = 0.0 if moved <= line.use[1] else 1.0
-    if line.use[2] < 0.0:
-        line.use[2] = moved
+    for i in range(increment.x.shape[0] - 8, increment.x.shape[0]):
+        increment.x[i] = 0.0
+    increment.control[0] = 0.0 if moved <= increment.control[1] else 1.0
+    if increment.control[2] < 0.0:
+        increment.control[2] = moved
 
 
 @kernel

@@ -1,7 +1,7 @@
 """A second process that compiles part of what one kernel needs, while the first compiles the rest.
 
-Which parts, the kernel says (`beside`); both processes share the folder of compiled kernels. Nothing depends on the second: what
-it does not deliver the first compiles itself.
+Which parts, the kernel says (`compile_in_background`); both processes share the folder of compiled kernels. Nothing depends on
+the second: what it does not deliver the first compiles itself.
 """
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _JOBS: dict[Any, Callable[..., list[Job]]] = {}
 _COMING: dict[Any, tuple[threading.Event, threading.Event | None]] = {}
 
 
-def beside(kernel: Any, jobs: Callable[..., list[Job]]) -> None:
+def compile_in_background(kernel: Any, jobs: Callable[..., list[Job]]) -> None:
     """While `kernel` is compiled, a second process compiles `jobs`(*types of its arguments)."""
     _JOBS[kernel.py_func] = jobs
 

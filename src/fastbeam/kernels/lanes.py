@@ -22,23 +22,23 @@ def _make_flush(columns):
         return ir.Constant(kind, [x] * LANES if columns == LANES else x)
 
     @intrinsic
-    def flush(tc, array, offset, stride, size):
+    def flush(tc, array, offset, stride, dofs):
         def codegen(ctx, b, sig, args):
             o, step = _int(ctx, b, args[1], sig.args[1]), _int(ctx, b, args[2], sig.args[2])
             data = _data(ctx, b, sig.args[0], args[0])
             absolute = cgutils.get_or_insert_function(b.module, ir.FunctionType(kind, [kind]), f"llvm.fabs.{name}")
-            for _ in range(size.count):
+            for _ in range(dofs.count):
                 p = b.bitcast(b.gep(data, [o]), kind.as_pointer())
                 x = b.load(p, align=8)
                 tiny = b.fcmp_ordered("<", b.call(absolute, [x]), constant(1e-150))
                 b.store(b.select(tiny, constant(0.0), x), p, align=8)
                 o = b.add(o, step)
             return ctx.get_dummy_value()
-        return types.void(array, offset, stride, size), codegen
+        return types.void(array, offset, stride, dofs), codegen
     return flush
 
 
-# Zero for entries below 1e-150 in as many rows of 8 numbers, or of one, as the tuple `size` has numbers. Columns that decay along
+# Zero for entries below 1e-150 in as many rows of 8 numbers, or of one, as the tuple `dofs` has numbers. Columns that decay along
 # a chain would end in denormal numbers, which the processor handles many times slower; NaN stays.
 flush_rows, flush_column = _make_flush(LANES), _make_flush(1)
 
@@ -66,7 +66,7 @@ def _transpose(b, rows, width):
 
 def _make_rows(accumulate):
     @intrinsic
-    def rows(tc, source, offset, index, index_offset, scale, shift, target, size):
+    def rows(tc, source, offset, index, index_offset, scale, shift, target, dofs):
         def codegen(ctx, b, sig, args):
             src, o, idx, io, scale_, shift_, dst, _ = args
             t_src, t_o, t_idx, t_io, t_scale, t_shift, t_dst, t_size = sig.args
@@ -82,11 +82,11 @@ def _make_rows(accumulate):
                 q = _pointer(ctx, b, t_dst, dst, b.add(b.mul(k, scale_), shift_), vec)
                 b.store(_add(b, b.load(q, align=8), rows[lane]) if accumulate else rows[lane], q, align=8)
             return ctx.get_dummy_value()
-        return types.void(source, offset, index, index_offset, scale, shift, target, size), codegen
+        return types.void(source, offset, index, index_offset, scale, shift, target, dofs), codegen
     return rows
 
 
-# n lane columns to 8 rows, n the length of the tuple `size`: for lane l, target[index[index_offset + l]*scale + shift + c] takes
+# n lane columns to 8 rows, n the length of the tuple `dofs`: for lane l, target[index[index_offset + l]*scale + shift + c] takes
 # source[offset + 8 c + l], c < n. An 8 x 8 transposition in registers; rows are padded to 8 doubles. The first adds and leaves
 # the pads as they are, the second overwrites and puts zeros there.
 scatter_rows, put_rows = _make_rows(True), _make_rows(False)
@@ -121,9 +121,9 @@ def _rows_of_lanes(ctx, b, array_type, array, index, io, scale):
 
 
 @intrinsic
-def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
+def gather_lanes(tc, source, index, index_offset, scale, target, offset, dofs):
     """target[offset + 8 c + l] = source[index[index_offset + l]*scale + c] for the lanes l = 0..7 and c = 0..n-1, n the length of
-    the tuple `size`. Rows of less than 8 numbers (but 4) are read as longer ones: behind the last row of an array there has to be
+    the tuple `dofs`. Rows of less than 8 numbers (but 4) are read as longer ones: behind the last row of an array there has to be
     room for 3 numbers."""
     def codegen(ctx, b, sig, args):
         src, idx, io, scale_, dst, o, _ = args
@@ -132,11 +132,11 @@ def gather_lanes(tc, source, index, index_offset, scale, target, offset, size):
         rows = _rows_of_lanes(ctx, b, t_src, src, _data(ctx, b, t_idx, idx), io, scale_)
         _gather(b, rows, t_size.count, _pointer(ctx, b, t_dst, dst, o, vec), True)
         return ctx.get_dummy_value()
-    return types.void(source, index, index_offset, scale, target, offset, size), codegen
+    return types.void(source, index, index_offset, scale, target, offset, dofs), codegen
 
 
 @intrinsic
-def load_rows(tc, source, first, distance, target, offset, size):
+def load_rows(tc, source, first, distance, target, offset, dofs):
     """`gather_lanes` for 8 rows that begin at `first` and follow each other at `distance` doubles."""
     def codegen(ctx, b, sig, args):
         first_, distance_, o = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 2, 4))
@@ -144,11 +144,11 @@ def load_rows(tc, source, first, distance, target, offset, size):
         rows = [b.gep(begin, [b.mul(distance_, ir.Constant(_I64, lane))]) for lane in range(LANES)]
         _gather(b, rows, sig.args[5].count, _pointer(ctx, b, sig.args[3], args[3], o, vec), False)
         return ctx.get_dummy_value()
-    return types.void(source, first, distance, target, offset, size), codegen
+    return types.void(source, first, distance, target, offset, dofs), codegen
 
 
 @intrinsic
-def store_rows(tc, source, offset, target, first, distance, size):
+def store_rows(tc, source, offset, target, first, distance, dofs):
     """The reverse of `load_rows`: n numbers in lanes to 8 rows."""
     def codegen(ctx, b, sig, args):
         o, first_, distance_ = (_int(ctx, b, args[k], sig.args[k]) for k in (1, 3, 4))
@@ -168,7 +168,7 @@ def store_rows(tc, source, offset, target, first, distance, size):
                 b.store(part, b.bitcast(b.gep(row, [ir.Constant(_I64, done)]), part.type.as_pointer()), align=8)
             done += width
         return ctx.get_dummy_value()
-    return types.void(source, offset, target, first, distance, size), codegen
+    return types.void(source, offset, target, first, distance, dofs), codegen
 
 
 @kernel
