@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, real, shown, take
+from fastbeam.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take  # noqa: F401
 from fastbeam.errors import SceneError
 
 Array = np.ndarray
