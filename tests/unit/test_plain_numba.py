@@ -110,9 +110,9 @@ def test_scenes_run_without_the_fast_way(names: list[str]) -> None:
 def test_setting_and_version_decide() -> None:
     low, high = _jit.TESTED
     for setting, version, expected in (("", low, None), ("", high, None), ("0", (99, 0), None), ("1", high, "")):
-        assert _jit._why_plain(setting, version) == expected
+        assert _jit._why_numba_only(setting, version) == expected
     for version in ((low[0], low[1] - 1), (high[0], high[1] + 1), (high[0] + 1, 0)):
-        assert "its faster compilation was tested with numba 0.61 to" in (_jit._why_plain("", version) or "")
+        assert "its faster compilation was tested with numba 0.61 to" in (_jit._why_numba_only("", version) or "")
 
 
 SMALL = """
