@@ -6,7 +6,7 @@ from typing import Any
 from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
-from .kernels.slider import Contact, NoForceAlong, Sliding
+from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.work import State, Work
@@ -29,7 +29,10 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     terms: list[Any] = []
     if model.sliders is not None and not static:
         terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_limits,
-                             NoForceAlong() if along is None else along))
+                             NoForceAlong() if along is None else along,
+                             NoSleeves() if model.sleeves is None else model.sleeves))
+        if model.sleeves is not None:
+            terms.append(model.sleeves)
     if inner is not None:
         terms.append(inner)
     for strains, tables in ((SIMO_REISSNER, model.simo), (GREEN_LAGRANGE, model.green)):

@@ -14,7 +14,7 @@ from .kernels.carriers import GroupRows
 from .kernels.constraints import Constraints
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
-from .kernels.slider import ContactInRows, NoForceAlong, Sliders, Sliding
+from .kernels.slider import ContactInRows, NoForceAlong, NoSleeves, Sliders, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoTies, System
 from .model import Model
@@ -164,10 +164,10 @@ class Group:
         self.own: dict[str, Array] = dict(
             integers, residual=np.zeros((s, 8)), forces=forces, first=self.couplings.first,
             first_force=self.couplings.first_force, compliance=np.zeros(s), remaining=np.zeros(s), full=np.zeros(1, np.int64),
-            augmented=np.zeros(4))
+            augmented=np.zeros(4), pair=np.zeros((0, 2), np.int64), cross=np.zeros((0, 2, 8)))
         known = model.sliders
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
-                          model.slider_limits[self.sliders], NoForceAlong())
+                          model.slider_limits[self.sliders], NoForceAlong(), NoSleeves())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         self.terms = (sliding, *elements, self.bodies, *ties, self.held)
         self._allocate()

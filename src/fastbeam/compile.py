@@ -33,6 +33,7 @@ from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
 from .scene import Beam, Scene
+from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
 from .tables import pack_curves, pack_inner, pack_substructures
 from .unpacked import Unpacked, unpack
@@ -84,7 +85,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
-    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + len(unpacked.kept))
+    ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + len(unpacked.kept) + len(scene.sleeves))
     model = pack(scene, unpacked, condensed, ordered)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # a copy of the scene, because the user may add parts to it before other models of it are compiled
@@ -160,7 +161,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
-        slider_forces=slider_forces_of(scene.sliders))
+        slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)))
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

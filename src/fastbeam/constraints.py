@@ -19,7 +19,7 @@ Array = np.ndarray
 
 
 def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array, late: list[Array], unknowns: Array,
-                 forces: Array, in_force: Array) -> Couplings:
+                 forces: Array, in_force: Array, pairs: Array | None = None) -> Couplings:
     """What couples the rows of a pattern.
 
     Parameters
@@ -32,6 +32,8 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
         Of every constraint the rows that it need not wait for.
     unknowns, forces, in_force : int [S]
         Of every constraint its unknowns and the forces among them; equations behind those of the gaps in the unit of a force.
+    pairs : int [O, 2], optional
+        Constraints that are coupled by own unknowns.
     """
     n, block = pattern.n, 8 * size
     low, high = pattern.coupled[:, 0], pattern.coupled[:, 1]
@@ -43,10 +45,13 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
         return block * np.searchsorted(pattern.keys, i * n + j)
 
     every = np.arange(n)
+    partner = np.full(unknowns.size, -1, np.int32)
+    if pairs is not None:
+        partner[pairs[:, 0]], partner[pairs[:, 1]] = pairs[:, 1], pairs[:, 0]
     tables = (np.searchsorted(row, np.arange(n + 1)), near, where(row, near), where(near, row), where(every, every), held, tied)
     return Couplings(*(x.astype(np.int32) for x in tables), _starts(np.array([len(x) for x in late], np.int64)),
                      np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int64), unknowns, forces, in_force,
-                     _starts(unknowns)[:-1].copy(), _starts(forces)[:-1].copy(), np.array([end]))
+                     _starts(unknowns)[:-1].copy(), _starts(forces)[:-1].copy(), np.array([end]), partner)
 
 
 def _starts(counts: Array) -> Array:
@@ -69,7 +74,8 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
                        integers(s + 1), integers(touched), integers(touched), integers(touched), integers(touched),
                        integers(n + 1), integers(touched), integers(s + 1),
                        integers(int(scale * s * min(entries, 3)) + 16, 6), integers(elements),
-                       integers(elements, 2), integers(int(scale * 9 * s)), integers(n), integers(n), integers(4))
+                       integers(elements, 2), integers(int(scale * 9 * s)), integers(int(np.sum(couplings.partner >= 0)) // 2, 2),
+                       integers(n), integers(n), integers(4))
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
                   integers(6, rows + 1), integers(2))
@@ -102,9 +108,11 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
         late.append(rows[~on_curve[c][rows]])
     # a joint waits for both of its ends
     late += [np.zeros(0, np.int64)] * len(model.kept)
+    # the moments of a sleeve wait for what its slider waits for
+    late += [late[k] for k in model.sleeve_pairs[:, 0]]
     in_force = (np.arange(model.n_constraints) < s).astype(np.int64)
     couplings = couplings_of(model.pattern, len(model.dofs), 8 * len(model.dofs) * (model.n_blocks + 1), held, tied, late,
-                             model.unknowns, model.forces, in_force)
+                             model.unknowns, model.forces, in_force, model.sleeve_pairs)
     elements = 0 if inner is None else inner.mark.size
     others = (NoInner() if inner is None else inner, NoTies() if model.ties is None else model.ties,
               NoHeld() if model.held is None else model.held)

@@ -67,7 +67,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     if omega.any():
         rates[:, 1:] = np.cross(omega[:, None, :], nodes.directors)
     s = np.array([slider.at for slider in scene.sliders], dtype=float)
-    forces = 3 * s.size + sum(link.forces(3) for link in kept)
+    forces = 3 * s.size + sum(link.forces(3) for link in kept) + 3 * len(scene.sleeves)
     return State(q.reshape(-1), rates.reshape(-1), s, np.zeros(forces)), changed
 
 

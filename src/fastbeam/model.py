@@ -19,6 +19,7 @@ from .kernels.inner import Inner
 from .kernels.kinds import SPACE
 from .kernels.nodes import Bodies, Held
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
+from .kernels.sleeve import Sleeves
 from .kernels.slider import Sliders
 from .kernels.substructures import Substructures
 from .kernels.ties import Ties
@@ -85,6 +86,8 @@ class Model:
         What each time function belongs to.
     slider_forces : slider_forces.SliderForces or None
         Friction, drives and stops of sliders.
+    sleeves : Sleeves or None
+        The sliders that are sleeves.
     """
 
     scene_name: str
@@ -133,6 +136,7 @@ class Model:
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
     slider_forces: Any = None
+    sleeves: Sleeves | None = None
 
     @property
     def held_mask(self) -> Array:
@@ -149,23 +153,38 @@ class Model:
 
     @property
     def n_constraints(self) -> int:
-        """Number of constraints with multipliers: sliders, then joints."""
-        return self.n_sliders + len(self.kept)
+        """Number of constraints with multipliers: sliders, then joints, then moments of sleeves."""
+        return self.n_sliders + len(self.kept) + len(self.sleeve_pairs)
+
+    @property
+    def sleeve_pairs(self) -> Array:
+        """Of every sleeve its slider and the constraint of its moments, int64 [O, 2]."""
+        if self.sleeves is None:
+            return np.zeros((0, 2), np.int64)
+        sliders = np.flatnonzero(self.sleeves.of_slider >= 0)
+        return np.stack((sliders, self.sleeves.first[0] + self.sleeves.of_slider[sliders]), axis=1)
 
     @property
     def constraint_names(self) -> list[str]:
-        """Sliders and joints with multipliers, for messages."""
-        return [f"slider {name!r}" for name in self.names["sliders"]] + [link.name for link in self.kept]
+        """Sliders, joints with multipliers and moments of sleeves, for messages."""
+        names = self.names["sliders"]
+        return [*(f"slider {name!r}" for name in names), *(link.name for link in self.kept),
+                *(f"sleeve {names[k]!r} (moments)" for k in self.sleeve_pairs[:, 0])]
 
     @property
     def forces(self) -> Array:
         """Of every constraint the number of its forces, int64 [C]."""
-        return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept], np.int64)
+        moments = 3 if self.dim == 3 else 1
+        return np.array([self.dim] * self.n_sliders + [link.forces(self.dim) for link in self.kept]
+                        + [moments] * len(self.sleeve_pairs), np.int64)
 
     @property
     def unknowns(self) -> Array:
-        """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces."""
-        return self.forces + (self.dim + 1) * (np.arange(self.n_constraints) < self.n_sliders)
+        """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces, moments
+        of a sleeve a copy of a spin and are filled up to the same number."""
+        out = self.forces
+        out[:self.n_sliders] = out[self.n_sliders + len(self.kept):] = self.border
+        return out
 
     @property
     def dim(self) -> int:
@@ -232,7 +251,7 @@ class Model:
         # the ties of a joint are those of the model
         parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
-                  self.v0, self.s0, self.slider_lengths]
+                  self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())]
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,

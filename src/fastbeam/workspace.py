@@ -94,7 +94,8 @@ def entries_of(model: Model) -> int:
     ends = 2 * widest if model.kept else 0
     if model.curves is None:
         return ends
-    most = int(model.curves.shape[:, 2].max())
+    # of a sleeve the spin of its holder, too
+    most = int(model.curves.shape[:, 2].max()) + (model.sleeves is not None)
     if model.by_rows:
         most = min(most, int(model.curves.count.max()))
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
@@ -116,7 +117,8 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
                 line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), remaining=np.zeros(n),
-                full=np.zeros(1, np.int64), augmented=np.zeros(4))
+                full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
+                cross=np.zeros((len(model.sleeve_pairs), 2, 8)))
 
 
 def inner_of(model: Model) -> Inner | None:

@@ -101,6 +101,12 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
                         for j in range(0, width, 8):
                             p = first + i * width + j
                             vst(border_rows, p, 0, vld(border_rows, p, 0) - line * vld(panel, o + j, 0))
+    for o in range(contact.pair.shape[0]):
+        slide = border * contact.pair[o, 0] + dim(dofs)
+        moments = border * contact.pair[o, 1]
+        for a in range(border):
+            border_rows[slide * width + 1 + moments + a] += contact.cross[o, 0, a]
+            border_rows[(moments + a) * width + 1 + slide] += contact.cross[o, 1, a]
     for i in range(n):
         y_out[i] = -border_rows[i * width]
         for j in range(n):

@@ -69,6 +69,12 @@ def put_entries(contact, couplings, touched, factors, dofs):
             if t >= 0:
                 add_column(factors.store, touched.column[t], contact.column[k], 8 * n * m, n)
                 add_line(factors.store, touched.line[t], contact.line[k], 8 * n * m, n, couplings.unknowns[k])
+    # sleeves: the sliding equation has the moments, their equations have s
+    d = dim(dofs)
+    for o in range(contact.pair.shape[0]):
+        for a in range(couplings.unknowns[contact.pair[o, 1]]):
+            factors.store[touched.cross[o, 0] + 8 * d + a] += contact.cross[o, 0, a]
+            factors.store[touched.cross[o, 1] + 8 * a + d] += contact.cross[o, 1, a]
 
 
 @inlined

@@ -33,6 +33,8 @@ def own_columns(couplings, touched, order, i, at):
         return at
     for t in range(touched.start[g - n], touched.start[g - n + 1]):
         at = enter_column(order, i, order.position[touched.row[t]], -1, -1, at)
+    if couplings.partner[g - n] >= 0:
+        at = enter_column(order, i, order.position[n + couplings.partner[g - n]], -1, -1, at)
     for j in range(touched.job_start[g - n], touched.job_start[g - n + 1]):
         x = touched.last_job[touched.job[j, 0]]
         while x >= 0:
@@ -140,8 +142,8 @@ def block_at(order, i, j):
 
 
 @inlined
-def find_places(couplings, touched, order):
-    """Where the entries of constraints belong, and the blocks between those that share an element."""
+def find_places(contact, couplings, touched, order):
+    """Where the entries of constraints belong, the blocks between those that share an element, and of sleeves."""
     n = couplings.diagonal.shape[0]
     for k in range(touched.entries.shape[0]):
         p = order.position[n + k]
@@ -149,6 +151,11 @@ def find_places(couplings, touched, order):
             q = order.position[touched.row[t]]
             touched.column[t] = block_at(order, q, p)
             touched.line[t] = block_at(order, p, q)
+    for o in range(contact.pair.shape[0]):
+        p = order.position[n + contact.pair[o, 0]]
+        q = order.position[n + contact.pair[o, 1]]
+        touched.cross[o, 0] = block_at(order, p, q)
+        touched.cross[o, 1] = block_at(order, q, p)
     at = 0
     for f in range(touched.counts[0]):
         a = touched.last_job[touched.found[f, 0]]
@@ -178,6 +185,6 @@ def update_order(contact, inner, ties, couplings, touched, order, capacity, buff
     if end < 0 or end > capacity or not find_targets(order):
         return False
     order.counts[1] = end
-    find_places(couplings, touched, order)
+    find_places(contact, couplings, touched, order)
     touched.counts[1] = 1
     return True

@@ -41,6 +41,7 @@ class Couplings(NamedTuple):
     first: np.ndarray       # int64 [S]: number of its first unknown
     first_force: np.ndarray  # int64 [S]: number of its first force
     end: np.ndarray         # int64 [1]: where the assembled blocks end in store
+    partner: np.ndarray     # int32 [S]: the constraint that it is coupled with by own unknowns, or -1
 
 
 class Touched(NamedTuple):
@@ -63,6 +64,7 @@ class Touched(NamedTuple):
     last_job: np.ndarray    # int32 [elements]: the last job of an element, or -1
     found: np.ndarray       # int32 [elements, 2]: elements with jobs and how many
     pair: np.ndarray        # int32 [P]: where the blocks between the constraints of an element begin
+    cross: np.ndarray       # int32 [O, 2]: where the blocks between both constraints of a sleeve begin
     mark: np.ndarray        # int32 [n]: work
     place: np.ndarray       # int32 [n]: work
     counts: np.ndarray      # int32 [4]: elements with jobs; whether anything was found; doubles for an element; pairs

@@ -50,14 +50,20 @@ class Sliding(NamedTuple):
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
     limits: np.ndarray      # float64 [S, 2]: arc lengths between which each slider may go, those of its beam or of rigid stops
     along: Any              # along.Along or NoForceAlong
+    sleeves: Any            # sleeve.Sleeves or NoSleeves
 
 
 class NoForceAlong(NamedTuple):
     """Of sliders without friction, drives and stops."""
 
 
+class NoSleeves(NamedTuple):
+    """Of sliders that hold no direction of the section."""
+
+
 class Contact(NamedTuple):
-    """Work of all constraints with multipliers: the sliders come first, then joints; S constraints, `E` entries each at most."""
+    """Work of all constraints with multipliers: the sliders come first, then joints, then moments of sleeves; S constraints, `E`
+    entries each at most."""
 
     basis: np.ndarray       # float64 [5, n]: N(s_n), N(s_n+1), N'(s_n+1), N[s_n, s_n+1], its derivative by s_n+1
     legendre: np.ndarray    # float64 [3, n_coef]
@@ -76,6 +82,9 @@ class Contact(NamedTuple):
     full: np.ndarray        # int64 [1]: 1 where a slider had more entries than there is room for
     augmented: np.ndarray   # float64 [4]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration,
     #                         largest increment of s
+    pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
+    cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
+    #                         equations of the moments by s
 
 
 class ContactInRows(Contact):
@@ -151,6 +160,18 @@ def account_no_force(along, term, system):
 
 
 @generic
+def hold_section(sleeves, term, system, k, base, lo, hi):
+    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`, over nodes lo to before hi of a
+    curve that begins at node `base`."""
+
+
+@hold_section.register(NoSleeves)
+@kernel
+def hold_no_section(sleeves, term, system, k, base, lo, hi):
+    pass
+
+
+@generic
 def tied_arm(ties, e, q):
     """Offset of entry e of tied nodes of kind 1, a point carried on an arm, at coordinates q."""
 
@@ -190,6 +211,15 @@ def new_entry(contact, k, row, dofs):
         contact.column[k, i] = 0.0
         contact.line[k, i] = 0.0
     return n * m
+
+
+@kernel
+def entry_of(contact, k, row, dofs):
+    """Offset of an entry of constraint k for a row: the one that it has, or a new one."""
+    for m in range(contact.entries[k]):
+        if contact.row[k, m] == row:
+            return 8 * len(dofs) * m
+    return new_entry(contact, k, row, dofs)
 
 
 class Weights(NamedTuple):
@@ -367,6 +397,7 @@ def add_slider(term, system, k):
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
+    hold_section.call(term.sleeves, term, system, k, base, lo, hi)
 
 
 @kernel

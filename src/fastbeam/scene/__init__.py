@@ -10,11 +10,12 @@ from fastbeam.scene.parts import (
 )
 from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
+from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
     "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion",
-    "Scene", "Section", "Slider", "Spring", "Stops", "StraightLine",
+    "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
 ]

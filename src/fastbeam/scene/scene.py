@@ -19,11 +19,12 @@ from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
     Slider,
 )
+from fastbeam.scene.sleeves import Sleeve
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
         | RigidMotion | Slider | Link)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Link)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -177,6 +178,11 @@ class Scene:
     def sliders(self) -> list[Slider]:
         """All sliders."""
         return self._of(Slider)
+
+    @property
+    def sleeves(self) -> list[Sleeve]:
+        """The sliders that are sleeves."""
+        return self._of(Sleeve)
 
     @property
     def links(self) -> list[Link]:
@@ -413,7 +419,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))

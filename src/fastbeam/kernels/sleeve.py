@@ -1,0 +1,254 @@
+"""Sleeves: sliders that hold the direction of the section as well, theory.md 5.7.
+
+The sliding point of a sleeve is its holder, a node with a triad. With D_1, D_2, D_3 fixed to the holder, D_1 along the beam, the
+conditions are D_i . d_j(s) = 0 for the pairs (i, j) = (1, 2), (1, 3) and, where the sleeve is keyed, (2, 3); in a plane for (1, 2)
+alone. Their multipliers are moments, mu_ij; with means over the step
+
+    director i of the holder  + mu_ij sum_A N_A,mean d_jA,mean         moment  mu_ij D_i,mean x sum_A N_A,mean d_jA,mean
+    director j of node A      + mu_ij N_A,mean D_i,mean                moment  mu_ij N_A,mean d_jA,mean x D_i,mean
+    sliding (5.3)             - mu_ij sum_A N[s_n, s_n+1]_A mean(D_i . d_jA)
+
+The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a copy
+z of the holder's spin: moments turn with the nodes that they act on, and in the tangent all of these turn like the holder. What is
+left out are the small differences of their spins times a moment, next to the bending stiffness of an element.
+
+Arrays: q [12 N], in a plane [4 N]; column, line as rows of `Contact.column`, `Contact.line`.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._generic import generic
+from .._jit import kernel
+from .algebra import V2, V3, dot, f8, ld2, ld3, perp
+from .kinds import (Plane, Space, add_stiffness, add_to, cross_product, dim, put, zero_vector)
+from .slider import entry_of, hold_section
+from .terms import is_settled, take_unknowns
+
+# conditions that iterations leave open by round-off of directions
+SETTLED = 4e-15
+
+
+class Sleeves(NamedTuple):
+    """O sleeves."""
+
+    of_slider: np.ndarray  # int64 [S]: number of the sleeve that a slider is, or -1
+    first: np.ndarray      # int64 [1]: number of the first constraint of moments
+    keyed: np.ndarray      # int64 [O]: 1 where the twist is held, too
+    axes: np.ndarray       # float64 [9 O]: R with D_i = sum_k R_ik d_k of the holder; in a plane [2 O], D_1 = (a, b) stands for
+    #                        a u + b J u
+
+
+class Pair(NamedTuple):
+    """Sums over the nodes under a sleeve for one pair of directors, D of the holder and d of nodes."""
+
+    mean: Any      # sum of mean shape functions and mean d, and half its derivative by s at the end
+    mean_s: Any
+    mean_end: Any  # sum of mean shape functions and d at the end
+    end: Any       # d at the end of the step, and its derivative by s
+    end_s: Any
+    t0: Any        # sums of divided differences and d at the start and at the end, and their derivatives by s at the end
+    t1: Any
+    dt0: Any
+    dt1: Any
+
+
+@generic
+def director(dofs, q, node, j):
+    """Director j = 0, 1, 2 of a node at coordinates q; in a plane 0 or 1."""
+
+
+@director.register(Space)
+@kernel
+def director_in_space(dofs, q, node, j):
+    return ld3(q, 12 * node + 3 + 3 * j, 1)
+
+
+@director.register(Plane)
+@kernel
+def director_in_plane(dofs, q, node, j):
+    u = ld2(q, 4 * node + 2, 1)
+    return perp(u) if j == 1 else u
+
+
+@generic
+def holder_director(dofs, sleeves, o, i, q, node):
+    """D_i of sleeve o from the triad of its holder."""
+
+
+@holder_director.register(Space)
+@kernel
+def holder_director_in_space(dofs, sleeves, o, i, q, node):
+    r = 9 * o + 3 * i
+    return (sleeves.axes[r] * ld3(q, 12 * node + 3, 1) + sleeves.axes[r + 1] * ld3(q, 12 * node + 6, 1)
+            + sleeves.axes[r + 2] * ld3(q, 12 * node + 9, 1))
+
+
+@holder_director.register(Plane)
+@kernel
+def holder_director_in_plane(dofs, sleeves, o, i, q, node):
+    u = ld2(q, 4 * node + 2, 1)
+    return sleeves.axes[2 * o] * u + sleeves.axes[2 * o + 1] * perp(u)
+
+
+@generic
+def add_double_cross(a, b, factor, column, at):
+    """Add the matrix of factor a x (b x z) as a function of the spin z to column [*] at `at`, rows of 8."""
+
+
+@add_double_cross.register(V3[f8])
+@kernel
+def add_double_cross_in_space(a, b, factor, column, at):
+    add_stiffness(column, at, -factor * dot(a, b), factor * b, a)
+
+
+@add_double_cross.register(V2[f8])
+@kernel
+def add_double_cross_in_plane(a, b, factor, column, at):
+    column[at] -= factor * dot(a, b)
+
+
+@kernel
+def sum_pair(basis, system, base, lo, hi, j):
+    """`Pair` of director j of nodes lo to before hi of a curve that begins at node `base`."""
+    q, work, dofs = system.state.q, system.work, system.dofs
+    mean = zero_vector(dofs); mean_s = zero_vector(dofs); mean_end = zero_vector(dofs)
+    end = zero_vector(dofs); end_s = zero_vector(dofs)
+    t0 = zero_vector(dofs); t1 = zero_vector(dofs); dt0 = zero_vector(dofs); dt1 = zero_vector(dofs)
+    for a in range(lo, hi):
+        n_mean = 0.5 * (basis[0, a] + basis[1, a])
+        d0 = director.call(dofs, q, base + a, j)
+        d1 = director.call(dofs, work.q_end, base + a, j)
+        dm = director.call(dofs, work.q_mid, base + a, j)
+        mean += n_mean * dm
+        mean_s += (0.5 * basis[2, a]) * dm
+        mean_end += n_mean * d1
+        end += basis[1, a] * d1
+        end_s += basis[2, a] * d1
+        t0 += basis[3, a] * d0; t1 += basis[3, a] * d1
+        dt0 += basis[4, a] * d0; dt1 += basis[4, a] * d1
+    return Pair(mean, mean_s, mean_end, end, end_s, t0, t1, dt0, dt1)
+
+
+@kernel
+def put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, base, lo, hi):
+    """Moments of pair p of constraint c on the nodes under slider k, and the entries of their spins."""
+    work, contact, dofs = system.work, system.contact, system.dofs
+    d = dim(dofs)
+    copy = 3 if d == 3 else 1
+    for a in range(lo, hi):
+        root = term.sliders.spin_root[base + a]
+        row = system.row_of[root]
+        n_mean = 0.5 * (contact.basis[0, a] + contact.basis[1, a])
+        d_mid = director.call(dofs, work.q_mid, base + a, j)
+        d_end = director.call(dofs, work.q_end, base + a, j)
+        turning = cross_product.call(d_mid, holder_mid)
+        at_end = cross_product.call(d_end, holder_end)
+        add_to(work.r, 8 * row + d, 1, (-moment * n_mean) * turning)
+        o = entry_of(contact, c, row, dofs) + 8 * d
+        add_to(contact.column[c], o + p, 8, -n_mean * turning)
+        add_to(contact.line[c], o + p, 8, contact.basis[1, a] * at_end)
+        add_double_cross.call(holder_mid, d_end, -0.5 * moment * n_mean, contact.column[c], o + copy)
+        add_double_cross.call(d_mid, holder_end, 0.5 * moment * n_mean, contact.column[c], o + copy)
+        o = entry_of(contact, k, row, dofs) + 8 * d
+        add_to(contact.column[k], o + d, 8, (-0.5 * moment * contact.basis[2, a]) * turning)
+        add_to(contact.line[k], o + d, 8, (-0.5 * moment * contact.basis[3, a]) * at_end)
+
+
+@kernel
+def put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end):
+    """The same on the holder of slider k."""
+    work, contact, dofs = system.work, system.contact, system.dofs
+    d = dim(dofs)
+    copy = 3 if d == 3 else 1
+    row = system.row_of[term.sliders.spin_root[term.sliders.point[k]]]
+    turning = cross_product.call(holder_mid, sums.mean)
+    add_to(work.r, 8 * row + d, 1, -moment * turning)
+    o = entry_of(contact, c, row, dofs) + 8 * d
+    add_to(contact.column[c], o + p, 8, -1.0 * turning)
+    add_to(contact.line[c], o + p, 8, cross_product.call(holder_end, sums.end))
+    add_double_cross.call(sums.mean, holder_end, -0.5 * moment, contact.column[c], o + copy)
+    add_double_cross.call(holder_mid, sums.mean_end, 0.5 * moment, contact.column[c], o + copy)
+    o = entry_of(contact, k, row, dofs) + 8 * d
+    add_to(contact.column[k], o + d, 8, -moment * cross_product.call(holder_mid, sums.mean_s))
+    add_to(contact.line[k], o + d, 8, (-0.5 * moment) * cross_product.call(holder_end, sums.t1))
+
+
+@kernel
+def begin_moments(term, system, k, c):
+    """Clear the entries of constraint c, the moments of slider k; the copy of the holder's spin is that of the increment."""
+    contact, dofs = system.contact, system.dofs
+    d = dim(dofs)
+    copy = 3 if d == 3 else 1
+    contact.entries[c] = 0
+    for i in range(64):
+        contact.corner[c, i] = 0.0
+    for i in range(8):
+        contact.residual[c, i] = 0.0
+    for i in range(copy, 8):
+        contact.corner[c, 9 * i] = 1.0
+    row = system.row_of[term.sliders.spin_root[term.sliders.point[k]]]
+    o = entry_of(contact, c, row, dofs) + 8 * d
+    for i in range(copy):
+        contact.line[c, o + 8 * i + copy + i] = -1.0
+
+
+@hold_section.register(Sleeves)
+@kernel
+def hold_section_in_sleeve(sleeves, term, system, k, base, lo, hi):
+    o = sleeves.of_slider[k]
+    if o < 0:
+        return
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+    d = dim(dofs)
+    point = term.sliders.point[k]
+    c = sleeves.first[0] + o
+    begin_moments(term, system, k, c)
+    for i in range(8):
+        contact.cross[o, 0, i] = 0.0
+        contact.cross[o, 1, i] = 0.0
+    pairs = 3 if d == 3 else 1
+    for p in range(pairs):
+        moment = state.force[contact.first_force[c] + p]
+        if p == 2 and not sleeves.keyed[o]:
+            # a multiplier that stays zero
+            contact.corner[c, 9 * p] = 1.0
+            contact.residual[c, p] = moment
+            continue
+        i = p // 2
+        j = min(p + 1, 2)
+        holder_start = holder_director.call(dofs, sleeves, o, i, state.q, point)
+        holder_mid = holder_director.call(dofs, sleeves, o, i, work.q_mid, point)
+        holder_end = holder_director.call(dofs, sleeves, o, i, work.q_end, point)
+        sums = sum_pair(contact.basis, system, base, lo, hi, j)
+        put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, base, lo, hi)
+        put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end)
+        slide = 0.5 * (dot(holder_start, sums.t0) + dot(holder_end, sums.t1))
+        contact.residual[c, p] = dot(holder_end, sums.end)
+        contact.residual[k, d] -= moment * slide
+        contact.corner[k, 9 * d] -= 0.5 * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
+        contact.cross[o, 0, p] = -slide
+        contact.cross[o, 1, p] = dot(holder_end, sums.end_s)
+
+
+# --- as a term of a step ------------------------------------------------------------------------------------------------
+@take_unknowns.register(Sleeves)
+@kernel
+def take_moments(sleeves, system):
+    """Add the increments of all moments."""
+    contact, y, force = system.contact, system.work.y, system.state.force
+    for c in range(sleeves.first[0], sleeves.first[0] + sleeves.keyed.shape[0]):
+        for p in range(contact.forces[c]):
+            force[contact.first_force[c] + p] += y[contact.first[c] + p]
+
+
+@is_settled.register(Sleeves)
+@kernel
+def sections_are_held(sleeves, system):
+    """Whether the augmented Lagrangian of the last iteration leaves errors of directions of round-off size only."""
+    for c in range(sleeves.first[0], sleeves.first[0] + sleeves.keyed.shape[0]):
+        if not system.contact.remaining[c] <= SETTLED:
+            return False
+    return True

@@ -1,0 +1,56 @@
+"""Sleeves: sliders that hold the direction of the section."""
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Flag, Name, Number, Vector, Word, checked
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.checks import Array
+from fastbeam.scene.parts import CURVES, ABeam, Node, PointMass, Slider
+from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
+
+
+@checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
+         drive=ADrive(), stops=SomeStops(), keyed=Flag(), axis=Vector)
+@dataclass(frozen=True, eq=False)
+class Sleeve(Slider):
+    """A slider that also holds the direction of the beam's section (theory.md 5.7): a rod in a tube, a telescope, a rail.
+
+    The holder carries the sleeve as it lies around the beam at t = 0: there is nothing to align.
+
+    Parameters
+    ----------
+    name, beam, at, rate, curve, friction, drive, stops
+        As of `Slider`. Coulomb friction is that of the contact force, without that of the moments.
+    point : RigidBody or NodeRef
+        The holder: a body or a point of it, or a node of another beam, such as the end of a tube. One that is clamped holds the
+        sleeve fixed in space.
+    keyed : bool
+        Whether the beam's twist is held, too; False lets it turn about its axis in the sleeve.
+    axis : array_like (3,), optional
+        Direction of the bore in the triad of the holder. It has to be that of the beam at t = 0; the default takes that.
+
+    Raises
+    ------
+    SceneError
+        An argument is of the wrong kind or not finite, or the holder is a point mass, which has no direction. `compile_scene`
+        tests the axis.
+    """
+
+    kind: ClassVar[str] = "sleeve"
+
+    _: KW_ONLY
+    keyed: bool = True
+    axis: Array | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        who = checks.label(self.kind, self.name)
+        if isinstance(self.point.owner, PointMass):
+            raise SceneError(f"{who}: {self.point} has no direction that could hold a section; use a RigidBody, or a Slider")
+        if self.axis is not None and not np.linalg.norm(self.axis) > 0.0:
+            raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")

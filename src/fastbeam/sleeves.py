@@ -1,0 +1,56 @@
+"""Sleeves of a scene: the triad that every holder has in the direction of its beam, and the conditions as NumPy sees them."""
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import SceneError
+from .kernels.sleeve import Sleeves
+from .numbering import NodeList
+from .scene import Scene, Sleeve
+
+Array = np.ndarray
+# largest angle between the axis that a sleeve is given and its beam, rad
+ALIGNED = 1e-6
+
+
+def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
+    """The table of all sleeves; joints: number of those with multipliers, whose constraints come before.
+
+    Raises
+    ------
+    SceneError
+        The axis of a sleeve is not that of its beam.
+    """
+    if not scene.sleeves:
+        return None
+    of_slider = np.full(len(scene.sliders), -1, np.int64)
+    axes = []
+    for k, slider in enumerate(scene.sliders):
+        if isinstance(slider, Sleeve):
+            of_slider[k] = len(axes)
+            axes.append(_axes(slider, nodes))
+    keyed = np.array([sleeve.keyed for sleeve in scene.sleeves], np.int64)
+    return Sleeves(of_slider, np.array([len(scene.sliders) + joints]), keyed, np.concatenate(axes).reshape(-1))
+
+
+def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
+    """R [3, 3] with D_i = sum_k R_ik d_k of the holder: D_i . d_j(s) = 0 for i < j at t = 0."""
+    first, values, _ = sleeve.beam.basis.curve(sleeve.curve).evaluate(sleeve.at)
+    keep = np.flatnonzero(values[0])
+    d = np.einsum("a,ajc->jc", values[0, keep], nodes.directors[nodes.start(sleeve.beam) + int(first[0]) + keep])
+    # exact for directors that are not orthonormal, as between the nodes of a curved beam
+    axis = np.cross(d[1], d[2])
+    axis /= np.linalg.norm(axis)
+    second = np.cross(d[2], axis)
+    second /= np.linalg.norm(second)
+    triad = nodes.directors[nodes.number(sleeve.point)]
+    axes = np.stack((axis, second, np.cross(axis, second))) @ triad.T
+    if sleeve.axis is not None:
+        given = sleeve.axis / np.linalg.norm(sleeve.axis)
+        angle = float(np.arctan2(np.linalg.norm(np.cross(given, axes[0])), given @ axes[0]))
+        if min(angle, np.pi - angle) > ALIGNED:
+            raise SceneError(f"sleeve {sleeve.name!r}: its axis and {sleeve.beam.label} at={sleeve.at:.6g} make an angle of "
+                             f"{np.degrees(angle):.6g} degrees at t = 0 (allowed: {np.degrees(ALIGNED):.2g}); turn "
+                             f"{sleeve.point.owner.label} or the beam, or leave axis out: then the sleeve lies around the beam as "
+                             "it is")
+    return axes
