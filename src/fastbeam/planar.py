@@ -18,6 +18,7 @@ from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
 from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
+from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
 
@@ -236,8 +237,9 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
                           numbers_of(found.ties), ties.moves)
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
-    return replace(plane, model=replace(
-        model, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
+    sleeves, moments = sleeves_in_plane(model, plane)
+    return replace(plane, moments=moments, model=replace(
+        model, sleeves=sleeves, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))

@@ -1,7 +1,7 @@
 """The plane of a scene: states of the scene in space and in the plane, and the model with 3 unknowns a node (theory.md 10)."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +35,8 @@ class Plane:
         Constant component of the directors along the normal.
     vectors : int
         Forces of constraints that are vectors; behind them come single ones.
+    moments : float64 [O, 3]
+        Of sleeves: their three multipliers in space next to the one in the plane. They come last.
     model : Model
         With 4 coordinates a node, x, y and u, and 3 unknowns.
     """
@@ -44,6 +46,7 @@ class Plane:
     factor: Array
     normal: Array
     vectors: int
+    moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     model: Any = None
 
     @property
@@ -62,15 +65,17 @@ class Plane:
         k = np.argmax(np.abs(self.factor), axis=1)
         at = np.arange(n)
         q, v = (np.stack((z[:, 0], z[at, 1 + k] / self.factor[at, k]), axis=1) for z in flat)
-        vectors = 3 * self.vectors
+        vectors, moments = 3 * self.vectors, state.force.size - self.moments.size
         force = to_plane(state.force[:vectors].reshape(-1, 3), self.axes)
-        return State(numbers_of(q), numbers_of(v), state.s.copy(), np.concatenate((numbers_of(force), state.force[vectors:])),
-                     state.history.copy())
+        about = np.sum(self.moments * state.force[moments:].reshape(-1, 3), axis=1)
+        return State(numbers_of(q), numbers_of(v), state.s.copy(),
+                     np.concatenate((numbers_of(force), state.force[vectors:moments], about)), state.history.copy())
 
     def expand(self, flat: State) -> State:
         """Coordinates in space."""
-        vectors = 2 * self.vectors
-        force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:]))
+        vectors, moments = 2 * self.vectors, flat.force.size - len(self.moments)
+        about = flat.force[moments:, None] * self.moments
+        force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:moments], about.reshape(-1)))
         return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force, flat.history.copy())
 
     def _within(self, x: Array) -> Array:

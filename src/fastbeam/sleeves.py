@@ -1,11 +1,15 @@
 """Sleeves of a scene: the triad that every holder has in the direction of its beam, and the conditions as NumPy sees them."""
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .errors import SceneError
 from .kernels.sleeve import Sleeves
+from .model import Model
 from .numbering import NodeList
+from .plane import Plane, numbers_of, to_plane
 from .scene import Scene, Sleeve
 
 Array = np.ndarray
@@ -54,3 +58,23 @@ def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
                              f"{sleeve.point.owner.label} or the beam, or leave axis out: then the sleeve lies around the beam as "
                              "it is")
     return axes
+
+
+def sleeves_in_plane(model: Model, plane: Plane) -> tuple[Sleeves | None, Array]:
+    """The table for nodes with 3 unknowns, and of every sleeve its three multipliers in space next to the one in the plane,
+    [O, 3]. There D_1 . J u(s) = 0 holds with u = d_1; d_2 = cos J u + sin n and d_3 = - sin J u + cos n of space."""
+    sleeves: Any = model.sleeves
+    if sleeves is None:
+        return None, np.zeros((0, 3))
+    assert model.curves is not None and model.sliders is not None
+    sliders = model.sleeve_pairs[:, 0]
+    holder = model.sliders.point[sliders]
+    q = model.q0.reshape(-1, 4, 3)
+    axis = np.einsum("ok,okc->oc", sleeves.axes.reshape(-1, 3, 3)[:, 0], q[holder, 1:])
+    flat = to_plane(q[:, 1:], plane.axes)
+    k = np.argmax(np.abs(plane.factor), axis=1)[holder]
+    u = flat[holder, k] / plane.factor[holder, k]
+    beam = model.curves.meta[model.sliders.curve[sliders], 0]
+    cos, sin = plane.factor[beam, 1].imag, plane.normal[beam, 1]
+    turn = to_plane(axis, plane.axes) * np.conj(u) / np.abs(u)
+    return sleeves._replace(axes=numbers_of(turn / np.abs(turn))), np.stack((cos, -sin, np.zeros(len(cos))), axis=1)
