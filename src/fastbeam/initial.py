@@ -8,8 +8,10 @@ from .errors import SceneError
 from .kernels.work import State
 from .multipliers import KeptLink
 from .numbering import NodeList
-from .projection import project
+from .projection import along_curve, project
 from .scene import PointMass, RigidBody, Scene
+from .sections_held import Section
+from .sleeves import held_at_start
 from .tables import Elements
 
 Array = np.ndarray
@@ -38,7 +40,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
     v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
     changed = ""
-    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept)
+    held = held_at_start(scene, nodes, joints, lines)
+    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
         size, text = max(wrong)
@@ -47,8 +50,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
             given = v, omega
-            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept)
-            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept))
+            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held)
+            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held))
             if size > 1e-7 * scale:
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
@@ -190,7 +193,8 @@ def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Arra
 
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
-              lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink]) -> list[tuple[float, str]]:
+              lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink], held: list[tuple[int, Section]],
+              ) -> list[tuple[float, str]]:
     """(size in m/s, what) of what the velocities violate, the worst of every kind."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
@@ -217,4 +221,11 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
         out.append((float(np.linalg.norm(relative - rate * tangent)), f"slider {slider.name!r}"))
         if slider.rate is not None:
             out.append((abs(rate - slider.rate), f"slider {slider.name!r} (rate {slider.rate:g} m/s against {rate:g} m/s)"))
+    for k, section in held:
+        spins, of_holder = section.by_spins()
+        lead, along = along_curve(nodes, lines[k])
+        rate = sum(float(along[i] @ v[node]) for i, node in enumerate(lead))
+        turning = np.einsum("pac,ac->p", spins, omega[section.roots[:-1]]) + of_holder @ omega[section.roots[-1]]
+        out.append((float(np.linalg.norm(turning + section.values(1) * rate)) * size,
+                    f"sleeve {scene.sliders[k].name!r} (rotation)"))
     return out

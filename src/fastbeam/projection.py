@@ -10,6 +10,7 @@ from .multipliers import KeptLink
 from .nearest import nearest
 from .numbering import NodeList
 from .scene import RigidBody, Scene
+from .sections_held import Section
 from .tables import Elements
 
 Array = np.ndarray
@@ -17,13 +18,14 @@ Line = tuple[Array, Array, Array, int]
 
 
 def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements], v: Array, omega: Array,
-            lines: list[Line], kept: list[KeptLink]) -> tuple[Array, Array, tuple[float, float]]:
+            lines: list[Line], kept: list[KeptLink], held: list[tuple[int, Section]],
+            ) -> tuple[Array, Array, tuple[float, float]]:
     """Velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and after, J.
 
     Weighed by the masses alone; what has no inertia changes as little as it may.
     """
     mass = mass_matrix(scene, nodes, elements)
-    matrix, right = _constraints(scene, nodes, joints, lines, kept)
+    matrix, right = _constraints(scene, nodes, joints, lines, kept, held)
     given = np.concatenate((v, omega), axis=1).reshape(-1)
     x = nearest(mass, matrix, right, given, np.arange(given.size) % 6 >= 3)
     found = x.reshape(-1, 6)
@@ -32,7 +34,7 @@ def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[E
 
 
 def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line],
-                 kept: list[KeptLink]) -> tuple[Any, Array]:
+                 kept: list[KeptLink], held: list[tuple[int, Section]]) -> tuple[Any, Array]:
     """Rows of all constraints on (v, omega) of all nodes, sparse [m, 6 N], and their right-hand sides [m]."""
     from scipy import sparse
     rows: list[Array] = []
@@ -82,8 +84,23 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         else:
             lead, value = eye, slider.rate * tangent
         add([(point, 0, lead), *((int(k), 0, -x * lead) for k, x in zip(number, values))], value)
+    for k, section in held:
+        spins, of_holder = section.by_spins()
+        parts = [(int(root), 1, spins[:, a]) for a, root in enumerate(section.roots[:-1])]
+        parts.append((int(section.roots[-1]), 1, of_holder))
+        # the section changes along the beam
+        parts += [(int(node), 0, np.outer(section.values(1), x)) for node, x in zip(*along_curve(nodes, lines[k]))]
+        add(parts, np.zeros(section.pairs))
     where = np.concatenate(rows), np.concatenate(columns)
     return sparse.csr_matrix((np.concatenate(data), where), shape=(len(right), 6 * len(nodes))), np.array(right)
+
+
+def along_curve(nodes: NodeList, line: Line) -> tuple[Array, Array]:
+    """Nodes [n + 1] and vectors [n + 1, 3] whose sum of products with velocities is the rate of a slider, m/s."""
+    number, values, slopes, point = line
+    tangent = slopes @ nodes.phi[number]
+    along = tangent / (tangent @ tangent)
+    return np.append(number, point), np.concatenate((-np.outer(values, along), along[None]))
 
 
 def mass_matrix(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Any:

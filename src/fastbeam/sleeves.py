@@ -5,14 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from .connections import Connections
 from .errors import SceneError
 from .kernels.sleeve import Sleeves
 from .model import Model
 from .numbering import NodeList
 from .plane import Plane, numbers_of, to_plane
 from .scene import Scene, Sleeve
+from .sections_held import Section
 
 Array = np.ndarray
+Line = tuple[Array, Array, Array, int]
 # largest angle between the axis that a sleeve is given and its beam, rad
 ALIGNED = 1e-6
 
@@ -35,6 +38,18 @@ def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
             axes.append(_axes(slider, nodes))
     keyed = np.array([sleeve.keyed for sleeve in scene.sleeves], np.int64)
     return Sleeves(of_slider, np.array([len(scene.sliders) + joints]), keyed, np.concatenate(axes).reshape(-1))
+
+
+def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:
+    """Every sleeve: number of its slider, and the section in it at t = 0."""
+    out = []
+    for k, (slider, (number, values, slopes, point)) in enumerate(zip(scene.sliders, lines)):
+        if isinstance(slider, Sleeve):
+            turn = _axes(slider, nodes)
+            every = np.append(number, point)
+            out.append((k, Section(every, joints.spin_root[every], np.stack((values, slopes)), nodes.directors[number], turn,
+                                   turn @ nodes.directors[point], 3 if slider.keyed else 2)))
+    return out
 
 
 def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:

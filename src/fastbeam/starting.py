@@ -15,6 +15,7 @@ from .maps import free_unknowns, mass_map, share_map, tie_map, velocity_map
 from .model import Model
 from .multipliers import KeptLink, gap_matrix
 from .nearest import nearest
+from .sections_held import sections
 
 Array = np.ndarray
 # what round-off of a long run may leave between tied nodes, relative to the size of the scene and to 1 for triads
@@ -163,6 +164,15 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         out.append(Misfit(f"slider {name!r}: the velocity of its point across the beam is", float(np.linalg.norm(across)), "m/s",
                           UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
+    for (k, _), section in zip(model.sleeve_pairs, sections(model, state.s, q)):
+        name = f"sleeve {model.names['sliders'][k]!r}"
+        _, tangent, relative = contact(model, int(k), state.s[k], q, v)
+        spins = np.concatenate((np.zeros_like(v[:, 0]), 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)), axis=1).reshape(-1)
+        rate = section.row(0, len(q)) @ spins + section.values(1) * (relative @ tangent) / (tangent @ tangent)
+        out.append(Misfit(f"{name}: its direction is", float(np.linalg.norm(section.values())), "rad", GAP, MENDABLE))
+        out.append(Misfit(f"{name}: its spin against the section of the beam, times the size of the scene, is",
+                          float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
+        out[-1].told = SIDEWAYS * speed + noise
     for link in model.kept:
         a, b = link.node
         r, moving = q[b, 0] - q[a, 0], v[b, 0] - v[a, 0]
@@ -252,7 +262,7 @@ def _lift(model: Model, q: Array) -> tuple[Any, Array]:
 
 
 def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
-    """Gaps across the curves [2 S] and of joints with multipliers as a matrix on the coordinates, sparse, and their values; moves
+    """Gaps across the curves [2 S], of joints with multipliers and of directions in sleeves as a matrix on the coordinates, sparse, and their values; moves
     s to the nearest points."""
     from scipy import sparse
     out = sparse.lil_matrix((2 * s.size, q.size))
@@ -275,7 +285,19 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
     x = q[:, 0]
     own = [link.law.gap(x[link.node[1]] - x[link.node[0]], _at_start(model, link)) for link in model.kept]
-    return sparse.vstack((out.tocsr(), gap_matrix(model.kept, x)), format="csr"), np.concatenate((gaps, *own))
+    directions = []
+    for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q.reshape(-1, 4, 3))):
+        # the place of the sleeve follows its point along the beam
+        nodes, values, slopes = curve_at(model, int(k), s[k])
+        tangent = slopes @ x[nodes]
+        way = sparse.lil_matrix((1, q.size))
+        for c in range(3):
+            way[0, 12 * nodes + c] = -values * tangent[c] / (tangent @ tangent)
+            way[0, 12 * int(model.sliders.point[k]) + c] = tangent[c] / (tangent @ tangent)  # type: ignore[union-attr]
+        directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
+        own.append(section.values())
+    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, x), *directions), format="csr"),
+            np.concatenate((gaps, *own)))
 
 
 def _turned(triads: Array, spins: Array) -> Array:
