@@ -19,6 +19,7 @@ from .maps import tie_map, velocity_map
 from .model import Model
 from .multipliers import gap_matrix
 from .pattern import Pattern
+from .sections_held import Section, sections
 
 Array = np.ndarray
 # entries of constraints that a structure keeps, next to those that there are
@@ -32,10 +33,12 @@ class Border(NamedTuple):
     tangent: Array    # float64 [S, d]: c'(s)
     sliding: Array    # float64 [S], N: F . c'
     bend: Array       # float64 [S], N/m: F . c''
-    gradient: Any     # sparse [F, m]: derivative of the gaps, of joints too, by the unknowns of the nodes
+    gradient: Any     # sparse [F, m]: derivative of the gaps, of joints and sleeves too, by the unknowns of the nodes
     slide: Any        # sparse [S, m]: of the sliding equations
-    joint_gap: Array  # float64 [F - d S]: of joints with multipliers, m
-    bent: Any         # sparse [m, m]: second derivative of - sum F . gap of joints, N/m
+    joint_gap: Array  # float64 [F - d S]: of joints with multipliers, m, and directions in sleeves, rad
+    bent: Any         # sparse [m, m]: second derivative of - sum F . gap of joints and sleeves, N/m
+    turns: Any        # sparse [F, S]: minus the derivative of directions in sleeves by s, rad/m
+    idle: Array       # int64 [I]: multipliers that stay zero
 
 
 class Weights(NamedTuple):
@@ -147,8 +150,53 @@ class StaticContacts:
         f = force[:s * d].reshape(s, d)
         pick = sparse.csr_matrix((force[:s * d], (np.repeat(np.arange(s), d), np.arange(s * d))), shape=(s, s * d))
         joint_gap, of_joints, bent = self._joints(q, force[s * d:])
-        return Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
-                      sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent)
+        border = Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
+                        sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent,
+                        sparse.csr_matrix((force.size, s)), np.zeros(0, np.int64))
+        return border if self.model.sleeves is None else self._with_sleeves(border, q, force)
+
+    def _with_sleeves(self, border: Border, q: Array, force: Array) -> Border:
+        """The same with the directions that sleeves hold, whose multipliers come last."""
+        from scipy import sparse
+        model = self.model
+        n, s = model.n_nodes, len(border.gap)
+        first = border.gradient.shape[0]
+        value, lead, slide, turned, turns, idle = [border.joint_gap], [border.gradient], [], [], [], []
+        sliding, bend = border.sliding.copy(), border.bend.copy()
+        for k, section, within, mu in self._sections(q, force):
+            value.append(within @ section.values())
+            lead.append(sparse.csr_matrix(within) @ section.row(0, n) @ self._rows)
+            turned.append(section.turned(mu, n))
+            turns.append(-within @ section.values(1))
+            pick = sparse.csr_matrix((-mu[:section.pairs], (np.full(section.pairs, k), np.arange(section.pairs))),
+                                     shape=(s, section.pairs))
+            slide.append(pick @ section.row(1, n))
+            sliding[k] -= mu[:section.pairs] @ section.values(1)
+            bend[k] -= mu[:section.pairs] @ section.values(2)
+            if section.pairs == 2 and self.axes is None:
+                idle.append(first + sum(map(len, turns)))
+                value.append(np.zeros(1)); lead.append(sparse.csr_matrix((1, self._rows.shape[1]))); turns.append(np.zeros(1))
+        of = np.repeat(self.model.sleeve_pairs[:, 0], 3 if self.axes is None else 1)
+        flat = np.concatenate(turns)
+        bent = border.bent + self._rows.T @ sum(turned) @ self._rows
+        return border._replace(
+            gradient=sparse.vstack(lead, format="csr"), joint_gap=np.concatenate(value), sliding=sliding, bend=bend,
+            slide=border.slide + sum(slide) @ self._rows, bent=bent.tocsr(), idle=np.array(idle, np.int64),
+            turns=sparse.csr_matrix((flat, (first + np.arange(flat.size), of)), shape=(force.size, s)))
+
+    def _sections(self, q: Array, force: Array) -> list[tuple[int, Section, Array, Array]]:
+        """Every sleeve at coordinates q [12 N]: number of its slider, the section in it, what its equations take of the
+        conditions, and its multipliers in space."""
+        model = self.model
+        out = []
+        count = 3 if self.axes is None else 1
+        at = force.size - count * len(model.sleeve_pairs)
+        assert self._s is not None
+        for o, ((k, _), section) in enumerate(zip(model.sleeve_pairs, sections(model, self._s, q.reshape(-1, 4, 3)))):
+            mine = force[at + count * o:at + count * (o + 1)]
+            within = np.eye(section.pairs) if self.axes is None else model.plane.moments[o:o + 1, :section.pairs]
+            out.append((int(k), section, within, mine if self.axes is None else mine[0] * model.plane.moments[o]))
+        return out
 
     def _joints(self, q: Array, force: Array) -> tuple[Array, Any, Any]:
         """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and second ones of -force . gap."""
@@ -208,7 +256,14 @@ class StaticContacts:
         if flat:
             of_node = of_node @ self.axes[:2].T  # type: ignore[index]
         out = np.zeros((n + 1, 8))
-        np.add.at(out[:, :of_node.shape[1]], self.model.pattern.row_of, of_node)
+        d = of_node.shape[1]
+        np.add.at(out[:, :d], self.model.pattern.row_of, of_node)
+        for _, section, _, mu in [] if self.model.sleeves is None else self._sections(q, force):
+            of_nodes, of_holder = section.by_spins()
+            moments = np.einsum("p,pac->ac", mu[:section.pairs], np.concatenate((of_nodes, of_holder[:, None]), axis=1))
+            if self.axes is not None:
+                moments = moments @ self.axes[2:].T
+            np.add.at(out[:, d:d + moments.shape[1]], self.model.pattern.row_of[section.roots], moments)
         return out.reshape(-1)
 
 
@@ -276,18 +331,21 @@ class SaddleMatrix:
         from scipy import sparse
         m, s = self.nodes, self.sliders
         free = sliding.astype(float)
-        gradient, slide, bent = (x.tocoo() for x in (border.gradient, border.slide, border.bent))
+        gradient, slide, bent, turns = (x.tocoo() for x in (border.gradient, border.slide, border.bent, border.turns))
         dim = border.tangent.shape[1]
         of, component = np.repeat(np.arange(s), dim), m + s + np.arange(dim * s)
         turn = (border.tangent * free[:, None]).reshape(-1)
         push = slide.data * free[slide.row]
         diagonal = m + np.arange(s)
+        of, component = np.append(of, turns.col), np.append(component, m + s + turns.row)
+        turn = np.append(turn, turns.data * free[turns.col])
+        idle = m + s + border.idle
         rows = np.concatenate((bent.row, slide.col, gradient.col, m + slide.row, diagonal, m + of, m + s + gradient.row,
-                               component))
+                               component, idle))
         columns = np.concatenate((bent.col, m + slide.row, m + s + gradient.row, slide.col, diagonal, component, gradient.col,
-                                  m + of))
+                                  m + of, idle))
         values = np.concatenate((bent.data, push, -gradient.data, push, np.where(sliding, border.bend + drag, 1.0), turn,
-                                 -gradient.data, turn))
+                                 -gradient.data, turn, np.full(idle.size, -1.0)))
         keys = rows.astype(np.int64) * self.n + columns
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
         if not (self._known.size and np.array_equal(self._known[place], keys)):
