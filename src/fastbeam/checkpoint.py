@@ -59,8 +59,8 @@ class Checkpoint:
         where the step is fixed.
     next_step : float or None
         Step size that the step control proposes.
-    mean_force : float64 [3 S] or None
-        Contact forces of the last step, half of what the next row records; None before the first step.
+    mean_force : float64 [F] or None
+        Forces of all constraints, those of sliders first, in the last step, half of what the next row records; None before the first step.
     scene, fingerprint : str
         Name and hash of the model.
     last_step : float or None
@@ -236,7 +236,7 @@ class Clock:
     now : float
     size : float
         Of the next step; with a fixed step the same all the time.
-    before, before_size : float64 [3 S] or None, float or None
+    before, before_size : float64 [F] or None, float or None
         Mean contact force of the last step, and its size.
     """
 
@@ -327,7 +327,9 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
                          f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or was made by another version or on "
                          "another machine; compile the same scene, or go on at your own risk with "
                          "start=checkpoint.state, t_start=checkpoint.t")
-    before = None if start.mean_force is None else start.mean_force.copy()
+    # files of earlier versions hold those of sliders alone
+    known = start.mean_force is not None and start.mean_force.size == model.n_forces
+    before = start.mean_force.copy() if known else None  # type: ignore[union-attr]
     clock = Clock(start.t, start.t, step, step, before=before, before_size=start.last_step)
     if controlled and start.next_step is not None:
         clock.origin, clock.size = start.t_start, start.next_step

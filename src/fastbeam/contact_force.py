@@ -19,7 +19,7 @@ EQUAL, ALIKE = 1e-9, 0.02
 
 
 class ContactForces:
-    """Forces of all sliders at rows. Between two steps of the same size it is the mean of theirs. The first and the last row of a
+    """Forces of all constraints, F of them, at rows. Between two steps of the same size it is the mean of theirs. The first and the last row of a
     run, and one beside a shorter step, have no such neighbours: there a few steps are taken ahead or back, for their forces only.
 
     Parameters
@@ -40,11 +40,11 @@ class ContactForces:
 
     @property
     def unknown(self) -> Array:
-        """[3 S]"""
-        return np.full(3 * self.stepper.model.n_sliders, np.nan)
+        """[F]"""
+        return np.full(self.stepper.model.n_forces, np.nan)
 
     def first(self, clock: Clock) -> Array | None:
-        """The force at the first row [3 S]; None where the run goes on from a checkpoint and the next step will tell."""
+        """The force at the first row [F]; None where the run goes on from a checkpoint and the next step will tell."""
         size = clock.before_size
         if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step, ALIKE)):
             return None
@@ -52,7 +52,7 @@ class ContactForces:
         return self._at(clock.now, clock.size)
 
     def between(self, clock: Clock, t: float, size: float, after: Array, steps: int) -> Array:
-        """The force [3 S] at the last row; size, after: of the steps that followed, mean forces of the first [3 S]; t: the
+        """The force [F] at the last row; size, after: of the steps that followed, mean forces of the first [F]; t: the
         present time, their end."""
         before, step = clock.before, clock.before_size
         assert before is not None and step is not None
@@ -64,14 +64,14 @@ class ContactForces:
         return self._at(t, -step, back=size)
 
     def last(self, clock: Clock) -> Array:
-        """The force [3 S] at the end of a run."""
+        """The force [F] at the end of a run."""
         if clock.before_size is None:
             return self.unknown
         step = clock.before_size if self.controlled else clock.step
         return self._at(clock.now, -step)
 
     def _at(self, t: float, step: float, *, back: float = 0.0) -> Array:
-        """The force [3 S] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run,
+        """The force [F] at the time t of the present state, or `back` before it; NaN where steps fail. step: of the run,
         negative to look back. Leaves no trace."""
         stepper = self.stepper
         saved, fallbacks = stepper.save(), stepper.linear.fallbacks

@@ -179,6 +179,11 @@ class Model:
                         + [moments] * len(self.sleeve_pairs), np.int64)
 
     @property
+    def n_forces(self) -> int:
+        """Number of forces of all constraints."""
+        return int(self.forces.sum())
+
+    @property
     def unknowns(self) -> Array:
         """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces, moments
         of a sleeve a copy of a spin and are filled up to the same number."""
@@ -225,7 +230,7 @@ class Model:
     @property
     def own_unknowns(self) -> int:
         """The same of these tables, whether or not the scene has a plane."""
-        return len(self.dofs) * self.n_rows - self.n_held + int(self.forces.sum()) + self.n_sliders
+        return len(self.dofs) * self.n_rows - self.n_held + self.n_forces + self.n_sliders
 
     @property
     def n_rows(self) -> int:
@@ -279,7 +284,7 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.forces.sum()), np.zeros(self.history_size))
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), np.zeros(self.history_size))
 
     @property
     def slider_limits(self) -> Array:

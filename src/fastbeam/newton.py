@@ -322,7 +322,7 @@ class Stepper:
         self._augment(h)
         counts = np.zeros(5, np.int64)
         sizes = np.zeros(self.max_iterations)
-        force = np.zeros((2, model.dim * model.n_sliders))
+        force = np.zeros((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:
             ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
@@ -390,7 +390,7 @@ class Stepper:
                                                      np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
-        return force if self.plane is None else self.plane.forces(force)
+        return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
         """Settings of the augmented Lagrangian for steps of size h."""
@@ -401,12 +401,12 @@ class Stepper:
     def _python_run(self, factors: Array | None, h: float, n: int, drives: tuple[Array, ...] = ()) -> Outcome:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
-        force = np.zeros((2, model.dim * model.n_sliders))
+        force = np.zeros((2, state.force.size))
         iterations = 0
         sizes = np.zeros(0)
         for k in range(n):
             parts.keep()
-            last = np.zeros(model.dim * model.n_sliders)
+            last = np.zeros(state.force.size)
             status, slider = OK, -1
             for m, weight in enumerate(self.weights):
                 if factors is not None:

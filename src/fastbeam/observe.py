@@ -17,6 +17,7 @@ from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
 from .result import ALONG, ResultHeader
+from .sections_held import Section, sections
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
@@ -57,10 +58,12 @@ class Observer:
         self._gap = np.zeros(model.n_sliders)
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
+        self.moments = self.slider and model.sleeves is not None
         self.balance = self.energy and model.history_size > 0
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
+        self._sections: list[Section] = []
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -71,6 +74,8 @@ class Observer:
             out |= {"lin_mom": (3,), "ang_mom": (3,)}
         if self.inner:
             out |= {"center": (3,), "inner_energy": (), "inner_spin": (3,)}
+        if self.moments:
+            out["contact_moment"] = (self.model.n_sliders, 3)
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
@@ -110,6 +115,7 @@ class Observer:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
+            self._sections = sections(model, state.s, state.q.reshape(-1, 4, 3))
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
@@ -143,8 +149,15 @@ class Observer:
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
-    def add_forces(self, row: dict[str, Any]) -> None:
-        """Forces along the beam on sliders to a row whose contact forces are known by now."""
+    def add_forces(self, row: dict[str, Any], force: Array) -> None:
+        """Contact forces to a row, moments of sleeves and forces along the beam; force: of all constraints [F] at its time."""
+        s = self.model.n_sliders
+        row["contact_force"] = force[:3 * s].reshape(-1, 3)
+        if self.moments:
+            row["contact_moment"] = np.zeros((s, 3))
+            own = force[force.size - 3 * len(self._sections):].reshape(-1, 3)
+            for k, section, mu in zip(self.model.sleeve_pairs[:, 0], self._sections, own):
+                row["contact_moment"][k] = section.moment(mu)
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"])
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,

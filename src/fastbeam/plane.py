@@ -73,10 +73,8 @@ class Plane:
 
     def expand(self, flat: State) -> State:
         """Coordinates in space."""
-        vectors, moments = 2 * self.vectors, flat.force.size - len(self.moments)
-        about = flat.force[moments:, None] * self.moments
-        force = np.concatenate((self.forces(flat.force[:vectors]), flat.force[vectors:moments], about.reshape(-1)))
-        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), force, flat.history.copy())
+        return State(self._within(flat.q) + self._above, self._within(flat.v), flat.s.copy(), self.forces(flat.force),
+                     flat.history.copy())
 
     def _within(self, x: Array) -> Array:
         """[12 N] from [4 N], without what points along the normal."""
@@ -93,8 +91,11 @@ class Plane:
         return (up[:, :, None] * self.axes[2]).reshape(-1)
 
     def forces(self, force: Array) -> Array:
-        """Contact forces [..., 2 S] in space, [..., 3 S]."""
-        return to_space(force.view(complex), self.axes).reshape(*force.shape[:-1], -1)
+        """Forces of all constraints [*] in space."""
+        vectors, moments = 2 * self.vectors, force.size - len(self.moments)
+        about = force[moments:, None] * self.moments
+        return np.concatenate((to_space(np.ascontiguousarray(force[:vectors]).view(complex), self.axes).reshape(-1),
+                               force[vectors:moments], about.reshape(-1)))
 
     def holds(self, state: State) -> bool:
         """Whether a state lies in the plane."""

@@ -89,13 +89,12 @@ class Rows:
         if self.pending is None:
             return
         if self.observer.slider:
-            self.pending[1]["contact_force"] = np.asarray(self._force(t, size, after, steps)).reshape(-1, 3)
-            self.observer.add_forces(self.pending[1])
+            self.observer.add_forces(self.pending[1], np.asarray(self._force(t, size, after, steps)))
         (time_of_row, row), self.pending = self.pending, None
         self._feed("append", row, time_of_row)
 
     def _force(self, t: float, size: float, after: Array | None, steps: int) -> Array | None:
-        """Contact forces [3 S] of the waiting row."""
+        """Forces of all constraints in the waiting row."""
         if self.forces is None:
             # forces at the end of a step are those of its time
             return self.clock.before

@@ -29,7 +29,7 @@ ROWS: dict[str, tuple[int | str, ...]] = {
                      "iterations", "step_size"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
-    **dict.fromkeys(("contact_force", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
+    **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 # what to write for series that are not there

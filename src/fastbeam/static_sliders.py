@@ -74,7 +74,7 @@ class SlidingSolver(StaticSolver):
         plane = self.stepper.plane
         self.contacts = StaticContacts(uneliminated, None if plane is None else plane.axes)
         core = self.core
-        self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, int(core.forces.sum()))
+        self._matrix = SaddleMatrix(core.pattern, len(core.dofs), core.n_sliders, core.n_forces)
         self._factors = factors_for(backend)
         self._refused = 0
         # of the first matrix of those with the same free sliders

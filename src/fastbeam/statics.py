@@ -146,8 +146,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
         if model.n_sliders:
-            row["contact_force"] = solver.state.force[:3 * model.n_sliders].reshape(-1, 3)
-            observer.add_forces(row)
+            observer.add_forces(row, solver.state.force)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])

@@ -38,7 +38,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
                 schur=np.zeros((dense, dense)), y=np.zeros(border),
                 scratch=scratch_of(model), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
-                keep_force=np.zeros(kept * model.forces.sum()),
+                keep_force=np.zeros(kept * model.n_forces),
                 keep_history=np.zeros(kept * model.history_size), keep_dphi=np.zeros(kept * model.dim * n),
                 keep_theta=np.zeros(kept * theta.size),
                 past=np.zeros(model.past_size),

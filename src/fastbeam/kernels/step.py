@@ -2,7 +2,7 @@
 
 The loop goes over the terms of a scene; the method, the kind of nodes, contact and solver are types that decide what is called.
 
-Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [max_iterations]; counts_out [4 or 5]; mean_force_out [2, 3 S];
+Arrays: q [12 N], in a plane [4 N]; weights [substeps]; sizes_out [max_iterations]; counts_out [4 or 5]; mean_force_out [2, F];
 vectors [K, 8 (rows + 1)], factors [K], f_ext_out [8 (rows + 1)]; out [1].
 """
 from __future__ import annotations
@@ -338,7 +338,7 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
     iteration.
 
-    mean_force_out [2, 3 S]: mean contact force of the first and of the last step. counts_out: status, steps done, Newton
+    mean_force_out [2, F]: mean forces of all constraints in the first and of the last step. counts_out: status, steps done, Newton
     iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last good one.
     """
     counts_out[0] = OK
