@@ -240,16 +240,18 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
 def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None]:
     if not scene.sliders:
         return None, None
-    index: dict[tuple[int, str], int] = {}
+    index: dict[tuple[int, str, float], int] = {}
     items = []
+    number = []
     for slider in scene.sliders:
-        key = (id(slider.beam), slider.curve)
+        bore = getattr(slider, "length", 0.0)
+        key = (id(slider.beam), "" if bore else slider.curve, bore)
         if key not in index:
             index[key] = len(items)
-            items.append((nodes.start(slider.beam), slider.beam, slider.beam.basis.curve(slider.curve)))
+            items.append((nodes.start(slider.beam), slider.beam, slider.contact_curve))
+        number.append(index[key])
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
-    curve = np.array([index[id(s.beam), s.curve] for s in scene.sliders], np.int64)
-    return pack_curves(items), Sliders(curve, point, joints.spin_root.astype(np.int64))
+    return pack_curves(items), Sliders(np.array(number, np.int64), point, joints.spin_root.astype(np.int64))
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

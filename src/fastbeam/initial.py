@@ -93,7 +93,7 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     """Nodes under every slider, their shape functions and slopes, and the node that slides."""
     out = []
     for slider in scene.sliders:
-        first, values, slopes = slider.beam.basis.curve(slider.curve).evaluate(slider.at)
+        first, values, slopes = slider.contact_curve.evaluate(slider.at)
         keep = np.flatnonzero((values[0] != 0.0) | (slopes[0] != 0.0))
         number = nodes.start(slider.beam) + int(first[0]) + keep
         out.append((number, values[0, keep], slopes[0, keep], nodes.number(slider.point)))

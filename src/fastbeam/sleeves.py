@@ -54,7 +54,7 @@ def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: lis
 
 def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
     """R [3, 3] with D_i = sum_k R_ik d_k of the holder: D_i . d_j(s) = 0 for i < j at t = 0."""
-    first, values, _ = sleeve.beam.basis.curve(sleeve.curve).evaluate(sleeve.at)
+    first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
     keep = np.flatnonzero(values[0])
     d = np.einsum("a,ajc->jc", values[0, keep], nodes.directors[nodes.start(sleeve.beam) + int(first[0]) + keep])
     # exact for directors that are not orthonormal, as between the nodes of a curved beam

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, Word, checked, shown
+from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
@@ -469,6 +470,11 @@ class Slider:
             at = min(max(at, 0.0), beam.length)
         checks.fill(self, at=at)
         self._check_forces(checks.label(self.kind, self.name))
+
+    @property
+    def contact_curve(self) -> CurveBasis:
+        """The curve that the point stays on."""
+        return self.beam.basis.curve(self.curve)
 
     def _check_forces(self, who: str) -> None:
         """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""

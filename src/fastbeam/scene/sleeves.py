@@ -7,6 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from fastbeam.arguments import Flag, Name, Number, Vector, Word, checked
+from fastbeam.averaging import averaged_curve
+from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array
@@ -15,7 +17,8 @@ from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 
 @checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
-         drive=ADrive(), stops=SomeStops(), keyed=Flag(), axis=Vector)
+         drive=ADrive(), stops=SomeStops(), keyed=Flag(), length=Number(least=0.0, unit="m"),
+         axis=Vector)
 @dataclass(frozen=True, eq=False)
 class Sleeve(Slider):
     """A slider that also holds the direction of the beam's section (theory.md 5.7): a rod in a tube, a telescope, a rail.
@@ -31,6 +34,10 @@ class Sleeve(Slider):
         sleeve fixed in space.
     keyed : bool
         Whether the beam's twist is held, too; False lets it turn about its axis in the sleeve.
+    length : float, optional
+        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.7). The default is
+        that of an element of the beam. 0 holds those of a single point; the force that drives a bent beam out of it then depends
+        on where in an element it is, whatever the mesh.
     axis : array_like (3,), optional
         Direction of the bore in the triad of the holder. It has to be that of the beam at t = 0; the default takes that.
 
@@ -45,6 +52,7 @@ class Sleeve(Slider):
 
     _: KW_ONLY
     keyed: bool = True
+    length: float | None = None
     axis: Array | None = None
 
     def __post_init__(self) -> None:
@@ -52,5 +60,16 @@ class Sleeve(Slider):
         who = checks.label(self.kind, self.name)
         if isinstance(self.point.owner, PointMass):
             raise SceneError(f"{who}: {self.point} has no direction that could hold a section; use a RigidBody, or a Slider")
+        if self.length is None:
+            checks.fill(self, length=self.beam.length / self.beam.basis.n_elements)
+        if self.length > self.beam.length:
+            raise SceneError(f"{who}: length={self.length:.6g} m of its bore exceeds that of {self.beam.label}, "
+                             f"{self.beam.length:.6g} m")
         if self.axis is not None and not np.linalg.norm(self.axis) > 0.0:
             raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")
+
+    @property
+    def contact_curve(self) -> CurveBasis:
+        """The curve that the holder stays on: averaged over the bore."""
+        assert self.length is not None
+        return averaged_curve(self.beam.basis, self.length) if self.length > 0.0 else super().contact_curve
