@@ -15,6 +15,7 @@ import numpy as np
 from naive import Step, Twin, beam_strains, increments, skew
 from naive_methods import newton, spins
 
+from fastbeam.averaging import averaged_curve
 from fastbeam.basis import CurveBasis
 from fastbeam.scene import Beam, Scene
 
@@ -32,6 +33,7 @@ class Sleeve:
     at: float
     keyed: bool = True
     curve: str = "c1"
+    bore: float = 0.0
     turn: Array = field(default_factory=lambda: np.eye(3))
 
     @property
@@ -41,8 +43,8 @@ class Sleeve:
 
     @cached_property
     def basis(self) -> CurveBasis:
-        """The basis of positions and directors along the beam."""
-        return self.beam.basis.curve(self.curve)
+        """The basis of positions and directors along the beam, averaged over the bore where there is one."""
+        return averaged_curve(self.beam.basis, self.bore) if self.bore else self.beam.basis.curve(self.curve)
 
     @lru_cache(maxsize=64)  # noqa: B019
     def shape(self, s: float, slope: bool = False) -> Array:
@@ -225,3 +227,39 @@ def start(twin: SleeveTwin, model: Any) -> State:
     """The state that a scene starts from."""
     v = model.v0.reshape(-1, 4, 3)
     return State(twin.q0.copy(), v.copy(), np.array([x.at for x in twin.sleeves]), np.zeros(twin.rows[-1]))
+
+
+class CurveFrameTwin(SleeveTwin):
+    """The step of the package: the contact force of a sleeve is that of a slider, in a frame that turns with the curve
+    (theory.md 5.1), only the moments are those of the triad of the holder."""
+
+    def step_residual(self, step: Step, m: Array) -> Array:
+        """As `SleeveTwin.step_residual`; m: force in space, then moments, of every sleeve."""
+        dq = self.connected(increments(step.q_n, step.dphi, step.theta))
+        q_n1, q_mid = step.q_n + dq, step.q_n + 0.5 * dq
+        inertia = self.mass @ (2.0 / step.h**2 * (dq - step.h * step.v_n)).reshape(4 * self.n, 3)
+        f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1) - self.load_forces(q_mid, *self.dead_loads())
+        turning = np.zeros((self.n, 6))
+        gaps, slide = [], []
+        for k, sleeve in enumerate(self.sleeves):
+            n_mean = 0.5 * (sleeve.shape(step.s_n[k]) + sleeve.shape(step.s_end[k]))
+            divided = sleeve.divided_difference(step.s_n[k], step.s_end[k])
+            at = self.of_beam(sleeve.beam)
+            force, moments = np.split(m[self.rows[k]:self.rows[k + 1]], [3])
+            x, triad, phi, d = self.parts(sleeve, q_mid)
+            holder, nodes = sleeve_forces(sleeve, np.concatenate((np.zeros(3), moments)), n_mean, x, triad, phi, d)
+            f[self.number(sleeve.holder)] -= holder
+            f[at] -= nodes
+            f[self.number(sleeve.holder), 0] -= force
+            f[at, 0] += np.outer(n_mean, force)
+            turning[at, 3:] += np.outer(n_mean, np.cross(x - n_mean @ phi, force))
+            first, last = (divided @ q[at, 0] for q in (step.q_n, q_n1))
+            frame = n_mean @ step.theta[at]
+            pi = [invariants(sleeve, *self.parts(sleeve, q))[:, 3:] for q in (step.q_n, q_n1)]
+            slide.append(0.5 * force @ (first + last) + 0.25 * np.cross(frame, force) @ (last - first)
+                         - sliding(moments, divided, (pi[0], pi[1])))
+            x, triad, phi, d = self.parts(sleeve, q_n1)
+            own = invariants(sleeve, x, triad, phi, d)
+            own[:, :3] = x - phi
+            gaps.append(sleeve.shape(step.s_end[k]) @ own)
+        return np.concatenate(((self.reduced(q_mid, f) + turning)[self.free], *gaps, slide))

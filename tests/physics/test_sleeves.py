@@ -1,0 +1,248 @@
+"""Sleeves: the compiled step against its slow twin, what it conserves, exact motions and exact equilibria."""
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from naive_sleeve import CurveFrameTwin, Sleeve, State  # noqa: E402
+
+Array = np.ndarray
+SOFT = fb.Section(EA=2e3, GA2=1e3, GA3=1.2e3, GJ=80.0, EI2=100.0, EI3=120.0, rhoA=1.0, rhoI2=0.02, rhoI3=0.03)
+TUBE = fb.Section(EA=3e3, GA2=2e3, GA3=2e3, GJ=300.0, EI2=200.0, EI3=200.0, rhoA=1.5, rhoI2=0.1, rhoI3=0.1)
+SLENDER = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
+H = 0.02
+
+
+def run(model: Any, t_end: float, step: float = H, **settings: Any) -> fb.Result:
+    return fb.simulate(model, t_end=t_end, step=step, every=1, progress=False, **settings)
+
+
+def scene(kind: str, **sleeve: Any) -> fb.Scene:
+    """A rod that bends, twists and slides through a sleeve: on a tumbling body, in the end of a flying tube, or fixed in space."""
+    rod = fb.Beam.straight("rod", (0, 0, 0), (3, 0, 0), section=SOFT, elements=3, degree=2)
+    common = dict(name=kind, project_velocities=True)
+    if kind == "body":
+        body = fb.RigidBody("body", mass=0.8, inertia=[[0.2, 0.01, 0], [0.01, 0.3, 0.02], [0, 0.02, 0.25]], position=(0.8, 0, 0),
+                            velocity=(2.5, 0.3, -0.2), spin=(1.5, 0.4, -0.6))
+        bend = fb.InitialVelocity(rod, velocity=lambda s: np.stack((0.1 + 0 * s, np.sin(s), np.cos(2 * s)), axis=1),
+                                  spin=lambda s: np.stack((1.0 * s, 2 * np.sin(2 * s), np.cos(s)), axis=1))
+        return fb.Scene(rod, body, bend, fb.Sleeve("sleeve", body, rod, at=0.8, **sleeve), **common)
+    if kind == "telescope":
+        tube = fb.Beam.straight("tube", (-2, 0, 0), (0.7, 0, 0), section=TUBE, elements=2, degree=2, d2=(0, 0, 1))
+        pull = fb.InitialVelocity(rod, velocity=lambda s: np.stack((-2.5 + 0 * s, 0 * s, 0 * s), axis=1))
+        return fb.Scene(tube, rod, pull, fb.RigidMotion(spin=(0.5, 0.3, 0.9), velocity=(0.1, 0.2, 0.3)),
+                        fb.Sleeve("sleeve", tube.end, rod, at=0.7, **sleeve), **common)
+    body = fb.RigidBody("holder", mass=1.0, inertia=(1, 1, 1), position=(1.7, 0, 0))
+    push = fb.RigidMotion(rod, velocity=(-2.0, 0, 0), spin=(0.7 if sleeve.get("keyed") is False else 0.0, 0, 0))
+    return fb.Scene(rod, body, push, fb.Clamp(body), fb.Sleeve("sleeve", body, rod, at=1.7, **sleeve),
+                    gravity=(0.0, 1.0, -2.0), **common)
+
+
+KINDS = ["body", "telescope", "held"]
+
+
+# --- the twin -----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("length", [None, 0.0], ids=["bore", "point"])
+@pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_compiled_step_is_that_of_the_twin(kind: str, keyed: bool, length: float | None) -> None:
+    described = scene(kind, keyed=keyed, length=length)
+    model = fb.compile_scene(described, planar=False)
+    sleeve = described.sleeves[0]
+    turn = model.sleeves.axes.reshape(3, 3)
+    own = Sleeve(sleeve.point.owner if kind != "telescope" else sleeve.point, sleeve.beam, sleeve.at, keyed, bore=sleeve.length,
+                 turn=turn)
+    alone = fb.Scene(*[part for part in described.parts if part is not sleeve], gravity=described.gravity)
+    twin = CurveFrameTwin(alone, fb.compile_scene(alone, planar=False), own)
+    first = model.state()
+    state = State(first.q.reshape(-1, 4, 3), first.v.reshape(-1, 4, 3), first.s, np.zeros(twin.rows[-1]))
+    for n in range(1, 4):
+        state, _ = twin.advance(state, H)
+        found = run(model, n * H).state
+        assert np.abs(found.q - state.q.reshape(-1)).max() < 1e-11
+        assert abs(found.s[0] - state.s[0]) < 1e-11
+        np.testing.assert_allclose(found.force[:len(state.m)], state.m, rtol=1e-6, atol=1e-8)
+
+
+# --- what stays ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("length", [None, 0.0], ids=["bore", "point"])
+@pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_momenta_and_conditions_stay_and_the_way_back_is_the_same(kind: str, keyed: bool, length: float | None,
+                                                                       order: int) -> None:
+    model = fb.compile_scene(scene(kind, keyed=keyed, length=length), planar=False)
+    result = run(model, 0.4, order=order)
+    assert result.drift("total") < 1e-12 and result.drift("gap") < 1e-12
+    assert abs(result.slider("sleeve")["s"][-1] - result.slider("sleeve")["s"][0]) > 0.5
+    if kind != "held":
+        assert result.drift("lin_mom") < 1e-12 and result.drift("ang_mom") < 1e-12
+    back = run(model, 0.4, order=order, start=result.state._replace(v=-result.state.v))
+    assert np.abs(back.state.q - model.q0).max() < 1e-11 and np.abs(back.state.s - model.s0).max() < 1e-11
+
+
+@pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
+def test_directions_stay_to_the_last_digit(keyed: bool) -> None:
+    from fastbeam.sections_held import sections
+    model = fb.compile_scene(scene("body", keyed=keyed), planar=False)
+    state = run(model, 0.4).state
+    found = sections(model, state.s, state.q.reshape(-1, 4, 3))[0]
+    assert np.abs(found.values()).max() < 1e-14
+    # the twist of a rod that is free to turn does so
+    whole = found._replace(pairs=3)
+    assert (abs(whole.values()[2]) < 1e-14) == keyed
+
+
+def flat(**sleeve: Any) -> fb.Scene:
+    """A telescope that flies, turns and bends in a plane; the sections of both parts stand differently."""
+    tube = fb.Beam.straight("tube", (-2, 0, 0), (0.7, 0, 0), section=TUBE, elements=2, degree=3, d2=(0, 0, 1))
+    rod = fb.Beam.straight("rod", (0, 0, 0), (3, 0, 0), section=TUBE, elements=3, degree=3, d2=(0, 1, 0))
+    return fb.Scene(tube, rod, fb.RigidMotion(rod, velocity=(-2.5, 0, 0)),
+                    fb.RigidMotion(spin=(0, 0, 0.9), velocity=(0.1, 0.2, 0)), fb.Sleeve("sleeve", tube.end, rod, at=0.7, **sleeve))
+
+
+@pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
+def test_in_a_plane_it_is_the_same(keyed: bool) -> None:
+    results = []
+    for planar in (True, False):
+        results.append(run(fb.compile_scene(flat(keyed=keyed), planar=planar), 0.4))
+    a, b = results
+    assert np.abs(a.state.q - b.state.q).max() < 1e-13 and abs(a.state.s[0] - b.state.s[0]) < 1e-14
+    for name in ("contact_force", "contact_moment"):
+        size = np.abs(b.series[name]).max()
+        np.testing.assert_allclose(a.series[name][2:-2], b.series[name][2:-2], atol=1e-9 * size)
+    assert a.drift("total") < 1e-13 and a.drift("ang_mom") < 1e-13
+
+
+@pytest.mark.parametrize("solver", ["sparse", "condensed"])
+def test_other_solvers_find_the_same(solver: str) -> None:
+    options: dict[str, Any] = {"solver": "sparse"} if solver == "sparse" else {"condense": True}
+    results = [run(fb.compile_scene(flat(), planar=False, **more), 0.2) for more in ({}, options)]
+    assert np.abs(results[0].state.q - results[1].state.q).max() < 1e-12
+    assert results[1].drift("total") < 1e-12
+
+
+# --- exact motions ------------------------------------------------------------------------------------------------------
+def rigid_rod(begin: float, length: float, mass: float, inertia: float) -> tuple[fb.Beam, fb.RigidConnection]:
+    """A straight rod along x of a given moment of inertia about its centre, made rigid by a connection of its two nodes."""
+    rotary = (inertia - mass * length**2 / 12.0) / length
+    section = fb.Section(EA=1.0, GA2=1.0, GA3=1.0, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=mass / length, rhoI2=rotary, rhoI3=1e-3)
+    rod = fb.Beam.straight("rod", (begin, 0, 0), (begin + length, 0, 0), section=section, elements=1, degree=1, d2=(0, 1, 0))
+    return rod, fb.RigidConnection(rod.start, rod.end)
+
+
+def rotor(kind: str, planar: bool) -> fb.Model:
+    """A body of 1 kg on a rod that turns about its pinned end, or a rod in a sleeve that turns freely about its centre."""
+    if kind == "pivoted":
+        rod, stays = rigid_rod(0.0, 1.5, 0.6, 0.5 - 0.6 * 0.75**2)
+        body = fb.RigidBody("body", mass=1.0, inertia=(0.2, 0.3, 0.5), position=(0.1, 0, 0))
+        parts, at = [fb.Pin(rod.start)], 0.1
+    else:
+        rod, stays = rigid_rod(-0.85, 1.9, 1.0, 1.0 / 3.0)
+        body = fb.RigidBody("body", mass=1.0, inertia=(0.5, 0.5, 0.5), position=(0, 0, 0))
+        parts, at = [fb.Pin(body)], 0.85
+    return fb.compile_scene(fb.Scene(rod, body, stays, *parts, fb.RigidMotion(spin=(0, 0, 2.0)),
+                                     fb.Sleeve("sleeve", body, rod, at=at, length=0.0)), planar=planar)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize(("kind", "t_end"), [("pivoted", 1.17290580857242384), ("turning", 1.17800927890489)])
+def test_rigid_rotors_meet_their_exact_motion(kind: str, t_end: float, planar: bool) -> None:
+    model = rotor(kind, planar)
+    s = np.array([run(model, t_end, t_end / n).state.s[0] for n in (20, 40, 80, 160)])
+    errors = np.abs(s - model.s0[0]) - 0.4
+    assert np.all(np.abs(errors[:-1] / errors[1:] - 4.0) < 0.05)
+    once = (4.0 * errors[1:] - errors[:-1]) / 3.0
+    twice = (16.0 * once[1:] - once[:-1]) / 15.0
+    assert abs(twice[-1]) < 1e-9
+
+
+def test_a_bent_rod_is_driven_out_alike_wherever_an_element_begins() -> None:
+    """M^2/2EI does not depend on the place inside an element: from both places the rod goes as far within 3 %. Of a point (length=0)
+    the rod whose element ends there hardly moves."""
+    def way(start: float, length: float | None) -> float:
+        rod = fb.Beam.straight("rod", (start - 0.5, 0, 0), (start + 0.5, 0, 0), section=SLENDER, elements=20)
+        body = fb.RigidBody("holder", mass=1, inertia=(1, 1, 1), position=(0, 0, 0))
+
+        def ramp(t: float) -> float:
+            x = min(2.0 * t, 1.0)
+            return x * x * (3.0 - 2.0 * x)
+
+        tip = fb.Load("tip", rod.end, force=(0, -1.0, 0), time=ramp)
+        other = fb.Load("other", rod.start, force=(0, -0.2, 0), time=ramp)
+        model = fb.compile_scene(fb.Scene(rod, body, fb.Clamp(body), tip, other,
+                                          fb.Sleeve("sleeve", body, rod, at=0.5 - start, length=length)))
+        result = run(model, 1.0, 1e-3)
+        assert result.drift("balance") < 1e-12
+        return float(model.s0[0] - result.state.s[0])
+
+    # places from an element end to the next; the free length changes by less than 2 % in between
+    bore = np.array([way(x, None) for x in np.linspace(0.0, 0.04, 5)])
+    trend = np.polyval(np.polyfit(np.arange(5), bore, 1), np.arange(5))
+    assert np.all(bore > 0.005) and np.abs(bore / trend - 1.0).max() < 0.03
+    point = np.array([way(x, 0.0) for x in np.linspace(0.0, 0.04, 5)])
+    trend = np.polyval(np.polyfit(np.arange(5), point, 1), np.arange(5))
+    assert np.abs(point / trend - 1.0).max() > 0.1
+
+
+# --- equilibria ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize("length", [None, 0.0], ids=["bore", "point"])
+def test_a_sleeve_carries_the_moment_of_a_load(length: float | None, planar: bool) -> None:
+    rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=SLENDER, elements=8)
+    body = fb.RigidBody("holder", mass=1, inertia=(1, 1, 1), position=(1, 0, 0))
+    model = fb.compile_scene(fb.Scene(rod, body, fb.Clamp(body), fb.Load("tip", rod.end, force=(0, -0.1, 0)),
+                                      fb.Sleeve("sleeve", body, rod, at=1.0, length=length)), planar=planar)
+    result = fb.solve_static(model, held=("sleeve",))
+    tip = result.state.q.reshape(-1, 4, 3)[model.numbers.number(rod.end), 0]
+    np.testing.assert_allclose(result.series["contact_force"][-1], [[0.0, -0.1, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(result.series["contact_moment"][-1], [[0.0, 0.0, -0.1 * (tip[0] - 1.0)]], atol=1e-6)
+    # and stays there in time, with the same force and moment
+    moved = run(model, 0.05, 1e-3, start=result.state)
+    np.testing.assert_allclose(moved.series["contact_moment"][1], result.series["contact_moment"][-1], rtol=0.02)
+
+
+def test_a_telescope_hangs_from_its_tube() -> None:
+    """A rod in the end of a clamped tube, both horizontal, a spring at its inner end: the moment at the clamp is that of all weights."""
+    tube = fb.Beam.straight("tube", (0, 0, 0), (1, 0, 0), section=TUBE, elements=4)
+    rod = fb.Beam.straight("rod", (0.4, 0, 0), (1.9, 0, 0), section=TUBE, elements=6)
+    model = fb.compile_scene(fb.Scene(tube, rod, fb.Clamp(tube.start), fb.Sleeve("end", tube.end, rod, at=0.6),
+                                      fb.Slider("inner", rod.start, tube, at=0.4),
+                                      fb.Spring(tube.node(3), rod.start, stiffness=1e3, length=0.2), gravity=(0, 0, -1.0)))
+    result = fb.solve_static(model)
+    assert result.events == [] and np.all(np.isfinite(result.series["contact_moment"]))
+    q = result.state.q.reshape(-1, 4, 3)
+    assert q[model.numbers.number(rod.end), 0, 2] < -1e-3
+    assert result.info["unstable_directions"] == 0
+
+
+# --- with all the rest ----------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("planar", [True, False])
+def test_friction_drives_and_stops_keep_the_books(planar: bool) -> None:
+    for forces in (dict(friction=0.2), dict(drive=fb.Drive(speed=-0.5)), dict(stops=fb.Stops(0.1, 1.4, restitution=0.5)),
+                   dict(stops=fb.Stops(0.1, 1.4, stiffness=500.0))):
+        described = flat(**forces)
+        if "drive" in forces:
+            described.project_velocities = True
+        result = run(fb.compile_scene(described, planar=planar), 0.6)
+        assert result.drift("balance") < 1e-11, forces
+        assert result.drift("ang_mom") < 1e-11 and result.drift("lin_mom") < 1e-11
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_two_halves_are_the_whole_bit_for_bit(order: int) -> None:
+    model = fb.compile_scene(flat())
+    whole = run(model, 0.4, order=order)
+    half = run(model, 0.2, order=order)
+    rest = run(model, 0.4, order=order, start=half.checkpoint)
+    for x, y in zip(rest.state, whole.state):
+        np.testing.assert_array_equal(x, y)
+    for name in ("contact_force", "contact_moment", "total"):
+        np.testing.assert_array_equal(rest.series[name], whole.series[name][len(half.t) - 1:])
