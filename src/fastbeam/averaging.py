@@ -1,9 +1,9 @@
 """Curves averaged over a length: what a bore of a sleeve sees of a beam, theory.md 5.7.
 
-The shape functions of a point are replaced by their mean with a quadratic B-spline of that width as weight, which is three times
-the convolution with a box of a third of it. Beyond its ends the beam is continued by reflection at the end point, so that straight
-lines keep their length and the ends stay where they are. Convolutions of piecewise polynomials are piecewise polynomials: the
-result is a curve like any other, with second derivatives that are continuous.
+The shape functions of a point are replaced by their mean, weighed by a quadratic B-spline of that width: three convolutions with
+a box of a third of it. Beyond its ends the beam is continued by reflection at the end point, so that straight lines keep their
+length and the ends stay where they are. Convolutions of piecewise polynomials are piecewise polynomials: the result is a curve
+like any other, with second derivatives that are continuous.
 """
 from __future__ import annotations
 

@@ -60,7 +60,8 @@ class Checkpoint:
     next_step : float or None
         Step size that the step control proposes.
     mean_force : float64 [F] or None
-        Forces of all constraints, those of sliders first, in the last step, half of what the next row records; None before the first step.
+        Forces of all constraints, those of sliders first, in the last step, half of what the next row records; None before the
+        first step.
     scene, fingerprint : str
         Name and hash of the model.
     last_step : float or None

@@ -19,8 +19,9 @@ EQUAL, ALIKE = 1e-9, 0.02
 
 
 class ContactForces:
-    """Forces of all constraints, F of them, at rows. Between two steps of the same size it is the mean of theirs. The first and the last row of a
-    run, and one beside a shorter step, have no such neighbours: there a few steps are taken ahead or back, for their forces only.
+    """Forces of all constraints, F of them, at rows. Between two steps of the same size they are the means of theirs. The first
+    and the last row of a run, and one beside a shorter step, have no such neighbours: there a few steps are taken ahead or back, for
+    their forces only.
 
     Parameters
     ----------

@@ -69,8 +69,12 @@ def describe(scene: Scene, model: Model) -> str:
     if model.projected:
         lines.append(f"  start              {model.projected}")
     if model.sliders is not None:
-        c1 = sum(s.curve == "c1" for s in scene.sliders)
-        lines.append(f"  sliding contact    {_plural(model.n_sliders, 'slider')}, discrete gradient"
+        c1 = sum(s.curve == "c1" and not getattr(s, "length", 0.0) for s in scene.sliders)
+        bores = [s.length for s in scene.sleeves if s.length]
+        held = f" ({_plural(len(scene.sleeves), 'sleeve')}" * bool(scene.sleeves)
+        held += (f", bores from {min(bores):.3g} to {max(bores):.3g} m" if len(set(bores)) > 1 else
+                 f", bore {bores[0]:.3g} m" if bores else "") + ")" * bool(scene.sleeves)
+        lines.append(f"  sliding contact    {_plural(model.n_sliders, 'slider')}{held}, discrete gradient"
                      + (f", {c1} on a C1 curve" if c1 else ""))
     lines += _together(scene, model)
     pattern = model.pattern

@@ -250,10 +250,10 @@ class Result:
     t : ndarray [n]
         Times of the rows, s.
     series : dict of ndarray
-        'kinetic', 'potential', 'strain', 'gravity', 'total' [n] (J); 'lin_mom' (kg m/s), 'ang_mom' (kg m^2/s) [n, 3];
-        'gap', 's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N; info['contact_force'] says which it is,
-        NaN where no steps tell it); 'points', 'slider_position' [n, ..., 3] (m); 'iterations', 'step_size' [n]. Only what was
-        recorded is present.
+        'kinetic', 'potential', 'strain', 'gravity', 'total' [n] (J); 'lin_mom' (kg m/s), 'ang_mom' (kg m^2/s) [n, 3]; 'gap',
+        's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N; info['contact_force'] says which it is, NaN where no
+        steps tell it); 'contact_moment' of sleeves [n, n_sliders, 3] (N m, on the holder); 'points', 'slider_position' [n, ...,
+        3] (m); 'iterations', 'step_size' [n]. Only what was recorded is present.
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
     events : list of dict
@@ -295,11 +295,11 @@ class Result:
     @checked(name=NAMED)
     def slider(self, name: str) -> dict[str, np.ndarray]:
         """Of one slider: s [n] (m), force [n, 3] (N, on the slider; NaN where no steps tell it), gap [n] (m); position [n, 3] (m)
-        where recorded."""
+        where recorded; where there are sleeves, moment [n, 3] (N m, on the holder)."""
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
                "gap": self._series("gap")[:, k]}
-        for series, key in (("slider_position", "position"), *((x, x) for x in ALONG)):
+        for series, key in (("slider_position", "position"), ("contact_moment", "moment"), *((x, x) for x in ALONG)):
             if series in self.series:
                 out[key] = self.series[series][:, k]
         return out

@@ -158,6 +158,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
     chosen = choose_method(method, rho_inf, order, tolerance)
+    if model.sleeves is not None and chosen.name != "energy_momentum":
+        raise SceneError(f"method={method!r}: sleeves are held by conserving steps alone; leave method out")
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else every
     control = None

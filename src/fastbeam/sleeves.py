@@ -70,8 +70,8 @@ def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
         if min(angle, np.pi - angle) > ALIGNED:
             raise SceneError(f"sleeve {sleeve.name!r}: its axis and {sleeve.beam.label} at={sleeve.at:.6g} make an angle of "
                              f"{np.degrees(angle):.6g} degrees at t = 0 (allowed: {np.degrees(ALIGNED):.2g}); turn "
-                             f"{sleeve.point.owner.label} or the beam, or leave axis out: then the sleeve lies around the beam as "
-                             "it is")
+                             f"{sleeve.point.owner.label} or the beam, or leave axis out: then the sleeve lies around the beam "
+                             "as it is")
     return axes
 
 

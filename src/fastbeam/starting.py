@@ -262,8 +262,8 @@ def _lift(model: Model, q: Array) -> tuple[Any, Array]:
 
 
 def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
-    """Gaps across the curves [2 S], of joints with multipliers and of directions in sleeves as a matrix on the coordinates, sparse, and their values; moves
-    s to the nearest points."""
+    """Gaps across the curves [2 S], of joints with multipliers and of directions in sleeves as a matrix on the coordinates,
+    sparse, and their values; moves s to the nearest points."""
     from scipy import sparse
     out = sparse.lil_matrix((2 * s.size, q.size))
     gaps = np.zeros(2 * s.size)

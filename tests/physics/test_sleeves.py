@@ -25,7 +25,7 @@ def run(model: Any, t_end: float, step: float = H, **settings: Any) -> fb.Result
 
 
 def scene(kind: str, **sleeve: Any) -> fb.Scene:
-    """A rod that bends, twists and slides through a sleeve: on a tumbling body, in the end of a flying tube, or fixed in space."""
+    """A rod that bends, twists and slides through a sleeve: on a tumbling body, in the end of a flying tube, or fixed."""
     rod = fb.Beam.straight("rod", (0, 0, 0), (3, 0, 0), section=SOFT, elements=3, degree=2)
     common = dict(name=kind, project_velocities=True)
     if kind == "body":
@@ -105,7 +105,8 @@ def flat(**sleeve: Any) -> fb.Scene:
     tube = fb.Beam.straight("tube", (-2, 0, 0), (0.7, 0, 0), section=TUBE, elements=2, degree=3, d2=(0, 0, 1))
     rod = fb.Beam.straight("rod", (0, 0, 0), (3, 0, 0), section=TUBE, elements=3, degree=3, d2=(0, 1, 0))
     return fb.Scene(tube, rod, fb.RigidMotion(rod, velocity=(-2.5, 0, 0)),
-                    fb.RigidMotion(spin=(0, 0, 0.9), velocity=(0.1, 0.2, 0)), fb.Sleeve("sleeve", tube.end, rod, at=0.7, **sleeve))
+                    fb.RigidMotion(spin=(0, 0, 0.9), velocity=(0.1, 0.2, 0)),
+                    fb.Sleeve("sleeve", tube.end, rod, at=0.7, **sleeve))
 
 
 @pytest.mark.parametrize("keyed", [True, False], ids=["keyed", "twist free"])
@@ -165,8 +166,8 @@ def test_rigid_rotors_meet_their_exact_motion(kind: str, t_end: float, planar: b
 
 
 def test_a_bent_rod_is_driven_out_alike_wherever_an_element_begins() -> None:
-    """M^2/2EI does not depend on the place inside an element: from both places the rod goes as far within 3 %. Of a point (length=0)
-    the rod whose element ends there hardly moves."""
+    """M^2/2EI does not depend on the place inside an element. Of a point on the own curve a rod whose element ends there hardly
+    moves."""
     def way(start: float, length: float | None) -> float:
         rod = fb.Beam.straight("rod", (start - 0.5, 0, 0), (start + 0.5, 0, 0), section=SLENDER, elements=20)
         body = fb.RigidBody("holder", mass=1, inertia=(1, 1, 1), position=(0, 0, 0))
@@ -178,7 +179,7 @@ def test_a_bent_rod_is_driven_out_alike_wherever_an_element_begins() -> None:
         tip = fb.Load("tip", rod.end, force=(0, -1.0, 0), time=ramp)
         other = fb.Load("other", rod.start, force=(0, -0.2, 0), time=ramp)
         model = fb.compile_scene(fb.Scene(rod, body, fb.Clamp(body), tip, other,
-                                          fb.Sleeve("sleeve", body, rod, at=0.5 - start, length=length)))
+                                          fb.Sleeve("sleeve", body, rod, at=0.5 - start, length=length, curve="own")))
         result = run(model, 1.0, 1e-3)
         assert result.drift("balance") < 1e-12
         return float(model.s0[0] - result.state.s[0])
@@ -186,7 +187,7 @@ def test_a_bent_rod_is_driven_out_alike_wherever_an_element_begins() -> None:
     # places from an element end to the next; the free length changes by less than 2 % in between
     bore = np.array([way(x, None) for x in np.linspace(0.0, 0.04, 5)])
     trend = np.polyval(np.polyfit(np.arange(5), bore, 1), np.arange(5))
-    assert np.all(bore > 0.005) and np.abs(bore / trend - 1.0).max() < 0.03
+    assert np.all(bore > 0.005) and np.abs(bore / trend - 1.0).max() < 0.02
     point = np.array([way(x, 0.0) for x in np.linspace(0.0, 0.04, 5)])
     trend = np.polyval(np.polyfit(np.arange(5), point, 1), np.arange(5))
     assert np.abs(point / trend - 1.0).max() > 0.1
@@ -210,7 +211,7 @@ def test_a_sleeve_carries_the_moment_of_a_load(length: float | None, planar: boo
 
 
 def test_a_telescope_hangs_from_its_tube() -> None:
-    """A rod in the end of a clamped tube, both horizontal, a spring at its inner end: the moment at the clamp is that of all weights."""
+    """A rod in the end of a clamped tube, both horizontal, a spring at its inner end."""
     tube = fb.Beam.straight("tube", (0, 0, 0), (1, 0, 0), section=TUBE, elements=4)
     rod = fb.Beam.straight("rod", (0.4, 0, 0), (1.9, 0, 0), section=TUBE, elements=6)
     model = fb.compile_scene(fb.Scene(tube, rod, fb.Clamp(tube.start), fb.Sleeve("end", tube.end, rod, at=0.6),

@@ -262,6 +262,9 @@ def calls(folder: Path) -> dict[str, Call]:
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text, friction=is_real,
                             drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
+        "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5),
+                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text, friction=is_real,
+                            drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real, axis=VECTOR)),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),

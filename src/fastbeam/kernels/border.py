@@ -5,7 +5,7 @@ of the border of m = 7 S unknowns, 5 in a plane, border_rows [m + 1, width] flat
 """
 from __future__ import annotations
 
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import put_first, total, vld, vst, vzero
 from .kinds import dim
 
@@ -75,6 +75,17 @@ def augment(contact, force, schur, y, dofs):
     return -1
 
 
+@inlined
+def couple_sleeves(contact, width, border, border_rows, dofs):
+    """Of sleeves: the sliding equation has the moments, their equations have s."""
+    for o in range(contact.pair.shape[0]):
+        slide = border * contact.pair[o, 0] + dim(dofs)
+        moments = border * contact.pair[o, 1]
+        for a in range(border):
+            border_rows[slide * width + 1 + moments + a] += contact.cross[o, 0, a]
+            border_rows[(moments + a) * width + 1 + slide] += contact.cross[o, 1, a]
+
+
 @kernel
 def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out, dofs):
     """Schur complement of the borders; the panel holds K^-1 (r, columns). Leaves the structural increments in rows of x_out and
@@ -101,12 +112,7 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
                         for j in range(0, width, 8):
                             p = first + i * width + j
                             vst(border_rows, p, 0, vld(border_rows, p, 0) - line * vld(panel, o + j, 0))
-    for o in range(contact.pair.shape[0]):
-        slide = border * contact.pair[o, 0] + dim(dofs)
-        moments = border * contact.pair[o, 1]
-        for a in range(border):
-            border_rows[slide * width + 1 + moments + a] += contact.cross[o, 0, a]
-            border_rows[(moments + a) * width + 1 + slide] += contact.cross[o, 1, a]
+    couple_sleeves(contact, width, border, border_rows, dofs)
     for i in range(n):
         y_out[i] = -border_rows[i * width]
         for j in range(n):

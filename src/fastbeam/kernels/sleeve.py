@@ -1,18 +1,18 @@
 """Sleeves: sliders that hold the direction of the section as well, theory.md 5.7.
 
 The sliding point of a sleeve is its holder, a node with a triad. With D_1, D_2, D_3 fixed to the holder, D_1 along the beam, the
-conditions are D_i . d_j(s) = 0 for the pairs (i, j) = (1, 2), (1, 3) and, where the sleeve is keyed, (2, 3); in a plane for (1, 2)
-alone. Their multipliers are moments, mu_ij; with means over the step
+conditions are D_i . d_j(s) = 0 for the pairs (i, j) = (1, 2), (1, 3) and, where the sleeve is keyed, (2, 3); in a plane for (1,
+2) alone. Their multipliers are moments, mu_ij; with means over the step
 
     director i of the holder  + mu_ij sum_A N_A,mean d_jA,mean         moment  mu_ij D_i,mean x sum_A N_A,mean d_jA,mean
     director j of node A      + mu_ij N_A,mean D_i,mean                moment  mu_ij N_A,mean d_jA,mean x D_i,mean
     sliding (5.3)             - mu_ij sum_A N[s_n, s_n+1]_A mean(D_i . d_jA)
 
-The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a copy
-z of the holder's spin: moments turn with the nodes that they act on, and in the tangent all of these turn like the holder. What is
-left out are the small differences of their spins times a moment, next to the bending stiffness of an element.
+The moments of a sleeve are a constraint of their own behind all others, coupled with the slider by s alone. Besides mu it has a
+copy z of the holder's spin: moments turn with the nodes that they act on, and in the tangent all of these turn like the holder.
+What is left out are the small differences of their spins times a moment, next to the bending stiffness of an element.
 
-Arrays: q [12 N], in a plane [4 N]; column, line as rows of `Contact.column`, `Contact.line`.
+Arrays: q [12 N], in a plane [4 N]; basis [5, n] as `Contact.basis`; column, line as rows of `Contact.column`, `Contact.line`.
 """
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
-from .kinds import (Plane, Space, add_stiffness, add_to, cross_product, dim, put, zero_vector)
+from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
 from .slider import entry_of, hold_section
 from .terms import is_settled, take_unknowns
 

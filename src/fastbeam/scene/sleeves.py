@@ -35,9 +35,9 @@ class Sleeve(Slider):
     keyed : bool
         Whether the beam's twist is held, too; False lets it turn about its axis in the sleeve.
     length : float, optional
-        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.7). The default is
-        that of an element of the beam. 0 holds those of a single point; the force that drives a bent beam out of it then depends
-        on where in an element it is, whatever the mesh.
+        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.7). The default
+        is that of an element of the beam. 0 holds those of a single point; the force that drives a bent beam out of it then
+        depends on where in an element it is, whatever the mesh.
     axis : array_like (3,), optional
         Direction of the bore in the triad of the holder. It has to be that of the beam at t = 0; the default takes that.
 
