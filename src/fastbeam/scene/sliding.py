@@ -172,7 +172,10 @@ def initial_rate(drive: Drive, who: str) -> float:
         raise SceneError(f"{who}: {what}(t) of its drive must return finite numbers")
     if what == "speed":
         return float(found[0])
-    return float(np.dot(FORWARD, found)) / SHORT
+    rate = float(np.dot(FORWARD, found)) / SHORT
+    # round-off of the positions
+    noise = 20.0 * float(np.finfo(float).eps) * max(abs(float(x)) for x in found) / SHORT  # type: ignore[arg-type]
+    return rate if abs(rate) > noise else 0.0
 
 
 @checked(start=Number(least=0.0, unit="m"), end=Number(least=0.0, unit="m"), stiffness=Number(above=0.0, unit="N/m"),
