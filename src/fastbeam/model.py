@@ -85,6 +85,9 @@ class Model:
         What each time function belongs to.
     slider_forces : slider_forces.SliderForces or None
         Friction, drives and stops of sliders.
+    accounts_loads : bool
+        Whether loads have no potential: they change in time, or are moments. In a plane as in space, because states of both hold
+        the same numbers of the steps before.
     """
 
     scene_name: str
@@ -133,6 +136,7 @@ class Model:
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
     slider_forces: Any = None
+    accounts_loads: bool = False
 
     @property
     def held_mask(self) -> Array:
@@ -277,12 +281,6 @@ class Model:
     def work_place(self) -> int:
         """Where the work of loads stands among them."""
         return 0 if self.slider_forces is None else int(self.slider_forces.size)
-
-    @property
-    def accounts_loads(self) -> bool:
-        """Whether loads have no potential: they change in time, or are moments."""
-        rows = self.loads.reshape(len(self.loads), self.n_nodes + 1, 8)
-        return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.dofs)]))
 
     def load_work(self) -> LoadWork | None:
         """The term that keeps account of the work of loads."""

@@ -106,17 +106,12 @@ def begin_along(along, term, system, h):
 
 
 @generic
-def end_iteration_along(along):
-    """After the sliders were assembled."""
-
-
-@generic
 def is_settled_along(along, term, system):
     """Whether forces along the beam are those of the step, when Newton's method has converged."""
 
 
 @generic
-def account_along(along, term, system):
+def account_along(along, term, system, h):
     """Work of forces along the beam in a converged step."""
 
 
@@ -127,14 +122,9 @@ def slide_freely(along, term, system, k, force, tangent):
 
 
 @begin_along.register(NoForceAlong)
+@account_along.register(NoForceAlong)
 @kernel
-def begin_no_force(along, term, system, h):
-    pass
-
-
-@end_iteration_along.register(NoForceAlong)
-@kernel
-def end_no_force(along):
+def no_force_along(along, term, system, h):
     pass
 
 
@@ -142,12 +132,6 @@ def end_no_force(along):
 @kernel
 def no_force_is_settled(along, term, system):
     return True
-
-
-@account_along.register(NoForceAlong)
-@kernel
-def account_no_force(along, term, system):
-    pass
 
 
 @generic
@@ -170,9 +154,16 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
             s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
             put(force_out, d * k, 1, (1.0 + c) * vector(past, i + 1, 1, dofs) - c * vector(past, i + m + 1, 1, dofs))
         else:
-            tangent = point_on_curve(curves, b, s[k], q, e, contact, 1, dofs)
-            relative = position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s[k], v, e, contact, 0, dofs)
+            tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, dofs)
             s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
+
+
+@kernel
+def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
+    """Derivative by s of the curve under slider k at s, in element e, and the velocity of the sliding point relative to it."""
+    b = sliders.curve[k]
+    tangent = point_on_curve(curves, b, s, q, e, contact, 1, dofs)
+    return tangent, position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s, v, e, contact, 0, dofs)
 
 
 @kernel
@@ -303,6 +294,18 @@ def pass_along(basis, base, lo, hi, system, spin_root):
 
 
 @kernel
+def passage_of(term, system, k):
+    """First node under slider k in the step, the one behind the last, and its `Passage`."""
+    curves, state, work, contact = term.curves, system.state, system.work, system.contact
+    c = term.sliders.curve[k]
+    e0 = find_element(curves, c, state.s[k], contact.element[k])
+    e1 = find_element(curves, c, work.s_end[k], e0)
+    lo, hi = nodes_under(curves, c, e0, e1)
+    step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
+    return lo, hi, pass_along(contact.basis, curves.meta[c, 0], lo, hi, system, term.sliders.spin_root)
+
+
+@kernel
 def put_curve(term, system, k, base, lo, hi, way, law, slide):
     """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean; `slide`
     times N[s_n, s_n+1] is the derivative of the sliding equation by a position."""
@@ -334,23 +337,17 @@ def put_curve(term, system, k, base, lo, hi, way, law, slide):
 @kernel
 def add_slider(term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
-    curves, state, work, contact, dofs = term.curves, system.state, system.work, system.contact, system.dofs
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
-    c = term.sliders.curve[k]
-    base = curves.meta[c, 0]
-    e0 = find_element(curves, c, state.s[k], contact.element[k])
-    e1 = find_element(curves, c, work.s_end[k], e0)
-    lo, hi = nodes_under(curves, c, e0, e1)
-    step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
+    lo, hi, way = passage_of(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
-    way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
     jump = way.t1 - way.t0
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way))
     turned = spin_cross.call(way.turn, law.force)
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
-    put_curve(term, system, k, base, lo, hi, way, law, slide)
+    put_curve(term, system, k, term.curves.meta[term.sliders.curve[k], 0], lo, hi, way, law, slide)
     # -F on the point
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
@@ -402,7 +399,6 @@ def predict_sliding(term, system, h, c):
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
         add_slider(term, system, k)
-    end_iteration_along.call(term.along)
 
 
 @take_unknowns.register(Sliding)
@@ -437,7 +433,7 @@ def gaps_are_closed(term, system):
 @account.register(Sliding)
 @kernel
 def account_sliding(term, system, h):
-    account_along.call(term.along, term, system)
+    account_along.call(term.along, term, system, h)
 
 
 @within_limits.register(Sliding)
