@@ -104,12 +104,16 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     high, f_high = 1.0, way_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, 3 * stepper.model.n_sliders)))
+    halved, f_before = True, np.inf
     for _ in range(60):
         f_low = way(reached[0].s)[0]
         if f_low <= END_TOLERANCE or high - low < 1e-13:
             break
-        # secant with bisection as a guard; aim a little inside
-        x = low + (high - low) * f_low / (f_low - f_high) if f_high < 0.0 else 0.5 * (low + high)
+        # secant, with bisection as a guard and where a secant has led next to nowhere, as where the slider starts from rest; aim
+        # a little inside
+        halved = not halved and f_low > 0.5 * f_before
+        f_before = f_low
+        x = 0.5 * (low + high) if halved or not f_high < 0.0 else low + (high - low) * f_low / (f_low - f_high)
         x = min(max(x, low + 0.001 * (high - low)), high - 0.001 * (high - low))
         stepper.load(start)
         outcome = stepper.advance(t, x * h, 1)
@@ -137,6 +141,11 @@ class StepControl:
     Attributes
     ----------
     accepted, rejected : int
+
+    Raises
+    ------
+    SceneError
+        The smallest step is not > 0, or larger than the largest.
     """
 
     tolerance: float
@@ -145,6 +154,10 @@ class StepControl:
     largest: float
     accepted: int = 0
     rejected: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.smallest <= self.largest:
+            raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {self.smallest:g} and {self.largest:g} s")
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
         """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK without a

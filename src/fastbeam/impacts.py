@@ -15,6 +15,8 @@ from .nearest import nearest
 Array = np.ndarray
 # time of an impact where there was none, s
 NEVER = -float(np.finfo(float).max)
+# steps in a row that end at or before a stop without getting anywhere, besides two for every slider
+MOST_IN_A_ROW = 3
 
 
 class Impacts:
@@ -32,6 +34,10 @@ class Impacts:
     times : float64 [S, 2] or None
         Of the last impact of every slider at the start and the end, s; NEVER where there was none. None where no slider has rigid
         stops.
+    number : int
+        Of impacts in this run.
+    in_a_row : int
+        Steps shortened before a stop since the last whole step, or since one that led to a stop.
 
     Raises
     ------
@@ -40,7 +46,8 @@ class Impacts:
     """
 
     def __init__(self, model: Model, times: Array | None = None) -> None:
-        self.model, self.times = model, None
+        self.model, self.number, self.in_a_row = model, 0, 0
+        self.times: Array | None = None
         forces = model.slider_forces
         if forces is None or not np.any(forces.restitutions >= 0.0):
             return
@@ -53,6 +60,11 @@ class Impacts:
         """Whether a slider has a rigid stop there."""
         return self.times is not None and self.model.slider_forces.restitution(slider, at_end) is not None
 
+    def may_go_on(self, moved: bool) -> bool:
+        """Whether a run gets anywhere; moved: whether a step has led to a stop now."""
+        self.in_a_row = 0 if moved else self.in_a_row + 1
+        return self.in_a_row <= MOST_IN_A_ROW + 2 * self.model.n_sliders
+
     def behind(self, state: State, slider: int, at_end: bool, t: float, step: float) -> State:
         """The state after an impact at time t, which is remembered. Of two within a step the second does not bounce."""
         assert self.times is not None
@@ -60,6 +72,7 @@ class Impacts:
         if t - self.times[slider, int(at_end)] < step:
             restitution = 0.0
         self.times[slider, int(at_end)] = t
+        self.number += 1
         return strike(self.model, state, slider, at_end, restitution)
 
 
