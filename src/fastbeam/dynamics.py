@@ -104,15 +104,15 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     high, f_high = 1.0, way_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, 3 * stepper.model.n_sliders)))
-    halved, f_before = True, np.inf
+    halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
         f_low = way(reached[0].s)[0]
         if f_low <= END_TOLERANCE or high - low < 1e-13:
             break
         # secant, with bisection as a guard and where a secant has led next to nowhere, as where the slider starts from rest; aim
         # a little inside
-        halved = not halved and f_low > 0.5 * f_before
-        f_before = f_low
+        halved = not halved and f_low > 0.5 * before[0] and f_high < 0.5 * before[1]
+        before = f_low, f_high
         x = 0.5 * (low + high) if halved or not f_high < 0.0 else low + (high - low) * f_low / (f_low - f_high)
         x = min(max(x, low + 0.001 * (high - low)), high - 0.001 * (high - low))
         stepper.load(start)
