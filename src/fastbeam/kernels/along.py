@@ -18,7 +18,8 @@ from .._jit import kernel
 from .algebra import call_law, dot
 from .curves import find_element
 from .kinds import vector
-from .slider import SlidingLaw, account_along, begin_along, is_settled_along, mean_tangent, motion_along, passage_of, sliding_law
+from .slider import (SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent, motion_along,
+                     pass_along, sliding_law)
 from .terms import put_loads, spread_nodes
 
 # kinds of drives
@@ -306,34 +307,40 @@ def friction_takes_energy(along, term, system):
 @account_along.register(Along)
 @kernel
 def account_forces(along, term, system, h):
-    """Work of friction and drives, from the converged step."""
-    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
-    spread_nodes.call(dofs, system.method, state, work, h, 0, system.row_of.shape[0])
-    for k in range(state.s.shape[0]):
-        way = passage_of(term, system, k)[2]
-        account_slider(along, system, k, vector(state.force, contact.first_force[k], 1, dofs), mean_tangent(way))
-
-
-@kernel
-def account_slider(along, system, k, force, tangent):
+    """Work of friction and drives, from the converged step, and whether sliders are at rest."""
     state = system.state
-    s0, s1 = state.s[k], system.work.s_end[k]
-    ds = s1 - s0
-    total = dot(force, tangent)
-    stop = stop_force(along, k, s0, s1).value
-    place = HISTORY * k
-    if is_prescribed(along, k):
-        sign = np.tanh(ds / (along.clock[0] * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
-        most = most_of_friction(along, k, across_of(force, tangent), tangent)
-        friction = -along.viscous[k] / along.clock[0] * ds - most * sign
-        drive = total - stop - friction
-    else:
-        drive = drive_force(along, k, s0, s1).value
-        friction = total - stop - drive
-        if has_signs(along, k):
+    for k in range(state.s.shape[0]):
+        if system.work.s_end[k] != state.s[k]:
+            account_work(along, term, system, k)
+        if has_signs(along, k) and not is_prescribed(along, k):
+            place = HISTORY * k
             state.history[place + SIGN] = along.sign[k]
             state.history[place + STICKS] = 1.0 if along.sign[k] == 0 and along.against[k] == 0 else 0.0
             if along.sign[k] != 0:
                 state.history[place + AGAINST] = 0.0
-    state.history[place + FRICTION_LOSS] -= friction * ds
-    state.history[place + DRIVE_WORK] += drive * ds
+
+
+@kernel
+def account_work(along, term, system, k):
+    """Of friction and the drive of a slider that moves."""
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+    h = along.clock[0]
+    base, lo, hi = begin_passage(term, system, k)
+    # where the last increments led the nodes under it
+    spread_nodes.call(dofs, system.method, state, work, h, base + lo, base + hi)
+    tangent = mean_tangent(pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root))
+    force = vector(state.force, contact.first_force[k], 1, dofs)
+    s0, s1 = state.s[k], work.s_end[k]
+    ds = s1 - s0
+    total = dot(force, tangent)
+    stop = stop_force(along, k, s0, s1).value
+    if is_prescribed(along, k):
+        sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
+        most = most_of_friction(along, k, across_of(force, tangent), tangent)
+        friction = -along.viscous[k] / h * ds - most * sign
+        drive = total - stop - friction
+    else:
+        drive = drive_force(along, k, s0, s1).value
+        friction = total - stop - drive
+    state.history[HISTORY * k + FRICTION_LOSS] -= friction * ds
+    state.history[HISTORY * k + DRIVE_WORK] += drive * ds

@@ -294,15 +294,16 @@ def pass_along(basis, base, lo, hi, system, spin_root):
 
 
 @kernel
-def passage_of(term, system, k):
-    """First node under slider k in the step, the one behind the last, and its `Passage`."""
+def begin_passage(term, system, k):
+    """First node of the curve of slider k, and from there the first under it in the step and the one behind the last; their
+    basis."""
     curves, state, work, contact = term.curves, system.state, system.work, system.contact
     c = term.sliders.curve[k]
     e0 = find_element(curves, c, state.s[k], contact.element[k])
     e1 = find_element(curves, c, work.s_end[k], e0)
     lo, hi = nodes_under(curves, c, e0, e1)
     step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
-    return lo, hi, pass_along(contact.basis, curves.meta[c, 0], lo, hi, system, term.sliders.spin_root)
+    return curves.meta[c, 0], lo, hi
 
 
 @kernel
@@ -339,15 +340,16 @@ def add_slider(term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
-    lo, hi, way = passage_of(term, system, k)
+    base, lo, hi = begin_passage(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
+    way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
     jump = way.t1 - way.t0
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way))
     turned = spin_cross.call(way.turn, law.force)
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
-    put_curve(term, system, k, term.curves.meta[term.sliders.curve[k], 0], lo, hi, way, law, slide)
+    put_curve(term, system, k, base, lo, hi, way, law, slide)
     # -F on the point
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
