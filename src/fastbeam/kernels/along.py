@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import call_law, dot
 from .curves import find_element
 from .kinds import vector
@@ -140,7 +140,7 @@ def other_forces(along, k, s0, s1):
     return Force(stop.value + drive.value - viscous * (s1 - s0), stop.slope + drive.slope - viscous)
 
 
-@kernel
+@inlined
 def is_prescribed(along, k):
     return along.drive[k] == POSITION or along.drive[k] == INCREMENT
 
@@ -151,19 +151,19 @@ def prescribed_end(along, k, s0):
     return along.given[k, 0] if along.drive[k] == POSITION else s0 + along.given[k, 0]
 
 
-@kernel
+@inlined
 def has_signs(along, k):
     """Whether the sign of the velocity of a slider decides: with Coulomb friction, and at rest against a stop."""
     return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
 
 
-@kernel
+@inlined
 def most_of_friction(along, k, across, tangent):
     """The bound of Coulomb friction in (5.6)."""
     return along.friction[k] * np.sqrt(dot(across, across) * dot(tangent, tangent))
 
 
-@kernel
+@inlined
 def across_of(force, tangent):
     """The part of the contact force across the beam."""
     return force - (dot(force, tangent) / dot(tangent, tangent)) * tangent

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import dot
 from .curves import Curves, find_element, point_on_curve, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
@@ -271,7 +271,7 @@ def nodes_under(curves, c, e0, e1):
     return curves.first[p + min(e0, e1)], curves.first[last] + curves.count[last]
 
 
-@kernel
+@inlined
 def pass_along(basis, base, lo, hi, system, spin_root):
     """The `Passage` of a slider over nodes lo to before hi of a curve that begins at node `base`."""
     q, work, dofs = system.state.q, system.work, system.dofs
@@ -293,7 +293,7 @@ def pass_along(basis, base, lo, hi, system, spin_root):
     return Passage(end, end_s, mean, mean_s, t0, t1, dt0, dt1, turn, turn_s)
 
 
-@kernel
+@inlined
 def begin_passage(term, system, k):
     """First node of the curve of slider k, and from there the first under it in the step and the one behind the last; their
     basis."""
