@@ -20,7 +20,7 @@ import fastbeam as fb
 from fastbeam.newton import Stepper
 from printing import table
 
-BAR, ROUNDS, STEPS = 1.2, 7, 30
+BAR, ROUNDS, STEPS = 1.2, 12, 30
 FORCES: dict[str, dict[str, Any]] = {
     "plain": {}, "friction": {"friction": 0.2}, "viscous": {"friction": fb.Friction(viscous=0.1)},
     "speed": {"drive": fb.Drive(speed=0.5), "rate": None},

@@ -1,8 +1,8 @@
 """Checkpoints: everything a run needs to go on bit for bit, in memory and in files that are complete or absent.
 
-    fastbeam-checkpoint 1 <newline>
+    fastbeam-checkpoint 4 <newline>
     one line of JSON: sizes, times, name and fingerprint of the model
-    float64, little endian: q, v, s, force, history, mean_force, memory
+    float64, little endian: q, v, s, force, history, mean_force, memory, impacts
     sha256 of everything before
 
 Reading one executes nothing and allocates no more than the file is long.
@@ -30,10 +30,10 @@ from .places import check_new, check_regular
 
 Array = np.ndarray
 MAGIC = b"fastbeam-checkpoint "
-VERSION = 3
+VERSION = 4
 # bytes
 LONGEST_HEADER, DIGEST = 65536, 32
-ARRAYS = (*State._fields, "mean_force", "memory")
+ARRAYS = (*State._fields, "mean_force", "memory", "impacts")
 # shares of a step: an end this near to a whole number of steps is one; a last step shorter than that is added to the one before
 WHOLE, SLIVER = 1e-9, 0.01
 # a step is at least this many times the distance of doubles at its time
@@ -42,7 +42,7 @@ STEP, NUMBERS = Number(above=0.0, unit="s"), Maybe(Instance(np.ndarray, "an arra
 
 
 @checked(state=Instance(State, "a State"), t=Number(), step=STEP, t_start=Number(), steps=Count(0), next_step=Maybe(STEP),
-         mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP)
+         mean_force=NUMBERS, scene=Word(), fingerprint=Word(), memory=NUMBERS, last_step=STEP, impacts=NUMBERS)
 @dataclass(frozen=True)
 class Checkpoint:
     """Where a run stands; `simulate(model, start=checkpoint, ...)` goes on as if it had never stopped.
@@ -69,6 +69,9 @@ class Checkpoint:
     memory : float64 or None
         What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
         the first guess of the next, the newest as increments.
+    impacts : float64 [S, 2] or None
+        Times of the last impacts of all sliders on rigid stops at the start and the end, s, -1.8e308 where there was none; None
+        where no slider has such stops.
     """
 
     state: State
@@ -82,6 +85,7 @@ class Checkpoint:
     fingerprint: str
     memory: Array | None = None
     last_step: float | None = None
+    impacts: Array | None = None
 
     @checked(path=FilePath(), overwrite=Flag())
     def save(self, path: str | PathLike[str], *, overwrite: bool = False) -> None:
@@ -97,7 +101,7 @@ class Checkpoint:
         path = check_target(path, overwrite)
         head = {name: getattr(self, name) for name in ("t", "step", "t_start", "steps", "next_step", "scene", "fingerprint",
                                                    "last_step")}
-        extra = [() if x is None else x for x in (self.mean_force, self.memory)]
+        extra = [() if x is None else x for x in (self.mean_force, self.memory, self.impacts)]
         arrays = [np.asarray(x, dtype="<f8") for x in (*self.state, *extra)]
         head["sizes"] = {name: x.size for name, x in zip(ARRAYS, arrays)}
         data = b"".join((MAGIC, b"%d\n" % VERSION, json.dumps(head).encode(), b"\n", *(x.tobytes() for x in arrays)))
@@ -152,16 +156,18 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
     if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
-    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, 3 * sizes[2]) or sizes[0] % 12:
+    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, 3 * sizes[2]) or sizes[0] % 12 \
+            or sizes[7] not in (0, 2 * sizes[2]):
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
     if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
         raise refuse("damaged, a step is not > 0")
     numbers = np.frombuffer(body[:-DIGEST], dtype="<f8").astype(np.float64)
     if not np.isfinite(numbers).all():
         raise refuse("holds values that are not finite")
-    *state, force, memory = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
+    *state, force, memory, impacts = (x.copy() for x in np.split(numbers, np.cumsum(sizes)[:-1]))
     return Checkpoint(State(*state), **times, steps=steps, next_step=next_step, mean_force=force if force.size else None,
-                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None, last_step=last_step)
+                      scene=scene, fingerprint=fingerprint, memory=memory if memory.size else None, last_step=last_step,
+                      impacts=impacts.reshape(-1, 2) if impacts.size else None)
 
 
 def check_target(path: str | PathLike[str], overwrite: bool, probe: bool = False) -> Path:
@@ -273,7 +279,8 @@ class Clock:
         """Go to a time that is no whole number of steps away."""
         self.now, self.on_grid = t, False
 
-    def checkpoint(self, model: Model, state: State, controlled: bool, memory: Array | None) -> Checkpoint:
+    def checkpoint(self, model: Model, state: State, controlled: bool, memory: Array | None,
+                   impacts: Array | None = None) -> Checkpoint:
         """The present moment, kept."""
         origin, done, now = self.origin, self.done, self.now
         if not controlled and self.on_grid:
@@ -282,7 +289,7 @@ class Clock:
             origin, done = now, 0
         before = None if self.before is None else self.before.copy()
         return Checkpoint(state, now, self.step, origin, done, self.size if controlled else None, before, model.scene_name,
-                          model.fingerprint, memory, self.before_size)
+                          model.fingerprint, memory, self.before_size, None if impacts is None else impacts.copy())
 
 
 def _unclear(a: float, b: float, step: float) -> float:

@@ -16,6 +16,8 @@ SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
 # a located end of a beam is met within this share of its length
 END_TOLERANCE = 1e-10
+# the error of a step to such an end is judged within this share of it, so that its halves stay inside
+INSIDE = 0.99
 # a step in which a triad turns by more is hard to solve, and beyond the second one does not resolve the rotation, rad
 LARGE_TURN, UNRESOLVED_TURN = 0.5, 0.5 * np.pi
 
@@ -102,12 +104,16 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     high, f_high = 1.0, way_left()
     low, reached = 0.0, start
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces)))
+    halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
         f_low = way(reached[0].s)[0]
         if f_low <= END_TOLERANCE or high - low < 1e-13:
             break
-        # secant with bisection as a guard; aim a little inside
-        x = low + (high - low) * f_low / (f_low - f_high) if f_high < 0.0 else 0.5 * (low + high)
+        # secant, with bisection as a guard and where a secant has led next to nowhere, as where the slider starts from rest; aim
+        # a little inside
+        halved = not halved and f_low > 0.5 * before[0] and f_high < 0.5 * before[1]
+        before = f_low, f_high
+        x = 0.5 * (low + high) if halved or not f_high < 0.0 else low + (high - low) * f_low / (f_low - f_high)
         x = min(max(x, low + 0.001 * (high - low)), high - 0.001 * (high - low))
         stepper.load(start)
         outcome = stepper.advance(t, x * h, 1)
@@ -135,6 +141,11 @@ class StepControl:
     Attributes
     ----------
     accepted, rejected : int
+
+    Raises
+    ------
+    SceneError
+        The smallest step is not > 0, or larger than the largest.
     """
 
     tolerance: float
@@ -143,6 +154,10 @@ class StepControl:
     largest: float
     accepted: int = 0
     rejected: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.smallest <= self.largest:
+            raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {self.smallest:g} and {self.largest:g} s")
 
     def advance(self, stepper: Stepper, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
         """One accepted step. Returns (its size, proposed size of the next, outcome); the status is OK or SLIDER_END. OK without a
@@ -164,12 +179,14 @@ class StepControl:
                   step: int) -> tuple[float, float, Outcome]:
         while True:
             whole = stepper.advance(t, h, 1)
-            if whole.status == SLIDER_END:
-                return h, h, whole
             coarse = stepper.copy_state()
-            error = np.inf
+            error, size = np.inf, h
             halves = whole
-            if whole.status == OK:
+            if whole.status == SLIDER_END:
+                size, error = self._to_the_end(stepper, start, t, h)
+                if error <= self.tolerance:
+                    return h, h, stepper.advance(t, h, 1)
+            elif whole.status == OK:
                 stepper.load(start)
                 halves = stepper.advance(t, 0.5 * h, 2) if whole.steps else whole
                 if halves.status == OK and halves.steps < 2:
@@ -192,7 +209,7 @@ class StepControl:
                 return h, min(self.largest, h * self._factor(error)), halves
             self.rejected += 1
             stepper.load(start)
-            shorter = h * (self._factor(error) if np.isfinite(error) else 0.25)
+            shorter = size * (self._factor(error) if np.isfinite(error) else 0.25)
             if h <= self.smallest * (1.0 + 1e-12):
                 if np.isfinite(error):
                     raise ConvergenceError(f"step {step} at t = {t:.6g} s: the local error {error:.3g} exceeds the tolerance "
@@ -200,6 +217,26 @@ class StepControl:
                                            "tolerance", step=step, time=t, state=start[0])
                 raise failure(stepper, halves if whole.status == OK else whole, t, step, h)
             h = max(self.smallest, shorter)
+
+    def _to_the_end(self, stepper: Stepper, start: tuple[State, Array], t: float, h: float) -> tuple[float, float]:
+        """Size of the step that ends where a slider meets the end of its beam, or a rigid stop, and its local error: of one step,
+        which is what is kept there. Leaves the state at the start."""
+        stop, stepper.stop = stepper.stop, bool
+        error = np.inf
+        try:
+            size = run_to_end_of_beam(stepper, t, h)[0]
+            if size == 0.0:
+                return size, 0.0
+            stepper.load(start)
+            if stepper.advance(t, INSIDE * size, 1).status == OK:
+                coarse = stepper.copy_state()
+                stepper.load(start)
+                if stepper.advance(t, 0.5 * INSIDE * size, 2).status == OK:
+                    error = 2.0**self.order * self._error(stepper, coarse)
+            return size, error
+        finally:
+            stepper.stop = stop
+            stepper.load(start)
 
     def _error(self, stepper: Stepper, coarse: State) -> float:
         difference = (stepper.state.q - coarse.q).reshape(-1, 12)[:, :3]

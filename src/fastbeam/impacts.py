@@ -5,13 +5,75 @@ from typing import Any
 
 import numpy as np
 
-from .kernels.along import AGAINST, HISTORY, INCREMENT, POSITION, SIGN, STOP_LOSS
+from .errors import SceneError
+from .kernels.along import AGAINST, HISTORY, INCREMENT, POSITION, SIGN, STICKS, STOP_LOSS
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, velocity_map
 from .model import Model
 from .nearest import nearest
 
 Array = np.ndarray
+# time of an impact where there was none, s
+NEVER = -float(np.finfo(float).max)
+# steps in a row that end at or before a stop without getting anywhere, besides two for every slider
+MOST_IN_A_ROW = 3
+
+
+class Impacts:
+    """What a run remembers of impacts on rigid stops.
+
+    Parameters
+    ----------
+    model : Model
+        With tables in space.
+    times : float64 [S, 2], optional
+        Of a run before.
+
+    Attributes
+    ----------
+    times : float64 [S, 2] or None
+        Of the last impact of every slider at the start and the end, s; NEVER where there was none. None where no slider has rigid
+        stops.
+    number : int
+        Of impacts in this run.
+    in_a_row : int
+        Steps shortened before a stop since the last whole step, or since one that led to a stop.
+
+    Raises
+    ------
+    SceneError
+        There are not as many times as the model needs.
+    """
+
+    def __init__(self, model: Model, times: Array | None = None) -> None:
+        self.model, self.number, self.in_a_row = model, 0, 0
+        self.times: Array | None = None
+        forces = model.slider_forces
+        if forces is None or not np.any(forces.restitutions >= 0.0):
+            return
+        self.times = np.full((model.n_sliders, 2), NEVER) if times is None else np.array(times, dtype=float)
+        if self.times.shape != (model.n_sliders, 2):
+            raise SceneError(f"start: the checkpoint holds times of impacts of shape {self.times.shape}, scene "
+                             f"{model.scene_name!r} needs {(model.n_sliders, 2)}; take a checkpoint of this model")
+
+    def is_rigid(self, slider: int, at_end: bool) -> bool:
+        """Whether a slider has a rigid stop there."""
+        return self.times is not None and self.model.slider_forces.restitution(slider, at_end) is not None
+
+    def may_go_on(self, moved: bool) -> bool:
+        """Whether a run gets anywhere; moved: whether a step has led to a stop now."""
+        self.in_a_row = 0 if moved else self.in_a_row + 1
+        return self.in_a_row <= MOST_IN_A_ROW + 2 * self.model.n_sliders
+
+    def behind(self, state: State, slider: int, at_end: bool, t: float, step: float) -> State:
+        """The state after an impact at time t, which is remembered. Of two within a step the second does not bounce."""
+        assert self.times is not None
+        restitution = self.model.slider_forces.restitution(slider, at_end)
+        if t - self.times[slider, int(at_end)] < step:
+            restitution = 0.0
+        self.times[slider, int(at_end)] = t
+        self.number += 1
+        return strike(self.model, state, slider, at_end, restitution)
 
 
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
@@ -61,6 +123,7 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
     own[:, SIGN] = np.where(given, own[:, SIGN], np.where(np.abs(after) > 1e-9 * np.max(np.abs(found)), np.sign(after),
                                                           own[:, SIGN]))
     own[k, SIGN] = -np.sign(rates[k])
+    own[own[:, SIGN] != 0.0, STICKS] = 0.0
     if restitution * abs(rates[k]) == 0.0:
         own[k, SIGN], own[k, AGAINST] = 0.0, 1.0 if at_end else -1.0
     return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history)

@@ -88,6 +88,9 @@ class Model:
         Friction, drives and stops of sliders.
     sleeves : Sleeves or None
         The sliders that are sleeves.
+    accounts_loads : bool
+        Whether loads have no potential: they change in time, or are moments. In a plane as in space, because states of both hold
+        the same numbers of the steps before.
     """
 
     scene_name: str
@@ -137,6 +140,7 @@ class Model:
     load_names: list[str] = field(default_factory=list)
     slider_forces: Any = None
     sleeves: Sleeves | None = None
+    accounts_loads: bool = False
 
     @property
     def held_mask(self) -> Array:
@@ -301,12 +305,6 @@ class Model:
     def work_place(self) -> int:
         """Where the work of loads stands among them."""
         return 0 if self.slider_forces is None else int(self.slider_forces.size)
-
-    @property
-    def accounts_loads(self) -> bool:
-        """Whether loads have no potential: they change in time, or are moments."""
-        rows = self.loads.reshape(len(self.loads), self.n_nodes + 1, 8)
-        return any(time is not None for time in self.load_times) or bool(np.any(rows[:, :, self.dim:len(self.dofs)]))
 
     def load_work(self) -> LoadWork | None:
         """The term that keeps account of the work of loads."""

@@ -16,7 +16,7 @@ from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .kernels import step as kernels
-from .kernels.along import AGAINST, HISTORY, DriveSchedule, put_drives
+from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule, put_drives
 from .kernels.constraints import Constraints
 from .kernels.observe import slider_motion
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
@@ -181,14 +181,15 @@ class Stepper:
                              "stops would put energy in; use order=2")
 
     def _start_sliding(self) -> None:
-        """Signs of the velocities of sliders with Coulomb friction, where no run before has left them."""
+        """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a
+        stop, stays there: its velocity is what the step left in which it came to rest, of second order."""
         model, state = self.model, self.state
         rates, contact = np.zeros(model.n_sliders), contact_of(model)
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
-        # one at rest against a stop stays there
-        moving &= self.core_state.history[AGAINST:HISTORY * model.n_sliders:HISTORY] == 0.0
-        self.core_state.history[:HISTORY * model.n_sliders:HISTORY] = np.where(moving, np.sign(rates), 0.0)
+        own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
+        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0)
+        own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
 
     @property
     def state(self) -> State:
@@ -325,12 +326,10 @@ class Stepper:
         force = np.zeros((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:
-            ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
-            starts = t + h * (np.arange(done, done + n)[:, None] + ends)
-            lengths = np.tile(self.weights * h, n)
+            starts, lengths = self._substeps(t, h, n, done)
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
-            loads, factors = model.loads, load_factors(model, starts.reshape(-1), lengths)
+            loads, factors = model.loads, load_factors(model, starts, lengths)
         drives = self._drives(t, h, n, done)
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
@@ -369,9 +368,13 @@ class Stepper:
         """What drives are given in n steps, as `SliderForces.schedule`; empty where nothing depends on time."""
         if self.along is None or not self.core.slider_forces.timed:
             return ()
-        ends = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
-        starts = t + h * (np.arange(done, done + n)[:, None] + ends)
-        return self.core.slider_forces.schedule(starts.reshape(-1), np.tile(self.weights * h, n))
+        return self.core.slider_forces.schedule(*self._substeps(t, h, n, done))
+
+    def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
+        """Times at which the substeps of n steps begin, and their sizes."""
+        begins = np.concatenate(([0.0], np.cumsum(self.weights)))[:-1]
+        starts = t + h * (np.arange(done, done + n)[:, None] + begins)
+        return starts.reshape(-1), np.tile(self.weights * h, n)
 
     def _loop(self, loads: Array | None, factors: Array, drives: tuple[Array, ...], h: float, n: int, counts: Array, sizes: Array,
               force: Array) -> tuple[Any, ...]:

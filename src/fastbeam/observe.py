@@ -16,7 +16,7 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .result import ALONG, ResultHeader
+from .result import ALONG, EXCHANGED, ResultHeader
 from .sections_held import Section, sections
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
@@ -81,6 +81,8 @@ class Observer:
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
         if self.forces is not None:
             out |= dict.fromkeys(ALONG, (s,))
+        if self.energy and self.model.slider_forces is not None:
+            out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.points:
@@ -122,8 +124,11 @@ class Observer:
                                   rate)
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
-            out |= {"slide_rate": rate, "friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
-                    "stop_loss": history[:, STOP_LOSS], "stop_energy": self.forces.stop_energy(state.s)}
+            out["slide_rate"] = rate
+        if (self.slider or self.energy) and model.slider_forces is not None:
+            history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
+            out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s)}
         if self.balance:
             self._balance(out, state)
         if self.points:

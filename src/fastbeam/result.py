@@ -20,8 +20,8 @@ Rows = Mapping[str, Any]
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
 # series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "friction_loss", "drive_work",
-         "stop_energy", "stop_loss")
+EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
 # rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
@@ -35,6 +35,7 @@ PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("n
 # what to write for series that are not there
 HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
          "momentum": "momenta are 'lin_mom' and 'ang_mom'",
+         **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("balance", "energy balance", "J"),
@@ -310,6 +311,11 @@ class Result:
         away ('friction of slider ...'), and with a minus what was put in ('drive of slider ...', 'loads'); 'sum' is constant.
 
         Where loads change in time or are moments, 'loads' is their work and that of gravity since the start.
+
+        Raises
+        ------
+        SceneError
+            The run did not record energies.
         """
         energies = {name: np.asarray(self._series(name)) for name in ("kinetic", "strain")}
         stops = self.series["stop_energy"].sum(axis=1) if "stop_energy" in self.series else np.zeros(len(self.t))

@@ -4,6 +4,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from os import PathLike
 from typing import Any
@@ -15,8 +16,8 @@ from .callback import Callback
 from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
-from .impacts import strike
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
+from .impacts import Impacts
 from .interrupt import Calls, Interrupts
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
@@ -35,6 +36,8 @@ Array = np.ndarray
 STEPS_A_LOOK = 50
 # relative drift of an invariant beyond which round-off cannot be all
 LARGEST_DRIFT = 1e-6
+# what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
+NEXT_TO_NOTHING = 1e-6
 # events of one kind that name a part each
 MOST_NAMED = 100
 TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
@@ -164,20 +167,17 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     every = max(1, n_steps // 500) if every is None else every
     control = None
     if tolerance is not None:
-        span = t_end - clock.origin
-        largest = 0.1 * span if max_step is None else max_step
+        largest = 0.1 * (t_end - clock.origin) if max_step is None else max_step
         least = RESOLVED * float(np.spacing(max(abs(clock.origin), abs(t_end))))
         smallest = min(max(1e-6 * step, least), largest) if min_step is None else min_step
-        if not 0.0 < smallest <= largest:
-            raise SceneError(f"min_step, max_step: need 0 < min_step <= max_step, got {smallest:g} and {largest:g} s")
-        check_times(clock.now, t_end, smallest, "min_step")
         control = StepControl(tolerance, order, smallest, largest)
+        check_times(clock.now, t_end, smallest, "min_step")
     memory = start.memory if isinstance(start, Checkpoint) else None
-    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation,
-                      threads)
+    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     run.notes = notes
+    run.impacts = Impacts(model, start.impacts if isinstance(start, Checkpoint) else None)
     return run.go(every)
 
 
@@ -208,9 +208,7 @@ class _Run:
         self.notes: list[tuple[str, str]] = []
         self.interrupts = Interrupts()
         self.calls = Calls(stepper, self.interrupts)
-        # times of the last impacts by slider and end
-        self.impacts: dict[tuple[int, str], float] = {}
-        self.n_impacts = self.hits = 0
+        self.impacts = Impacts(model)
         # whether the clock lags behind the state
         self.between = False
         self.resolution: Resolution | None = None
@@ -228,7 +226,8 @@ class _Run:
         self.last_checkpoint = time.perf_counter()
 
     def present(self) -> Checkpoint:
-        return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory)
+        return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory,
+                                     self.impacts.times)
 
     # --- what a user must not miss ------------------------------------------------------------------------------------
     def name_massless(self) -> None:
@@ -308,11 +307,7 @@ class _Run:
                 self.event({"kind": kind, "time": self.t_start, "text": text})
             self.name_massless()
             for t, outcome, size, row_due in self.chunks(every):
-                self.iterations += outcome.iterations
-                self.steps += outcome.steps
-                if outcome.steps:
-                    self.rows.close(t, size, outcome.force[0], outcome.steps)
-                    clock.before, clock.before_size = outcome.force[1], size
+                self.took(t, outcome, size)
                 self.between = False
                 if row_due:
                     self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
@@ -372,6 +367,14 @@ class _Run:
             raise final
         return result
 
+    def took(self, t: float, outcome: Outcome, size: float) -> None:
+        """Steps of this size led to time t; they tell the forces of the row that waits."""
+        if outcome.steps:
+            self.iterations += outcome.iterations
+            self.steps += outcome.steps
+            self.rows.close(t, size, outcome.force[0], outcome.steps)
+            self.clock.before, self.clock.before_size = outcome.force[1], size
+
     def chunks(self, every: int) -> Any:
         """Runs of steps that end where a row is due: (time, outcome, step size, row due)."""
         clock = self.clock
@@ -413,6 +416,8 @@ class _Run:
                 reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
             if outcome.status == SLIDER_END:
+                self.progress.update(reached - t)
+                clock.size = h
                 goes_on = yield from self.end_of_beam(reached, outcome, size)
                 if not goes_on:
                     return
@@ -427,57 +432,62 @@ class _Run:
                 raise failed
             self.progress.update(reached - t)
             t = clock.now = reached
-            clock.size = h
+            clock.size, self.impacts.in_a_row = h, 0
             yield t, outcome, size, True
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
 
     def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
         """A step to the end of the beam, or the rigid stop, that a slider reached; whether the run goes on behind it."""
-        outcome = Outcome(OK, outcome.steps, outcome.iterations, outcome.slider, outcome.sizes, outcome.force)
         if outcome.steps:
-            yield t, outcome, h, True
+            yield t, replace(outcome, status=OK), h, True
         self.between, self.calls.intact = True, False
         last, final, slider = run_to_end_of_beam(self.stepper, t, h)
-        if last > 0.0:
-            t += last
-            self.clock.leave_grid(t)
-            yield t, final, last, True
-        self.between = False
         s = float(self.stepper.state.s[slider])
         low, high = self.model.slider_limits[slider]
-        end = "start" if s < 0.5 * (low + high) else "end"
-        name = self.model.names["sliders"][slider]
-        forces = self.model.slider_forces
-        restitution = None if forces is None else forces.restitution(slider, end == "end")
-        if restitution is not None:
-            away = min(abs(s - low), abs(s - high)) / float(self.model.slider_lengths[slider])
-            self.hits = self.hits + 1 if last == 0.0 else 0
-            if not away <= AT_STOP or self.hits > 3 + 2 * self.model.n_sliders:
-                raise failure(self.stepper, Outcome(NOT_CONVERGED, 0, 0, slider, final.sizes, final.force), t, self.steps, h)
-            self.impact(slider, t, end, restitution)
+        end = "end" if s >= 0.5 * (low + high) else "start"
+        is_impact = self.impacts.is_rigid(slider, end == "end")
+        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
+        if last > 0.0:
+            t = self.t_end if is_impact and self.t_end - t - last < NEXT_TO_NOTHING * h else t + last
+            self.progress.update(last)
+            self.clock.leave_grid(t)
+        if is_impact and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
+            self.took(t, final, last)
+            # where a step a little longer takes another branch of friction, this one ends before the stop
+            if arrives:
+                self.impact(slider, t, end)
+            # the row, the callback and the checkpoint of this time are behind the impact
+            self.count_from(t)
+            if last > 0.0:
+                yield t, replace(final, steps=0), last, True
+            self.between = False
             return True
+        if last > 0.0:
+            yield t, final, last, True
+        self.between = False
+        if is_impact:
+            raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
+        name = self.model.names["sliders"][slider]
         self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
                     "text": f"slider {name!r} reached the {end} of its beam at t = {t:.6g} s; the run ends here"})
         return False
 
-    def impact(self, slider: int, t: float, end: str, restitution: float) -> None:
-        """A slider has met a rigid stop: go on with the velocities behind that. Of two impacts within a step the second does not
-        bounce."""
-        stepper, clock = self.stepper, self.clock
-        if t - self.impacts.get((slider, end), -np.inf) < self.step:
-            restitution = 0.0
-        self.impacts[slider, end] = t
-        stepper.set_state(strike(self.model, stepper.copy_state(), slider, end == "end", restitution))
-        clock.origin, clock.done, clock.now, clock.on_grid = t, 0, t, True
-        clock.before = clock.before_size = None
-        # the row of this time is that behind the impact
-        self.rows.reopen(t)
-        if self.n_impacts < MOST_NAMED:
+    def impact(self, slider: int, t: float, end: str) -> None:
+        """A slider has met a rigid stop: go on with the velocities behind that."""
+        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step))
+        if self.impacts.number <= MOST_NAMED:
             name = self.model.names["sliders"][slider]
             self.event({"kind": "impact", "time": t, "slider": name, "end": end,
                         "text": f"slider {name!r} met its stop at the {end} at t = {t:.6g} s"})
-        self.n_impacts += 1
+
+    def count_from(self, t: float) -> None:
+        """Count steps from a time within one; forces of rows look ahead there."""
+        clock = self.clock
+        clock.now, clock.before, clock.before_size = t, None, None
+        if self.control is None:
+            clock.origin, clock.done, clock.on_grid = t, 0, True
+        self.rows.reopen(t)
 
 
 @cache

@@ -50,8 +50,8 @@ class SliderForces:
         n = len(sliders)
         self._laws: dict[int, Any] = {}
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
-                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(4), np.zeros(n, np.int64), np.zeros(n),
-                            np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64))
+                            np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n),
+                            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
 
@@ -116,9 +116,9 @@ class SliderForces:
 
     def work(self, mass: float) -> Along:
         """The tables with arrays of one run; mass: of the scene, kg."""
-        self.tables.clock[3] = mass if mass > 0.0 else 1.0
+        self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("given", "clock", "sign", "rest", "flips", "needed", "against")})
+                                       ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against")})
 
     # --- what drives are given ----------------------------------------------------------------------------------------
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
@@ -223,7 +223,7 @@ class SliderForces:
         t : float
         s, rate : float64 [S]
             Places, m, and velocities ds/dt, m/s.
-        history : float64 [S, 5]
+        history : float64 [S, 6]
             Of the state.
         tangent, force : float64 [S, 3]
             Derivatives of the curves by s; contact forces, N.

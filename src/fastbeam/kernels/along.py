@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import call_law, dot
-from .curves import find_element, point_on_curve, step_basis
-from .kinds import position, vector
-from .slider import (SlidingLaw, account_along, begin_along, end_iteration_along, is_settled_along, mean_tangent, nodes_under,
+from .curves import find_element
+from .kinds import vector
+from .slider import (SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent, motion_along,
                      pass_along, sliding_law)
 from .terms import put_loads, spread_nodes
 
@@ -26,13 +26,15 @@ from .terms import put_loads, spread_nodes
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
-# impacts, J
-HISTORY = 5
+# impacts, J; 1 where friction holds it since a step before, else 0
+HISTORY = 6
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS = range(HISTORY)
 # a part of the contact force across the beam that is round-off of the force
 ALONG_ONLY = 1e-12
 # after so many changes of a sign in one step Newton's method goes in circles: friction is continuous in the velocity from then on
 MOST_FLIPS = 6
-SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS = range(HISTORY)
+# so many iterations of a step judge signs before they count
+JUDGED = 2
 
 
 class Along(NamedTuple):
@@ -47,11 +49,11 @@ class Along(NamedTuple):
     law: np.ndarray         # int64 [S]: address of a compiled function of (t, s, ds/dt) that returns a force, N
     given: np.ndarray       # float64 [S, 2]: what a drive is given in a step: s at its end, or the increment of s, m; the force,
     #                         N; or of a controller s in the middle, m, and ds/dt, m/s
-    clock: np.ndarray       # float64 [4]: size of the step, s; time of its middle, s; 2 in the first iteration, 1 after it, then
-    #                         0; mass of the scene, kg
+    clock: np.ndarray       # float64 [3]: size of the step, s; time of its middle, s; mass of the scene, kg
     sign: np.ndarray        # int64 [S]: sign of the velocity at the end of the step, as taken for Coulomb friction
     rest: np.ndarray        # float64 [S]: increment of s that leaves the slider at rest at the end of the step, m
     flips: np.ndarray       # int64 [S]: how often an iteration of this step has changed the sign
+    judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
 
@@ -138,7 +140,7 @@ def other_forces(along, k, s0, s1):
     return Force(stop.value + drive.value - viscous * (s1 - s0), stop.slope + drive.slope - viscous)
 
 
-@kernel
+@inlined
 def is_prescribed(along, k):
     return along.drive[k] == POSITION or along.drive[k] == INCREMENT
 
@@ -149,7 +151,19 @@ def prescribed_end(along, k, s0):
     return along.given[k, 0] if along.drive[k] == POSITION else s0 + along.given[k, 0]
 
 
-@kernel
+@inlined
+def has_signs(along, k):
+    """Whether the sign of the velocity of a slider decides: with Coulomb friction, and at rest against a stop."""
+    return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
+
+
+@inlined
+def most_of_friction(along, k, across, tangent):
+    """The bound of Coulomb friction in (5.6)."""
+    return along.friction[k] * np.sqrt(dot(across, across) * dot(tangent, tangent))
+
+
+@inlined
 def across_of(force, tangent):
     """The part of the contact force across the beam."""
     return force - (dot(force, tangent) / dot(tangent, tangent)) * tangent
@@ -173,7 +187,7 @@ def rub(factor, force, tangent, rest, slope):
 @kernel
 def hold(along, way, force):
     """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
-    unit = along.clock[3] / (along.clock[0] * along.clock[0])
+    unit = along.clock[2] / (along.clock[0] * along.clock[0])
     return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit)
 
 
@@ -182,7 +196,7 @@ def sign_of_velocity(along, k, needed, most, ds):
     """-1, 0 or 1 for the velocity at the end of the step, from what friction and a rigid stop have to give, the most that
     friction can, and the increment of s of this iteration."""
     sign = along.sign[k]
-    if along.clock[2] == 2.0:
+    if along.judged[k] == 1:
         return sign
     if sign == 0:
         # a rigid stop pushes only
@@ -202,29 +216,27 @@ def sign_of_velocity(along, k, needed, most, ds):
 @kernel
 def slide_with_forces(along, term, system, k, force, tangent):
     s0, s1 = system.state.s[k], system.work.s_end[k]
-    contact = system.contact
     if is_prescribed(along, k):
         return hold(along, s1 - prescribed_end(along, k, s0), force)
     other = other_forces(along, k, s0, s1)
     mu = along.friction[k]
-    if mu == 0.0 and along.against[k] == 0:
-        return SlidingLaw(force, tangent, -other.value, -other.slope)
-    across = across_of(force, tangent)
-    most = mu * np.sqrt(dot(across, across) * dot(tangent, tangent))
-    if along.smoothing[k] > 0.0 and along.against[k] == 0:
+    if not has_signs(along, k):
+        if mu == 0.0:
+            return SlidingLaw(force, tangent, -other.value, -other.slope)
         factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
+        most = most_of_friction(along, k, across_of(force, tangent), tangent)
         return rub(factor * mu, force, tangent, -other.value, most * slope - other.slope)
+    most = most_of_friction(along, k, across_of(force, tangent), tangent)
     along.needed[k] = dot(force, tangent) - other.value
-    if along.flips[k] >= MOST_FLIPS and along.against[k] == 0:
-        # full where the parts move by what it can push them in the step
-        width = most * contact.compliance[k]
-        part = (s1 - s0) / width if width > 0.0 else 0.0
-        along.rest[k] = 0.0
-        along.sign[k] = 1 if part > 0.0 else -1
-        inside = abs(part) < 1.0
-        return rub((part if inside else along.sign[k]) * mu, force, tangent, -other.value,
-                   (most / width if inside and width > 0.0 else 0.0) - other.slope)
+    along.judged[k] += 1
+    if along.flips[k] >= MOST_FLIPS:
+        if along.against[k] == 0:
+            return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most,
+                                SlidingLaw(force, tangent, -other.value, -other.slope))
+        # at the stop it stays for this step
+        along.sign[k] = 0
+        return hold(along, s1 - s0, force)
     sign = sign_of_velocity(along, k, along.needed[k], most, s1 - s0)
     along.flips[k] += sign != along.sign[k]
     along.sign[k] = sign
@@ -233,44 +245,43 @@ def slide_with_forces(along, term, system, k, force, tangent):
     return rub(sign * mu, force, tangent, -other.value, -other.slope)
 
 
+@kernel
+def rub_in_doubt(along, k, ds, width, most, law):
+    """The law with Coulomb friction, continuous in the velocity: full where the slider moves by `width`, what friction can push
+    the parts in the step."""
+    ahead = 1.0 if along.clock[0] > 0.0 else -1.0
+    part = ahead * ds / width if width > 0.0 else 0.0
+    along.rest[k] = 0.0
+    along.sign[k] = 1 if part > 0.0 else -1
+    inside = abs(part) < 1.0
+    return rub((part if inside else along.sign[k]) * along.friction[k], law.force, law.tangent, law.rest,
+               law.slope + (ahead * most / width if inside and width > 0.0 else 0.0))
+
+
 @begin_along.register(Along)
 @kernel
 def begin_forces(along, term, system, h):
     """Velocities along the beams tell which sliders may come to rest."""
     state = system.state
     along.clock[0] = h
-    along.clock[2] = 2.0
     for k in range(state.s.shape[0]):
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
             continue
         along.against[k] = int(state.history[HISTORY * k + AGAINST])
-        if along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
+        if has_signs(along, k):
             sign = int(state.history[HISTORY * k + SIGN])
             along.sign[k] = sign
             along.flips[k] = 0
+            along.judged[k] = 0
             along.rest[k] = 0.0
             if sign != 0:
-                along.rest[k] = 0.5 * h * sliding_rate(term, system, k)
+                e = find_element(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
+                tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
+                                                 system.dofs)
+                along.rest[k] = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
             else:
                 system.work.s_end[k] = state.s[k]
-
-
-@kernel
-def sliding_rate(term, system, k):
-    """ds/dt at the start of the step, theory.md 5.4."""
-    curves, sliders, state, contact, dofs = term.curves, term.sliders, system.state, system.contact, system.dofs
-    b = sliders.curve[k]
-    e = find_element(curves, b, state.s[k], contact.element[k])
-    tangent = point_on_curve(curves, b, state.s[k], state.q, e, contact, 1, dofs)
-    relative = position(state.v, sliders.point[k], dofs) - point_on_curve(curves, b, state.s[k], state.v, e, contact, 0, dofs)
-    return dot(relative, tangent) / dot(tangent, tangent)
-
-
-@end_iteration_along.register(Along)
-@kernel
-def count_iterations(along):
-    along.clock[2] = max(along.clock[2] - 1.0, 0.0)
 
 
 @is_settled_along.register(Along)
@@ -278,12 +289,16 @@ def count_iterations(along):
 def friction_takes_energy(along, term, system):
     """False where no iteration has judged signs by now, or Coulomb friction put energy in; there the sign of the increment of s
     is to decide."""
-    settled = along.clock[2] == 0.0
+    settled = True
     for k in range(along.sign.shape[0]):
+        if is_prescribed(along, k) or not has_signs(along, k):
+            continue
+        if along.judged[k] < JUDGED:
+            settled = False
         if along.friction[k] > 0.0 and along.rest[k] != 0.0 and along.clock[0] > 0.0:
             ds = system.work.s_end[k] - system.state.s[k]
             force = -1.0 * along.sign[k] if along.sign[k] != 0 else along.needed[k]
-            if force * ds > 0.0 and not is_prescribed(along, k):
+            if force * ds > 0.0:
                 along.rest[k] = 0.0
                 settled = False
     return settled
@@ -291,42 +306,41 @@ def friction_takes_energy(along, term, system):
 
 @account_along.register(Along)
 @kernel
-def account_forces(along, term, system):
-    """Work of friction and drives, from the converged step."""
-    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
-    spread_nodes.call(dofs, system.method, state, work, along.clock[0], 0, system.row_of.shape[0])
-    curves = term.curves
+def account_forces(along, term, system, h):
+    """Work of friction and drives, from the converged step, and whether sliders are at rest."""
+    state = system.state
     for k in range(state.s.shape[0]):
-        c = term.sliders.curve[k]
-        e0 = find_element(curves, c, state.s[k], contact.element[k])
-        e1 = find_element(curves, c, work.s_end[k], e0)
-        lo, hi = nodes_under(curves, c, e0, e1)
-        step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
-        way = pass_along(contact.basis, curves.meta[c, 0], lo, hi, system, term.sliders.spin_root)
-        account_slider(along, system, k, vector(state.force, contact.first_force[k], 1, dofs), mean_tangent(way))
+        if system.work.s_end[k] != state.s[k]:
+            account_work(along, term, system, k)
+        if has_signs(along, k) and not is_prescribed(along, k):
+            place = HISTORY * k
+            state.history[place + SIGN] = along.sign[k]
+            state.history[place + STICKS] = 1.0 if along.sign[k] == 0 and along.against[k] == 0 else 0.0
+            if along.sign[k] != 0:
+                state.history[place + AGAINST] = 0.0
 
 
 @kernel
-def account_slider(along, system, k, force, tangent):
-    state = system.state
-    s0, s1 = state.s[k], system.work.s_end[k]
+def account_work(along, term, system, k):
+    """Of friction and the drive of a slider that moves."""
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+    h = along.clock[0]
+    base, lo, hi = begin_passage(term, system, k)
+    # where the last increments led the nodes under it
+    spread_nodes.call(dofs, system.method, state, work, h, base + lo, base + hi)
+    tangent = mean_tangent(pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root))
+    force = vector(state.force, contact.first_force[k], 1, dofs)
+    s0, s1 = state.s[k], work.s_end[k]
     ds = s1 - s0
     total = dot(force, tangent)
     stop = stop_force(along, k, s0, s1).value
-    mu = along.friction[k]
-    across = across_of(force, tangent)
-    most = mu * np.sqrt(dot(across, across) * dot(tangent, tangent))
-    place = HISTORY * k
     if is_prescribed(along, k):
-        sign = np.tanh(ds / (along.clock[0] * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
-        friction = -along.viscous[k] / along.clock[0] * ds - most * sign
+        sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
+        most = most_of_friction(along, k, across_of(force, tangent), tangent)
+        friction = -along.viscous[k] / h * ds - most * sign
         drive = total - stop - friction
     else:
         drive = drive_force(along, k, s0, s1).value
         friction = total - stop - drive
-        if mu > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0:
-            state.history[place + SIGN] = along.sign[k]
-        if along.sign[k] != 0:
-            state.history[place + AGAINST] = 0.0
-    state.history[place + FRICTION_LOSS] -= friction * ds
-    state.history[place + DRIVE_WORK] += drive * ds
+    state.history[HISTORY * k + FRICTION_LOSS] -= friction * ds
+    state.history[HISTORY * k + DRIVE_WORK] += drive * ds

@@ -9,6 +9,7 @@ from .algebra import add3, cross, dot, ld3, zero3
 from .curves import find_element, point_on_curve
 from .kinds import SPACE, put
 from .layout import CONSTANTS, LIST, NODES, NODE_TABLE, POINTS, REFERENCE, layout
+from .slider import motion_along
 from .strain_sets import strains_of_state
 
 
@@ -149,7 +150,6 @@ def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
         e = find_element(curves, c, s[k], contact.element[k])
-        tangent = point_on_curve(curves, c, s[k], q, e, contact, 1, SPACE)
-        relative = ld3(v, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], v, e, contact, 0, SPACE)
+        tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, SPACE)
         put(tangent_out, 3 * k, 1, tangent)
         rate_out[k] = dot(relative, tangent) / dot(tangent, tangent)

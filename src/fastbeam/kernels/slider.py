@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel
+from .._jit import inlined, kernel
 from .algebra import dot
 from .curves import Curves, find_element, point_on_curve, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
@@ -115,17 +115,12 @@ def begin_along(along, term, system, h):
 
 
 @generic
-def end_iteration_along(along):
-    """After the sliders were assembled."""
-
-
-@generic
 def is_settled_along(along, term, system):
     """Whether forces along the beam are those of the step, when Newton's method has converged."""
 
 
 @generic
-def account_along(along, term, system):
+def account_along(along, term, system, h):
     """Work of forces along the beam in a converged step."""
 
 
@@ -136,14 +131,9 @@ def slide_freely(along, term, system, k, force, tangent):
 
 
 @begin_along.register(NoForceAlong)
+@account_along.register(NoForceAlong)
 @kernel
-def begin_no_force(along, term, system, h):
-    pass
-
-
-@end_iteration_along.register(NoForceAlong)
-@kernel
-def end_no_force(along):
+def no_force_along(along, term, system, h):
     pass
 
 
@@ -151,12 +141,6 @@ def end_no_force(along):
 @kernel
 def no_force_is_settled(along, term, system):
     return True
-
-
-@account_along.register(NoForceAlong)
-@kernel
-def account_no_force(along, term, system):
-    pass
 
 
 @generic
@@ -191,9 +175,16 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
             s_out[k] = s[k] + h * ((1.0 + c) * past[i] - c * past[i + m])
             put(force_out, d * k, 1, (1.0 + c) * vector(past, i + 1, 1, dofs) - c * vector(past, i + m + 1, 1, dofs))
         else:
-            tangent = point_on_curve(curves, b, s[k], q, e, contact, 1, dofs)
-            relative = position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s[k], v, e, contact, 0, dofs)
+            tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, dofs)
             s_out[k] = s[k] + h * dot(relative, tangent) / dot(tangent, tangent)
+
+
+@kernel
+def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
+    """Derivative by s of the curve under slider k at s, in element e, and the velocity of the sliding point relative to it."""
+    b = sliders.curve[k]
+    tangent = point_on_curve(curves, b, s, q, e, contact, 1, dofs)
+    return tangent, position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s, v, e, contact, 0, dofs)
 
 
 @kernel
@@ -310,7 +301,7 @@ def nodes_under(curves, c, e0, e1):
     return curves.first[p + min(e0, e1)], curves.first[last] + curves.count[last]
 
 
-@kernel
+@inlined
 def pass_along(basis, base, lo, hi, system, spin_root):
     """The `Passage` of a slider over nodes lo to before hi of a curve that begins at node `base`."""
     q, work, dofs = system.state.q, system.work, system.dofs
@@ -330,6 +321,19 @@ def pass_along(basis, base, lo, hi, system, spin_root):
         turn += n_mean * x
         turn_s += (0.5 * basis[2, a]) * x
     return Passage(end, end_s, mean, mean_s, t0, t1, dt0, dt1, turn, turn_s)
+
+
+@inlined
+def begin_passage(term, system, k):
+    """First node of the curve of slider k, and from there the first under it in the step and the one behind the last; their
+    basis."""
+    curves, state, work, contact = term.curves, system.state, system.work, system.contact
+    c = term.sliders.curve[k]
+    e0 = find_element(curves, c, state.s[k], contact.element[k])
+    e1 = find_element(curves, c, work.s_end[k], e0)
+    lo, hi = nodes_under(curves, c, e0, e1)
+    step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
+    return curves.meta[c, 0], lo, hi
 
 
 @kernel
@@ -364,14 +368,9 @@ def put_curve(term, system, k, base, lo, hi, way, law, slide):
 @kernel
 def add_slider(term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
-    curves, state, work, contact, dofs = term.curves, system.state, system.work, system.contact, system.dofs
+    state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
-    c = term.sliders.curve[k]
-    base = curves.meta[c, 0]
-    e0 = find_element(curves, c, state.s[k], contact.element[k])
-    e1 = find_element(curves, c, work.s_end[k], e0)
-    lo, hi = nodes_under(curves, c, e0, e1)
-    step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
+    base, lo, hi = begin_passage(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
     way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
     jump = way.t1 - way.t0
@@ -433,7 +432,6 @@ def predict_sliding(term, system, h, c):
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
         add_slider(term, system, k)
-    end_iteration_along.call(term.along)
 
 
 @take_unknowns.register(Sliding)
@@ -468,7 +466,7 @@ def gaps_are_closed(term, system):
 @account.register(Sliding)
 @kernel
 def account_sliding(term, system, h):
-    account_along.call(term.along, term, system)
+    account_along.call(term.along, term, system, h)
 
 
 @within_limits.register(Sliding)

@@ -87,7 +87,7 @@ class DrivingForce:
 
 
 def _arguments(function: Callable[..., Any]) -> int:
-    """Number of arguments that a function needs, -1 where that cannot be told."""
+    """Number of arguments that a function needs, 1 where that cannot be told."""
     try:
         kinds = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
