@@ -19,7 +19,7 @@ from .algebra import call_law, dot
 from .curves import find_element
 from .kinds import vector
 from .slider import (SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent, motion_along,
-                     pass_along, sliding_law)
+                     pass_along, push_of_moments, sliding_law)
 from .terms import put_loads, spread_nodes
 
 # kinds of drives
@@ -175,20 +175,20 @@ def rub(factor, force, tangent, rest, slope):
     across = across_of(force, tangent)
     normal = np.sqrt(dot(across, across))
     if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
-        return SlidingLaw(force, tangent, rest, slope)
+        return SlidingLaw(force, tangent, rest, slope, 1.0)
     long = np.sqrt(dot(tangent, tangent))
     part = dot(force, tangent) / (long * long)
     by_tangent = (factor * normal / long) * tangent - (factor * part * long / normal) * across
     # by_tangent . T is the friction, but for digits that a small F_across has lost
     lost = factor * normal * long - dot(by_tangent, tangent)
-    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, rest + lost, slope)
+    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, rest + lost, slope, 1.0)
 
 
 @kernel
 def hold(along, way, force):
     """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
     unit = along.clock[2] / (along.clock[0] * along.clock[0])
-    return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit)
+    return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0)
 
 
 @kernel
@@ -214,15 +214,16 @@ def sign_of_velocity(along, k, needed, most, ds):
 
 @sliding_law.register(Along)
 @kernel
-def slide_with_forces(along, term, system, k, force, tangent):
+def slide_with_forces(along, term, system, k, force, tangent, push):
     s0, s1 = system.state.s[k], system.work.s_end[k]
     if is_prescribed(along, k):
         return hold(along, s1 - prescribed_end(along, k, s0), force)
-    other = other_forces(along, k, s0, s1)
+    known = other_forces(along, k, s0, s1)
+    other = Force(known.value + push, known.slope)
     mu = along.friction[k]
     if not has_signs(along, k):
         if mu == 0.0:
-            return SlidingLaw(force, tangent, -other.value, -other.slope)
+            return SlidingLaw(force, tangent, -other.value, -other.slope, 1.0)
         factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
         most = most_of_friction(along, k, across_of(force, tangent), tangent)
@@ -233,7 +234,7 @@ def slide_with_forces(along, term, system, k, force, tangent):
     if along.flips[k] >= MOST_FLIPS:
         if along.against[k] == 0:
             return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most,
-                                SlidingLaw(force, tangent, -other.value, -other.slope))
+                                SlidingLaw(force, tangent, -other.value, -other.slope, 1.0))
         # at the stop it stays for this step
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
@@ -326,13 +327,15 @@ def account_work(along, term, system, k):
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     h = along.clock[0]
     base, lo, hi = begin_passage(term, system, k)
-    # where the last increments led the nodes under it
+    # where the last increments led the nodes under it, and its point
     spread_nodes.call(dofs, system.method, state, work, h, base + lo, base + hi)
+    point = term.sliders.point[k]
+    spread_nodes.call(dofs, system.method, state, work, h, point, point + 1)
     tangent = mean_tangent(pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root))
     force = vector(state.force, contact.first_force[k], 1, dofs)
     s0, s1 = state.s[k], work.s_end[k]
     ds = s1 - s0
-    total = dot(force, tangent)
+    total = dot(force, tangent) - push_of_moments.call(term.sleeves, term, system, k, base, lo, hi)
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):
         sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)

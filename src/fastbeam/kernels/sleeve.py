@@ -24,7 +24,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
-from .slider import entry_of, hold_section
+from .slider import entry_of, hold_section, push_of_moments
 from .terms import is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
@@ -154,7 +154,6 @@ def put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, 
         add_double_cross.call(d_mid, holder_end, 0.5 * moment * n_mean, contact.column[c], o + copy)
         o = entry_of(contact, k, row, dofs) + 8 * d
         add_to(contact.column[k], o + d, 8, (-0.5 * moment * contact.basis[2, a]) * turning)
-        add_to(contact.line[k], o + d, 8, (-0.5 * moment * contact.basis[3, a]) * at_end)
 
 
 @kernel
@@ -173,7 +172,19 @@ def put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_e
     add_double_cross.call(holder_mid, sums.mean_end, 0.5 * moment, contact.column[c], o + copy)
     o = entry_of(contact, k, row, dofs) + 8 * d
     add_to(contact.column[k], o + d, 8, -moment * cross_product.call(holder_mid, sums.mean_s))
-    add_to(contact.line[k], o + d, 8, (-0.5 * moment) * cross_product.call(holder_end, sums.t1))
+
+
+@kernel
+def put_push(term, system, k, p, moment, j, sums, holder_end, base, lo, hi):
+    """Derivatives of the push of pair p along the beam by the spins of nodes and holder, in the sliding equation."""
+    work, contact, dofs = system.work, system.contact, system.dofs
+    d = dim(dofs)
+    for a in range(lo, hi):
+        o = entry_of(contact, k, system.row_of[term.sliders.spin_root[base + a]], dofs) + 9 * d
+        d_end = director.call(dofs, work.q_end, base + a, j)
+        add_to(contact.line[k], o, 8, (-0.5 * moment * contact.basis[3, a]) * cross_product.call(d_end, holder_end))
+    o = entry_of(contact, k, system.row_of[term.sliders.spin_root[term.sliders.point[k]]], dofs) + 9 * d
+    add_to(contact.line[k], o, 8, (-0.5 * moment) * cross_product.call(holder_end, sums.t1))
 
 
 @kernel
@@ -195,9 +206,29 @@ def begin_moments(term, system, k, c):
         contact.line[c, o + 8 * i + copy + i] = -1.0
 
 
+@push_of_moments.register(Sleeves)
+@kernel
+def push_of_sleeve(sleeves, term, system, k, base, lo, hi):
+    o = sleeves.of_slider[k]
+    push = 0.0
+    if o >= 0:
+        state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
+        point = term.sliders.point[k]
+        c = sleeves.first[0] + o
+        for p in range(contact.forces[c]):
+            t0, t1 = zero_vector(dofs), zero_vector(dofs)
+            for a in range(lo, hi):
+                t0 += contact.basis[3, a] * director.call(dofs, state.q, base + a, min(p + 1, 2))
+                t1 += contact.basis[3, a] * director.call(dofs, work.q_end, base + a, min(p + 1, 2))
+            holder_start = holder_director.call(dofs, sleeves, o, p // 2, state.q, point)
+            holder_end = holder_director.call(dofs, sleeves, o, p // 2, work.q_end, point)
+            push += 0.5 * state.force[contact.first_force[c] + p] * (dot(holder_start, t0) + dot(holder_end, t1))
+    return push
+
+
 @hold_section.register(Sleeves)
 @kernel
-def hold_section_in_sleeve(sleeves, term, system, k, base, lo, hi):
+def hold_section_in_sleeve(sleeves, term, system, k, base, lo, hi, share):
     o = sleeves.of_slider[k]
     if o < 0:
         return
@@ -225,11 +256,11 @@ def hold_section_in_sleeve(sleeves, term, system, k, base, lo, hi):
         sums = sum_pair(contact.basis, system, base, lo, hi, j)
         put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, base, lo, hi)
         put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end)
+        put_push(term, system, k, p, share * moment, j, sums, holder_end, base, lo, hi)
         slide = 0.5 * (dot(holder_start, sums.t0) + dot(holder_end, sums.t1))
         contact.residual[c, p] = dot(holder_end, sums.end)
-        contact.residual[k, d] -= moment * slide
-        contact.corner[k, 9 * d] -= 0.5 * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
-        contact.cross[o, 0, p] = -slide
+        contact.corner[k, 9 * d] -= 0.5 * share * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
+        contact.cross[o, 0, p] = -share * slide
         contact.cross[o, 1, p] = dot(holder_end, sums.end_s)
 
 

@@ -96,17 +96,18 @@ class ContactOfCarriers(Contact):
 
 
 class SlidingLaw(NamedTuple):
-    """Sliding equation (5.3) of one slider, force . T + rest = 0, with T of the step."""
+    """Sliding equation (5.6) of one slider, force . T + rest = 0, with T of the step."""
 
     force: Any      # the contact force; with friction also what changes with T
     tangent: Any    # derivative of the equation by the contact force: T, with friction also what changes with the force
     rest: float     # minus the forces along the beam
     slope: float    # derivative of what is not force . T by s at the end of the step
+    share: float    # of (5.6) in it: 1, or 0 where the increment of s is given
 
 
 @generic
-def sliding_law(along, term, system, k, force, tangent):
-    """The `SlidingLaw` of slider k for its contact force and the tangent T of the step."""
+def sliding_law(along, term, system, k, force, tangent, push):
+    """The `SlidingLaw` of slider k for its contact force, the tangent T of the step and the push of moments along the beam."""
 
 
 @generic
@@ -126,8 +127,8 @@ def account_along(along, term, system, h):
 
 @sliding_law.register(NoForceAlong)
 @kernel
-def slide_freely(along, term, system, k, force, tangent):
-    return SlidingLaw(force, tangent, 0.0, 0.0)
+def slide_freely(along, term, system, k, force, tangent, push):
+    return SlidingLaw(force, tangent, -push, 0.0, 1.0)
 
 
 @begin_along.register(NoForceAlong)
@@ -144,14 +145,26 @@ def no_force_is_settled(along, term, system):
 
 
 @generic
-def hold_section(sleeves, term, system, k, base, lo, hi):
-    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`, over nodes lo to before hi of a
-    curve that begins at node `base`."""
+def push_of_moments(sleeves, term, system, k, base, lo, hi):
+    """What the moments of slider k add to the force along the beam, (5.9), N: nodes lo to before hi of a curve that begins at node
+    `base` are under it."""
+
+
+@generic
+def hold_section(sleeves, term, system, k, base, lo, hi, share):
+    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; share: of (5.6) in its sliding
+    equation, as in `SlidingLaw`."""
+
+
+@push_of_moments.register(NoSleeves)
+@kernel
+def push_of_no_moments(sleeves, term, system, k, base, lo, hi):
+    return 0.0
 
 
 @hold_section.register(NoSleeves)
 @kernel
-def hold_no_section(sleeves, term, system, k, base, lo, hi):
+def hold_no_section(sleeves, term, system, k, base, lo, hi, share):
     pass
 
 
@@ -374,7 +387,8 @@ def add_slider(term, system, k):
     f = vector(state.force, contact.first_force[k], 1, dofs)
     way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
     jump = way.t1 - way.t0
-    law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way))
+    push = push_of_moments.call(term.sleeves, term, system, k, base, lo, hi)
+    law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
     turned = spin_cross.call(way.turn, law.force)
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
@@ -396,7 +410,7 @@ def add_slider(term, system, k):
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
-    hold_section.call(term.sleeves, term, system, k, base, lo, hi)
+    hold_section.call(term.sleeves, term, system, k, base, lo, hi, law.share)
 
 
 @kernel
