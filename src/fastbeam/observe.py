@@ -158,13 +158,15 @@ class Observer:
         """Contact forces to a row, moments of sleeves and forces along the beam; force: of all constraints [F] at its time."""
         s = self.model.n_sliders
         row["contact_force"] = force[:3 * s].reshape(-1, 3)
+        push = np.zeros(s)
         if self.moments:
             row["contact_moment"] = np.zeros((s, 3))
             own = force[force.size - 3 * len(self._sections):].reshape(-1, 3)
             for k, section, mu in zip(self.model.sleeve_pairs[:, 0], self._sections, own):
                 row["contact_moment"][k] = section.moment(mu)
+                push[k] = section.values(1) @ mu[:section.pairs]
         if self.forces is not None:
-            found = self.forces.at_row(*self._moment, row["contact_force"])
+            found = self.forces.at_row(*self._moment, row["contact_force"], push)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
                     "stop_force": found.stop}
 

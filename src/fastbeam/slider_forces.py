@@ -215,7 +215,7 @@ class SliderForces:
         beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
         return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
 
-    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array) -> AtRow:
+    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array) -> AtRow:
         """Forces along the beam at time t.
 
         Parameters
@@ -227,11 +227,14 @@ class SliderForces:
             Of the state.
         tangent, force : float64 [S, 3]
             Derivatives of the curves by s; contact forces, N.
+        push : float64 [S]
+            Of the moments of sleeves along the beam, N.
         """
         table, sign = self.tables, history[:, SIGN]
         along = np.sum(force * tangent, axis=1)
         long = np.linalg.norm(tangent, axis=1)
         across = np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) * long
+        along = along - push
         stiff = table.stops[:, 2]
         beyond = np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)
         stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
