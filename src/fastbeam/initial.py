@@ -11,6 +11,7 @@ from .numbering import NodeList
 from .projection import project
 from .scene import PointMass, RigidBody, Scene
 from .tables import Elements
+from .tracks import track_of
 
 Array = np.ndarray
 # m/s and rad/s: smaller mismatches of velocities count as zero
@@ -90,10 +91,7 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     """Nodes under every slider, their shape functions and slopes, and the node that slides."""
     out = []
     for slider in scene.sliders:
-        first, values, slopes = slider.beam.basis.curve(slider.curve).evaluate(slider.at)
-        keep = np.flatnonzero((values[0] != 0.0) | (slopes[0] != 0.0))
-        number = nodes.start(slider.beam) + int(first[0]) + keep
-        out.append((number, values[0, keep], slopes[0, keep], nodes.number(slider.point)))
+        out.append((*track_of(scene, nodes, slider).at(slider.at), nodes.number(slider.point)))
     return out
 
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import call_law, dot
-from .curves import find_element, point_on_curve, step_basis
+from .curves import find_element, nodes_of, nodes_under, point_on_curve, step_basis
 from .kinds import position, vector
-from .slider import (SlidingLaw, account_along, begin_along, end_iteration_along, is_settled_along, mean_tangent, nodes_under,
+from .slider import (SlidingLaw, account_along, begin_along, end_iteration_along, is_settled_along, mean_tangent,
                      pass_along, sliding_law)
 from .terms import put_loads, spread_nodes
 
@@ -261,7 +261,7 @@ def sliding_rate(term, system, k):
     """ds/dt at the start of the step, theory.md 5.4."""
     curves, sliders, state, contact, dofs = term.curves, term.sliders, system.state, system.contact, system.dofs
     b = sliders.curve[k]
-    e = find_element(curves, b, state.s[k], contact.element[k])
+    e = find_element.call(curves, b, state.s[k], contact.element[k])
     tangent = point_on_curve(curves, b, state.s[k], state.q, e, contact, 1, dofs)
     relative = position(state.v, sliders.point[k], dofs) - point_on_curve(curves, b, state.s[k], state.v, e, contact, 0, dofs)
     return dot(relative, tangent) / dot(tangent, tangent)
@@ -298,11 +298,11 @@ def account_forces(along, term, system):
     curves = term.curves
     for k in range(state.s.shape[0]):
         c = term.sliders.curve[k]
-        e0 = find_element(curves, c, state.s[k], contact.element[k])
-        e1 = find_element(curves, c, work.s_end[k], e0)
-        lo, hi = nodes_under(curves, c, e0, e1)
+        e0 = find_element.call(curves, c, state.s[k], contact.element[k])
+        e1 = find_element.call(curves, c, work.s_end[k], e0)
+        lo, hi = nodes_under.call(curves, c, e0, e1)
         step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
-        way = pass_along(contact.basis, curves.meta[c, 0], lo, hi, system, term.sliders.spin_root)
+        way = pass_along(contact.basis, nodes_of.call(curves, c), lo, hi, system, term.sliders.spin_root)
         account_slider(along, system, k, vector(state.force, contact.first_force[k], 1, dofs), mean_tangent(way))
 
 
