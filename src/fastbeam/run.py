@@ -18,6 +18,7 @@ from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to
 from .impacts import strike
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .interrupt import Calls, Interrupts
+from .kernels.curves import Paths
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
@@ -455,8 +456,9 @@ class _Run:
                 raise failure(self.stepper, Outcome(NOT_CONVERGED, 0, 0, slider, final.sizes, final.force), t, self.steps, h)
             self.impact(slider, t, end, restitution)
             return True
+        track = "path" if isinstance(self.model.curves, Paths) else "beam"
         self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
-                    "text": f"slider {name!r} reached the {end} of its beam at t = {t:.6g} s; the run ends here"})
+                    "text": f"slider {name!r} reached the {end} of its {track} at t = {t:.6g} s; the run ends here"})
         return False
 
     def impact(self, slider: int, t: float, end: str, restitution: float) -> None:

@@ -202,18 +202,13 @@ class _Together:
         """Whether two nodes at one place stay together: through joints at that place, or because supports hold both."""
         here = np.max(np.abs(self.phi - self.phi[a]), axis=1) <= self.tolerance
         # parts that reach this place, by their rigid sets; -1 is the ground
-        known, front = {self._part(a)}, [self._part(a)]
-        balls = self.balls[here[self.balls].all(axis=1)]
-        sides = [(self._part(i), self._part(j)) for i, j in balls.tolist()]
+        known, front = {int(self.set[a])}, [int(self.set[a])]
+        sides = [tuple(x) for x in self.set[self.balls[here[self.balls].all(axis=1)]].tolist()]
+        sides += [(x, -1) for x in self.set[here & self.still].tolist()]
         while front:
             part = front.pop()
             for one, other in [*sides, *((y, x) for x, y in sides)]:
                 if one == part and other not in known:
                     known.add(other)
                     front.append(other)
-        return self._part(b) in known
-
-    def _part(self, k: int) -> int:
-        if self.still[k]:
-            return -1
-        return int(self.set[k])
+        return int(self.set[b]) in known

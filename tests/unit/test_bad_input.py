@@ -30,6 +30,7 @@ BODY = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
 NET = fb.Net("roof", [(0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1), (1, 2)], section=SECTION, clamps=[0])
 SCENE = fb.Scene(BEAM, RAIL, MASS, BODY, NET, fb.Clamp(BEAM.start), fb.Clamp(RAIL.start), fb.RigidConnection(BEAM.end, BODY),
                  fb.Slider("ride", MASS, RAIL, at=0.5), gravity=(0, 0, -9.81))
+AROUND = fb.Path("around", [BEAM], closed=True)
 # of each call at most this many seconds
 PATIENCE = 10.0
 
@@ -259,8 +260,13 @@ def calls(folder: Path) -> dict[str, Call]:
             objects=either(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody),
                            is_list_of(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody))),
             velocity=VECTOR, spin=VECTOR, about=VECTOR)),
+        "Path": Call(fb.Path, dict(name="p", beams=[BEAM, (RAIL, -1)]), dict(
+            name=is_text, beams=is_list_of(A_BEAM), closed=is_flag)),
+        "Path.locate": Call(AROUND.locate, dict(s=0.5), dict(s=is_real)),
+        "Path.places": Call(AROUND.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
-                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text, friction=is_real,
+                       dict(name=is_text, point=NODE, beam=A_BEAM, on=one_of(), at=is_real, rate=is_real, curve=is_text, friction=is_real,
                             drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(

@@ -454,7 +454,8 @@ class Slider:
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
-        if (self.beam is None) == (self.on is None):
+        # `dataclasses.replace` gives both
+        if (self.beam is None) == (self.on is None) and (self.beam is None or self.beam is not self.on):
             raise SceneError(f"{who}: give what it slides on once, a Beam or a Path, as in Slider(name, point, beam, at=s) or "
                              "Slider(name, point, on=path, at=s)")
         beam, at = self.on if self.beam is None else self.beam, self.at

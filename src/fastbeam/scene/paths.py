@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Flag, Name, Refusal, checked, shown, whole
+from fastbeam.arguments import Flag, Name, Number, Refusal, checked, shown, whole
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
@@ -17,6 +17,8 @@ from fastbeam.scene.checks import Array
 from fastbeam.scene.nets import Net
 
 MOST_BEAMS = 10**5
+# times around a closed path that a slider may begin with
+MOST_ROUNDS = 1e6
 
 
 @dataclass(frozen=True)
@@ -135,10 +137,6 @@ class Path:
         """Of all beams, m; of a closed path once around."""
         return float(self.starts[-1])
 
-    def within(self, s: Array) -> Array:
-        """Arc lengths s[n] of a closed path as those of the first round, 0 to the length; those of an open one as they are."""
-        return s - self.length * np.floor(s / self.length) if self.closed else s
-
     @checked(s=ArcLengths())
     def places(self, s: Any) -> tuple[Array, Array]:
         """Which of the beams, int [n], and where on it, arc length of the beam [n] in m, at arc lengths s[n] of the path.
@@ -152,12 +150,13 @@ class Path:
         outside = (s < -slack) | (s > self.length + slack)
         if outside.any() and not self.closed:
             raise SceneError(f"{self.label}: s={s[outside][0]:.6g} lies outside it (0 to {self.length:.6g} m)")
-        s = np.clip(self.within(s), 0.0, self.length)
+        s = np.clip(s - self.length * np.floor(s / self.length) if self.closed else s, 0.0, self.length)
         k = np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.beams) - 1)
         lengths = np.diff(self.starts)[k]
         local = np.clip(s - self.starts[k], 0.0, lengths)
         return k, np.where(np.array(self.directions)[k] > 0, local, lengths - local)
 
+    @checked(s=Number(unit="m"))
     def locate(self, s: float) -> tuple[Beam, float]:
         """The beam at arc length s of the path, and the arc length on the beam, both m: where a slider is.
 
@@ -188,36 +187,39 @@ class Path:
                 triads[at, :2] *= -1.0
         return phi, triads
 
+    @checked()
     def joints(self) -> list[tuple[NodeRef, NodeRef]]:
         """Where two beams meet: last node of the one and first of the next, in the direction of the path."""
         ends = [(b.start, b.end) if d > 0 else (b.end, b.start) for b, d in zip(self.beams, self.directions)]
         return [(one[1], other[0]) for one, other in zip(ends, ends[1:] + (ends[:1] if self.closed else []))]
 
-    def check(self, tolerance: float) -> None:
-        """The ends of neighbours meet; tolerance in m.
-
-        Raises
-        ------
-        SceneError
-            Two do not; names them and their distance.
-        """
-        for one, other in self.joints():
-            here, there = (node.owner.reference([node.owner.node_s[node.index]])[0][0] for node in (one, other))
-            gap = float(np.linalg.norm(here - there))
-            if gap <= tolerance:
-                continue
-            cure = "move one of them, or name the beams in their order"
-            beam = other.owner
-            far = beam.start if other == beam.end else beam.end
-            if np.linalg.norm(beam.reference([beam.node_s[far.index]])[0][0] - here) <= tolerance:
-                cure = f"{beam.label} meets it with its other end: change its direction ((beam, -1) runs backwards)"
-            elif self.closed and one == self.joints()[-1][0]:
-                cure = "leave closed=True out, or add the beams that lead back"
-            raise SceneError(f"{self.label}: {one} and {other} do not meet, they lie {gap:.6g} m apart; {cure}")
-
     def __repr__(self) -> str:
         what = "closed, " if self.closed else ""
         return f"<{self.label}: {what}{self.length:.6g} m, {len(self.beams)} beams>"
+
+
+def check_path(path: Path, tolerance: float) -> None:
+    """The ends of neighbours meet; tolerance in m.
+
+    Raises
+    ------
+    SceneError
+        Two do not; names them and their distance.
+    """
+    joints = path.joints()
+    for k, (one, other) in enumerate(joints):
+        here, there = (node.owner.reference([node.owner.node_s[node.index]])[0][0] for node in (one, other))
+        gap = float(np.linalg.norm(here - there))
+        if gap <= tolerance:
+            continue
+        cure = "move one of them, or name the beams in their order"
+        beam = other.owner
+        far = beam.start if other == beam.end else beam.end
+        if np.linalg.norm(beam.reference([beam.node_s[far.index]])[0][0] - here) <= tolerance:
+            cure = f"{beam.label} meets it with its other end: change its direction ((beam, -1) runs backwards)"
+        elif path.closed and k == len(joints) - 1:
+            cure = "leave closed=True out, or add the beams that lead back"
+        raise SceneError(f"{path.label}: {one} and {other} do not meet, they lie {gap:.6g} m apart; {cure}")
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
     Slider,
 )
-from fastbeam.scene.paths import Path
+from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
         | RigidMotion | Slider | Link)
@@ -306,7 +306,7 @@ class Scene:
         self._check_control_points()
         tolerance = self._tolerance()
         for path in {id(slider.beam): slider.beam for slider in self.sliders if isinstance(slider.beam, Path)}.values():
-            path.check(tolerance)
+            check_path(path, tolerance)
         for slider in self.sliders:
             self._check_slider(slider)
         placed_once = self._placed_once()
@@ -359,6 +359,9 @@ class Scene:
         beam, point = slider.beam, slider.point
         if any(point.owner is one for one in slider.beams):
             raise SceneError(f"{_who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
+        if slider.is_endless and abs(slider.at) > MOST_ROUNDS * beam.length:
+            raise SceneError(f"{_who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
+                             f"{beam.length:.6g} m); leave whole rounds out")
         if not slider.is_endless and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{_who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
