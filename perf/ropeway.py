@@ -5,8 +5,8 @@
     python perf/ropeway.py --scaling          time of a step with 12 to 200 cabins
 
 The cable is a circle of ten spans, tensioned by springs at the supports, under its own weight and that of the cabins, point
-masses whose drives bring them to their speed and keep it. Starts from the equilibrium with the cabins at rest. Prints the largest error
-of the energy balance, relative to the largest energy exchanged meanwhile, Newton iterations and the time of a step.
+masses whose drives bring them to their speed and keep it. Starts from the equilibrium with the cabins at rest. Prints the
+largest error of the energy balance, relative to the largest energy exchanged meanwhile, Newton iterations and the time of a step.
 """
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def _reversed(curve: CurveBasis, n_nodes: int) -> CurveBasis:
 
 
 def _joined(parts: list[Part], smooth: Array, closed: bool) -> CurveBasis:
-    """The curves of beams end to end; smooth [joints]: where both sides get one tangent, as at the inner ends of `Basis.curve`."""
+    """The curves of beams end to end; smooth [joints]: where both sides get one tangent, as inside of `Basis.curve`."""
     n_elements = np.array([part.curve.first_node.size for part in parts])
     element = np.concatenate(([0], np.cumsum(n_elements)))
     node = np.concatenate(([0], np.cumsum([part.n_nodes for part in parts])))

@@ -266,8 +266,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.places": Call(AROUND.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
-                       dict(name=is_text, point=NODE, beam=A_BEAM, on=one_of(), at=is_real, rate=is_real, curve=is_text, friction=is_real,
-                            drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
+                       dict(name=is_text, point=NODE, beam=A_BEAM, on=one_of(), at=is_real, rate=is_real, curve=is_text,
+                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),
