@@ -331,8 +331,8 @@ def _own_coefficients(basis: Basis, n: int) -> Array:
 
 def end_bumps(p: int) -> tuple[Array, Array]:
     """Legendre coefficients [p + 3] of functions that are zero at the nodes of an element of degree p, with slope 1 (by xi) at
-    its left and at its right end and 0 at the other: the nodal polynomial P_{p+1} - P_{p-1}, slope (+-)(2 p + 1) at the ends, times
-    (1 +- xi) / 2."""
+    its left and at its right end and 0 at the other: the nodal polynomial P_{p+1} - P_{p-1}, slope (+-)(2 p + 1) at the ends,
+    times (1 +- xi) / 2."""
     nodal = np.zeros(p + 2)
     nodal[p + 1], nodal[p - 1] = 1.0, -1.0
     shifted = legendre.legmulx(nodal)
