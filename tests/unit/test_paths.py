@@ -72,7 +72,7 @@ def test_a_slider_says_once_what_it_slides_on() -> None:
     for given in ({}, {"beam": A, "on": path}):
         with pytest.raises(fb.SceneError, match="give what it slides on once"):
             fb.Slider("s", BEAD, at=1.0, **given)
-    with pytest.raises(fb.SceneError, match="must be a Beam or a Path"):
+    with pytest.raises(fb.SceneError, match=r"must be a Beam, got .p. \(or a Path\)"):
         fb.Slider("s", BEAD, on="p", at=1.0)
 
 

@@ -232,4 +232,4 @@ class ATrack:
         try:
             return ABeam()(value)
         except Refusal as refusal:
-            raise Refusal(str(refusal).replace("must be a Beam,", "must be a Beam or a Path,")) from None
+            raise Refusal(f"{refusal} (or a Path)") from None
