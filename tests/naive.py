@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.basis import CurveBasis
-from fastbeam.scene import Beam, PointMass, RigidBody, Scene, Slider
+from fastbeam.scene import Beam, Path, PointMass, RigidBody, Scene, Slider
 
 Array = np.ndarray
 
@@ -157,7 +157,20 @@ def curve_of(slider: Slider) -> CurveBasis:
 
 
 def curve_shape(slider: Slider, s: float) -> Array:
-    """N~_A(s) of all nodes of the slider's beam; theory.md (3.1)."""
+    """N~_A(s) of all nodes of the slider's beam; theory.md (3.1). Of a path those of its beams one after the other, where beams
+    do not share a tangent; theory.md 5.7."""
+    if isinstance(slider.beam, Path):
+        beams, directions = slider.beam.beams, slider.beam.directions
+        length = sum(beam.length for beam in beams)
+        s = s % length if slider.beam.closed else s
+        k = 0
+        while k < len(beams) - 1 and s > beams[k].length:
+            s -= beams[k].length
+            k += 1
+        on = [Slider(slider.name, slider.point, beam, at=0.0, curve=slider.curve) for beam in beams]
+        parts = [np.zeros(beam.n_nodes) for beam in beams]
+        parts[k] = curve_shape(on[k], s if directions[k] > 0 else beams[k].length - s)
+        return np.concatenate(parts)
     n = slider.beam.n_nodes
     first, values, _ = curve_of(slider).evaluate(s)
     out = np.zeros(n + values.shape[1])
@@ -359,7 +372,7 @@ class Twin:
 
         The frame turns with the mean of the nodes of the curve: its directors are the axes at t_n, cay(theta) of them at t_n+1.
         """
-        at, point = self.of_beam(slider.beam), self.number(slider.point)
+        at, point = np.concatenate([np.arange(self.n)[self.of_beam(b)] for b in slider.beams]), self.number(slider.point)
         q_mid = 0.5 * (q_n + q_n1)
         n_mean = 0.5 * (curve_shape(slider, s_n) + curve_shape(slider, s_end))
         turns = np.array([cayley_vector(b.T @ a) for a, b in zip(q_n[at, 1:], q_n1[at, 1:])])

@@ -329,6 +329,17 @@ def _own_coefficients(basis: Basis, n: int) -> Array:
     return fix_sum(np.ascontiguousarray(np.tensordot(values, project, axes=(1, 0))))
 
 
+def end_bumps(p: int) -> tuple[Array, Array]:
+    """Legendre coefficients [p + 3] of functions that are zero at the nodes of an element of degree p, with slope 1 (by xi) at
+    its left and at its right end and 0 at the other: the nodal polynomial P_{p+1} - P_{p-1}, slope (+-)(2 p + 1) at the ends,
+    times (1 +- xi) / 2."""
+    nodal = np.zeros(p + 2)
+    nodal[p + 1], nodal[p - 1] = 1.0, -1.0
+    shifted = legendre.legmulx(nodal)
+    nodal = np.append(nodal, 0.0)
+    return 0.5 * (nodal - shifted) / (2 * p + 1) * (-1.0) ** p, 0.5 * (nodal + shifted) / (2 * p + 1)
+
+
 def _smoothed_curve(ends: Array, own: Array, p: int) -> CurveBasis:
     """The C1 curve of `Basis.curve` from the Legendre coefficients own [p+1, p+1] of one Lagrange element."""
     n = ends.size - 1
@@ -338,13 +349,7 @@ def _smoothed_curve(ends: Array, own: Array, p: int) -> CurveBasis:
     coef = np.zeros((n, min(3 * p + 1, n * p + 1), p + 3))
     coef[0, :p + 1, :p + 1] = own
     coef[1:, p:2 * p + 1, :p + 1] = own
-    # correction functions: nodal polynomial P_{p+1} - P_{p-1}, slope (+-)(2 p + 1) at the ends, times (1 +- xi) / 2
-    nodal = np.zeros(p + 2)
-    nodal[p + 1], nodal[p - 1] = 1.0, -1.0
-    shifted = legendre.legmulx(nodal)
-    nodal = np.append(nodal, 0.0)
-    bump_right = 0.5 * (nodal + shifted) / (2 * p + 1)
-    bump_left = 0.5 * (nodal - shifted) / (2 * p + 1) * (-1.0) ** p
+    bump_left, bump_right = end_bumps(p)
     slope_right = legendre.legval(1.0, legendre.legder(own.T, axis=0))
     slope_left = legendre.legval(-1.0, legendre.legder(own.T, axis=0))
     ratio = sizes[1:] / sizes[:-1]  # right over left element at every inner end

@@ -10,7 +10,7 @@ import numpy as np
 from .connections import HOLD_TRIAD, Connections
 from .kernels.carriers import Carriers
 from .numbering import NodeList
-from .scene import Beam, Scene
+from .scene import Beam, Path, Scene
 
 Array = np.ndarray
 # groups of carriers, each work for one thread at a time: at most so many, of so many carriers at least
@@ -48,6 +48,8 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     beams: dict[int, Any] = {}
     beam_of: dict[int, int] = {}
     for k, slider in enumerate(scene.sliders):
+        if isinstance(slider.beam, Path):
+            return None
         first = nodes.start(slider.beam)
         forced = slider.friction is not None or slider.drive is not None or slider.stops is not None
         if forced or isinstance(slider.point.owner, Beam) or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:

@@ -32,10 +32,11 @@ from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
-from .scene import Beam, Scene
+from .scene import Beam, Path, Scene
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
-from .tables import pack_curves, pack_inner, pack_substructures
+from .tables import pack_curves, pack_inner, pack_paths, pack_substructures
+from .tracks import track_of
 from .unpacked import Unpacked, unpack
 
 Array = np.ndarray
@@ -241,18 +242,12 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
 def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None]:
     if not scene.sliders:
         return None, None
-    index: dict[tuple[int, str, float], int] = {}
-    items = []
-    number = []
-    for slider in scene.sliders:
-        bore = getattr(slider, "length", 0.0)
-        key = (id(slider.beam), "" if bore else slider.curve, bore)
-        if key not in index:
-            index[key] = len(items)
-            items.append((nodes.start(slider.beam), slider.beam, slider.contact_curve))
-        number.append(index[key])
+    tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
+    index = {id(track): k for k, track in enumerate({id(track): track for track in tracks}.values())}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
-    return pack_curves(items), Sliders(np.array(number, np.int64), point, joints.spin_root.astype(np.int64))
+    curve = np.array([index[id(track)] for track in tracks], np.int64)
+    pack = pack_paths if any(isinstance(slider.beam, Path) for slider in scene.sliders) else pack_curves
+    return pack(list({id(track): track for track in tracks}.values())), Sliders(curve, point, joints.spin_root.astype(np.int64))
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

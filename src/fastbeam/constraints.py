@@ -11,6 +11,7 @@ from .kernels.constraints import Constraints
 from .kernels.inner import Inner, NoInner
 from .kernels.nodes import NoHeld
 from .kernels.terms import NoTies
+from .mapping import nodes_of_curve
 from .model import Model
 from .pattern import Pattern
 from .workspace import aligned
@@ -100,9 +101,8 @@ def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float
     sliders = [] if model.sliders is None else zip(model.sliders.curve.tolist(), model.sliders.point.tolist())
     for c, point in sliders:
         if c not in on_curve:
-            first = int(model.curves.meta[c, 0])
             on_curve[c] = np.zeros(model.n_nodes + 1, bool)
-            for node in range(first, first + int(model.curves.shape[c, 2])):
+            for node in nodes_of_curve(model.curves, c).tolist():
                 on_curve[c][_rows_of(model, node)] = True
         rows = _rows_of(model, point)
         late.append(rows[~on_curve[c][rows]])

@@ -87,7 +87,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     it stands at the end already."""
     start = stepper.save()
     lengths, (low_end, high_end) = stepper.model.slider_lengths, stepper.model.slider_limits.T
-    slack = END_SLACK * high_end
+    slack = END_SLACK * np.where(high_end < np.inf, high_end, np.abs(low_end))
     leaving: dict[int, float] = {}
 
     def way_left() -> float:

@@ -13,6 +13,7 @@ from .scene import PointMass, RigidBody, Scene
 from .sections_held import Section
 from .sleeves import held_at_start
 from .tables import Elements
+from .tracks import track_of
 
 Array = np.ndarray
 # m/s and rad/s: smaller mismatches of velocities count as zero
@@ -93,10 +94,7 @@ def _contact_lines(scene: Scene, nodes: NodeList) -> list[tuple[Array, Array, Ar
     """Nodes under every slider, their shape functions and slopes, and the node that slides."""
     out = []
     for slider in scene.sliders:
-        first, values, slopes = slider.contact_curve.evaluate(slider.at)
-        keep = np.flatnonzero((values[0] != 0.0) | (slopes[0] != 0.0))
-        number = nodes.start(slider.beam) + int(first[0]) + keep
-        out.append((number, values[0, keep], slopes[0, keep], nodes.number(slider.point)))
+        out.append((*track_of(scene, nodes, slider).at(slider.at), nodes.number(slider.point)))
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from .errors import SceneError
+from .kernels.curves import Curves, Paths
 
 if TYPE_CHECKING:
     from .kernels.work import State
@@ -42,13 +43,38 @@ def follow(model: Model, x: Array) -> Array:
     return out
 
 
+def nodes_of_curve(curves: Curves | Paths, c: int) -> Array:
+    """Numbers [n] of the nodes of curve c, along it."""
+    first, n = int(curves.meta[c, 0]), int(curves.shape[c, 2])
+    return np.asarray(curves.node[first:first + n]) if isinstance(curves, Paths) else first + np.arange(n)
+
+
+def within_round(curves: Curves | Paths, c: int, s: float) -> float:
+    """Arc length s of curve c; on a closed path that of the first round."""
+    period = float(curves.period[c]) if isinstance(curves, Paths) else 0.0
+    return s - period * np.floor(s / period) if period else s
+
+
+def each_once(curves: Curves | Paths, c: int, local: Array, values: Array) -> tuple[Array, Array]:
+    """Nodes under a contact, counted along curve c, as numbers in the scene, and their values [..., n]. On a short closed path a
+    node may be there twice, and counts once."""
+    nodes = nodes_of_curve(curves, c)
+    if not isinstance(curves, Paths) or not curves.period[c]:
+        return nodes[local], values
+    local, which = np.unique(local % nodes.size, return_inverse=True)
+    out = np.zeros((*values.shape[:-1], local.size))
+    np.add.at(out, (..., which), values)
+    return nodes[local], out
+
+
 def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
     """Nodes [n] under the contact of slider k at s; their shape functions, slopes and second derivatives by s [3, n]."""
     curves, sliders = model.curves, model.sliders
     assert curves is not None and sliders is not None
     c = int(sliders.curve[k])
-    base, n, o, p, co = (int(i) for i in curves.meta[c])
+    _, n, o, p, co = (int(i) for i in curves.meta[c])
     ends = curves.ends[o:o + n + 1]
+    s = within_round(curves, c, s)
     e = int(np.clip(np.searchsorted(ends, s, side="right") - 1, 0, n - 1))
     count, size = int(curves.count[p + e]), curves.shape[c, :2]
     coef = curves.coef[co + e * size[0] * size[1]:][:size[0] * size[1]].reshape(size)[:count].T
@@ -56,7 +82,7 @@ def shapes_at(model: Model, k: int, s: float) -> tuple[Array, Array]:
     xi = scale * (s - ends[e]) - 1.0
     values = [legendre.legval(xi, coef), scale * legendre.legval(xi, legendre.legder(coef)),
               scale * scale * legendre.legval(xi, legendre.legder(coef, 2))]
-    return base + int(curves.first[p + e]) + np.arange(count), np.array(values)
+    return each_once(curves, c, int(curves.first[p + e]) + np.arange(count), np.array(values))
 
 
 def curve_at(model: Model, k: int, s: float) -> tuple[Array, Array, Array]:

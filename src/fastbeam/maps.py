@@ -9,6 +9,7 @@ from .kernels import curves as kernels
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
 from .kernels.work import State
+from .mapping import nodes_of_curve, within_round
 from .model import Model
 from .multipliers import gap_matrix
 from .workspace import contact_of
@@ -122,14 +123,16 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
     for k in range(s):
         assert curves is not None and sliders is not None
         c, point = int(sliders.curve[k]), int(sliders.point[k])
-        e = int(kernels.find_element(curves, c, state.s[k], 0))
+        s = within_round(curves, c, float(state.s[k]))
+        e = int(kernels.find_element(curves, c, s, 0)) % int(curves.meta[c, 1])
         p = int(curves.meta[c, 3]) + e
-        local = int(curves.first[p]) + np.arange(int(curves.count[p]))
+        local = (int(curves.first[p]) + np.arange(int(curves.count[p]))) % int(curves.shape[c, 2])
         contact.basis[:3, local] = 0.0
         for slot, factor in ((0, 1.0), (1, 0.0)):
-            kernels.add_basis(curves, c, e, state.s[k], slot, factor, 1.0, contact.legendre, contact.basis, slot)
+            kernels.add_basis(curves, c, e, s, slot, factor, 1.0, contact.legendre, contact.basis, slot)
+        local = np.unique(local)
         shape = contact.basis[:3, local]
-        number = int(curves.meta[c, 0]) + local
+        number = nodes_of_curve(curves, c)[local]
         tangent = shape[1] @ x[number]
         rate = float((v[point] - shape[0] @ v[number]) @ tangent / (tangent @ tangent))
         tangents.append(tangent)

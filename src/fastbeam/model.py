@@ -13,7 +13,7 @@ from .arguments import Count, checked, shown
 from .errors import SceneError
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
-from .kernels.curves import Curves
+from .kernels.curves import Curves, Paths
 from .kernels.load_work import LoadWork
 from .kernels.inner import Inner
 from .kernels.kinds import SPACE
@@ -106,7 +106,7 @@ class Model:
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
-    curves: Curves | None
+    curves: Curves | Paths | None
     sliders: Sliders | None
     pattern: Pattern
     spinless: Array
@@ -293,8 +293,15 @@ class Model:
     @property
     def slider_limits(self) -> Array:
         """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]."""
+        return self.slider_ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(self.slider_ends))
+
+    @property
+    def slider_ends(self) -> Array:
+        """Arc lengths of the ends of what sliders run on, infinite for closed paths, float64 [S, 2]."""
         ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)
-        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
+        if isinstance(self.curves, Paths) and self.sliders is not None:
+            ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
+        return ends
 
     @property
     def history_size(self) -> int:

@@ -49,6 +49,8 @@ class NodeList:
 
     def __init__(self, scene: Scene) -> None:
         self.first: dict[int, int] = {}
+        # what sliders run on (tracks.py)
+        self.tracks: dict[tuple[int, str, float], Any] = {}
         self.labels = Labels()
         phi: list[Array] = []
         directors: list[Array] = []

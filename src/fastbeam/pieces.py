@@ -39,7 +39,7 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[i
         goes_on[first:last] = True
     goes_on[first_and_last[:, 1]] = False
     chain = np.flatnonzero(goes_on)
-    contacts = np.array([(nodes.number(s.point), nodes.start(s.beam)) for s in scene.sliders], np.int64).reshape(-1, 2)
+    contacts = np.array([(nodes.number(s.point), nodes.start(s.beams[0])) for s in scene.sliders], np.int64).reshape(-1, 2)
     linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
     joined = _components(n, np.concatenate(joints))
     count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
@@ -91,9 +91,10 @@ def _touching(scene: Scene, nodes: NodeList, joined: Array, free: Array, held: A
     pairs = pairs[(free[one] | free[other]) & (joined[one] != joined[other]) & ~((held[one] & 7 != 0) & (held[other] & 7 != 0))]
     for slider in scene.sliders:
         # it may start at an end of its beam
-        point, beam = nodes.number(slider.point), nodes.span(slider.beam)
-        other = pairs.sum(axis=1) - point
-        pairs = pairs[~((pairs == point).any(axis=1) & (other >= beam.start) & (other < beam.stop))]
+        for beam in slider.beams:
+            point, span = nodes.number(slider.point), nodes.span(beam)
+            other = pairs.sum(axis=1) - point
+            pairs = pairs[~((pairs == point).any(axis=1) & (other >= span.start) & (other < span.stop))]
     places: dict[int, list[int]] = {}
     of = _components(len(nodes), pairs)
     for k in np.unique(pairs).tolist():

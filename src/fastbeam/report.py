@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pieces import pieces
-from .scene import Scene
+from .scene import Path, Scene
+from .tracks import track_of
 
 if TYPE_CHECKING:
     from .model import Model
@@ -76,6 +77,7 @@ def describe(scene: Scene, model: Model) -> str:
                  f", bore {bores[0]:.3g} m" if bores else "") + ")" * bool(scene.sleeves)
         lines.append(f"  sliding contact    {_plural(model.n_sliders, 'slider')}{held}, discrete gradient"
                      + (f", {c1} on a C1 curve" if c1 else ""))
+        lines += _paths(scene, model)
     lines += _together(scene, model)
     pattern = model.pattern
     if pattern.plan is not None:
@@ -88,6 +90,21 @@ def describe(scene: Scene, model: Model) -> str:
                      "analysed once; SuperLU as fallback")
     lines.append("  left out           " + ", ".join(_left_out(scene, model)))
     return "\n".join(lines)
+
+
+def _paths(scene: Scene, model: Model) -> list[str]:
+    """A line for every path."""
+    lines, known = [], set()
+    for slider in scene.sliders:
+        path = slider.beam
+        if isinstance(path, Path) and (path, slider.curve) not in known:
+            known.add((path, slider.curve))
+            track = track_of(scene, model.numbers, slider)
+            count = sum(other.beam is path and other.curve == slider.curve for other in scene.sliders)
+            across = f", one tangent across {track.smooth} of {_plural(track.joints, 'joint')}" if track.smooth else ""
+            lines.append(f"  path               {path.name!r}: {_plural(len(path.beams), 'beam')}, {path.length:.6g} m"
+                         + (", closed" if path.closed else "") + f", {_plural(count, 'slider')}{across}")
+    return lines
 
 
 def _together(scene: Scene, model: Model) -> list[str]:

@@ -19,6 +19,7 @@ from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
+from .kernels.curves import Paths
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
@@ -469,8 +470,9 @@ class _Run:
         if is_impact:
             raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
         name = self.model.names["sliders"][slider]
+        track = "path" if isinstance(self.model.curves, Paths) else "beam"
         self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
-                    "text": f"slider {name!r} reached the {end} of its beam at t = {t:.6g} s; the run ends here"})
+                    "text": f"slider {name!r} reached the {end} of its {track} at t = {t:.6g} s; the run ends here"})
         return False
 
     def impact(self, slider: int, t: float, end: str) -> None:

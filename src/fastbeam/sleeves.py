@@ -8,6 +8,7 @@ import numpy as np
 from .connections import Connections
 from .errors import SceneError
 from .kernels.sleeve import Sleeves
+from .mapping import nodes_of_curve
 from .model import Model
 from .numbering import NodeList
 from .plane import Plane, numbers_of, to_plane
@@ -89,7 +90,7 @@ def sleeves_in_plane(model: Model, plane: Plane) -> tuple[Sleeves | None, Array]
     flat = to_plane(q[:, 1:], plane.axes)
     k = np.argmax(np.abs(plane.factor), axis=1)[holder]
     u = flat[holder, k] / plane.factor[holder, k]
-    beam = model.curves.meta[model.sliders.curve[sliders], 0]
+    beam = np.array([nodes_of_curve(model.curves, int(c))[0] for c in model.sliders.curve[sliders]])
     cos, sin = plane.factor[beam, 1].imag, plane.normal[beam, 1]
     turn = to_plane(axis, plane.axes) * np.conj(u) / np.abs(u)
     return sleeves._replace(axes=numbers_of(turn / np.abs(turn))), np.stack((cos, -sin, np.zeros(len(cos))), axis=1)

@@ -67,8 +67,9 @@ def own_state(model: Model, state: State) -> State:
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    for s, length, (low, high), name in zip(own.s, model.slider_lengths, model.slider_limits, model.names["sliders"]):
-        if not -END_SLACK * length <= s <= (1.0 + END_SLACK) * length:
+    of_sliders = own.s, model.slider_lengths, model.slider_ends, model.slider_limits, model.names["sliders"]
+    for s, length, (begin, end), (low, high), name in zip(*of_sliders):
+        if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
         if not low - AT_STOP * length <= s <= high + AT_STOP * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, beyond its stops ({low:.6g} to {high:.6g} m)")
@@ -272,7 +273,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
         for _ in range(20):
             gap, tangent, _ = contact(model, k, s[k], q, q)
             way = float(gap @ tangent / (tangent @ tangent))
-            s[k] = np.clip(s[k] + way, 0.0, model.slider_lengths[k])
+            s[k] = np.clip(s[k] + way, *model.slider_ends[k])
             if abs(way) <= 1e-15 * model.slider_lengths[k]:
                 break
         gap, tangent, _ = contact(model, k, s[k], q, q)

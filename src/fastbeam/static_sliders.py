@@ -80,7 +80,7 @@ class SlidingSolver(StaticSolver):
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.sliding = ~held
-        self.lengths = uneliminated.slider_lengths
+        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_ends
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
@@ -226,7 +226,7 @@ class SlidingSolver(StaticSolver):
             if x is None:
                 return (SINGULAR if np.isfinite(self.work.r).all() else NOT_FINITE), sizes
             s = state.s + x.s
-            if np.any((s < 0.0) | (s > self.lengths)):
+            if np.any((s < self.ends[:, 0]) | (s > self.ends[:, 1])):
                 return SLIDER_END, sizes
             share = self._share(x.nodes)
             # forces stand in the equations as they are: whole ones balance the loads whatever nodes do
@@ -311,7 +311,7 @@ class SlidingSolver(StaticSolver):
         """Increments of the sliding coordinates, none too long and none beyond an end; and a slider that stands at the end that
         it is pushed to, or -1."""
         now = self.stepper.core_state.s
-        to_end = np.where(s > 0.0, self.lengths - now, now)
+        to_end = np.where(s > 0.0, self.ends[:, 1] - now, now - self.ends[:, 0])
         out = np.flatnonzero((to_end <= AT_END * self.lengths) & (np.abs(s) > to_end) & (slope * s < 0.0))
         if out.size:
             return s, int(out[0])

@@ -66,7 +66,8 @@ def _free_nodes(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
     free[joints.row_root[linked]] = False
     for slider in scene.sliders:
         free[nodes.number(slider.point)] = False
-        free[nodes.span(slider.beam)] = False
+        for beam in slider.beams:
+            free[nodes.span(beam)] = False
     return free
 
 
@@ -83,8 +84,9 @@ def _in_net(scene: Scene, net: Net, free: Array) -> Chosen:
     first, last = net.end_node.T
     whole = taken[last] == taken[first + 1]
     for slider in scene.sliders:
-        if getattr(slider.beam, "net", None) is net:
-            whole[slider.beam.index] = False
+        for beam in slider.beams:
+            if getattr(beam, "net", None) is net:
+                whole[beam.index] = False
     element = np.cumsum(net.elements) - net.elements
     groups = []
     for count in np.unique(net.elements[whole]).tolist():

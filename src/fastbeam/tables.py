@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .basis import CurveBasis, build_basis
+from .basis import build_basis
 from .kernels.beam import ElementTables
 from .kernels.inner import Inner, NoColumns, store_size
-from .kernels.curves import Curves
+from .kernels.curves import Curves, Paths
 from .kernels.kinds import SPACE
 from .kernels.layout import CONSTANTS, REFERENCE, layout_of
 from .kernels.substructures import Substructures, place_stores
@@ -371,15 +371,16 @@ def pack_substructures(packers: list[ElementPacker], rows: Array, blocks: Array,
                                       np.array([first, *counts]), empty, empty, empty), 6)
 
 
-def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:
-    """Tables of the curves (first node, beam, curve)."""
+def pack_curves(tracks: list[Any]) -> Curves:
+    """Tables of the curves of beams (tracks.py)."""
     meta, shape, ends, first, count, coef = [], [], [], [], [], []
     n_ends = n_first = n_coef = 0
     degree = 1
-    for base, beam, curve in items:
+    for track in tracks:
+        curve = track.basis
         ne, width, n = curve.coef.shape
-        meta.append((base, ne, n_ends, n_first, n_coef))
-        shape.append((width, n, beam.n_nodes))
+        meta.append((track.nodes[0], ne, n_ends, n_first, n_coef))
+        shape.append((width, n, track.nodes.size))
         degree = max(degree, n - 1)
         ends.append(curve.element_ends)
         first.append(curve.first_node)
@@ -393,3 +394,12 @@ def pack_curves(items: list[tuple[int, Beam, CurveBasis]]) -> Curves:
     return Curves(np.array(meta, np.int64), np.array(shape, np.int64), np.concatenate(ends),
                   np.concatenate(first).astype(np.int64), np.concatenate(count).astype(np.int64), np.concatenate(coef),
                   0.5 * (x + 1.0), 0.5 * w)
+
+
+def pack_paths(tracks: list[Any]) -> Paths:
+    """The same where some are paths."""
+    curves = pack_curves(tracks)
+    sizes = [track.nodes.size for track in tracks]
+    curves.meta[:, 0] = np.cumsum(sizes) - sizes
+    return Paths(*curves, np.concatenate([track.nodes for track in tracks]).astype(np.int64),
+                 np.array([track.period for track in tracks]))

@@ -26,6 +26,7 @@ SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
 BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=2, degree=2)
 RAIL = fb.Beam.straight("rail", (0, 1, 0), (2, 1, 0), section=SECTION, elements=2, degree=2)
 MASS = fb.PointMass("bead", mass=0.1)
+AROUND = fb.Path("around", [BEAM], closed=True)
 BODY = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
 NET = fb.Net("roof", [(0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1), (1, 2)], section=SECTION, clamps=[0])
 SCENE = fb.Scene(BEAM, RAIL, MASS, BODY, NET, fb.Clamp(BEAM.start), fb.Clamp(RAIL.start), fb.RigidConnection(BEAM.end, BODY),
@@ -89,7 +90,8 @@ WRONG: dict[str, Any] = {
     "zero byte": "a\0b", "long name": "x" * 300, "beam": BEAM, "node": BEAM.end, "mass": MASS, "body": BODY, "net": NET,
     "scene": SCENE, "section": SECTION, "parts": [BEAM, MASS], "foreign beam": fb.Beam.straight(
         "other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1).end, "clamp": fb.Clamp(BEAM.start), "None": None,
-    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9)}
+    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9),
+    "path": AROUND}
 
 
 def pool(folder: Path) -> dict[str, Callable[[], Any]]:
@@ -176,7 +178,7 @@ def is_series(x: Any) -> bool:
 
 
 VECTOR, NODE = is_array(1), one_of(fb.NodeRef, fb.PointMass, fb.RigidBody)
-A_BEAM, SECTIONS = one_of(fb.Beam), one_of(fb.Section)
+A_BEAM, A_TRACK, SECTIONS = one_of(fb.Beam), one_of(fb.Beam, fb.Path), one_of(fb.Section)
 FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
 
 
@@ -212,7 +214,7 @@ def calls(folder: Path) -> dict[str, Call]:
                              dict(radius=is_real, thickness=is_real, **MATERIAL)),
         "Section.from_matrix": Call(fb.Section.from_matrix, dict(C=np.eye(6), rhoA=1.0, rhoI2=0.0, rhoI3=0.0),
                                     dict(C=is_array(2), **INERTIA)),
-        "Beam": Call(fb.Beam, dict(name="b", curve=BEAM.curve, **BAR), dict(name=is_text, curve=A_BEAM, **COMMON)),
+        "Beam": Call(fb.Beam, dict(name="b", curve=BEAM.curve, **BAR), dict(name=is_text, curve=A_TRACK, **COMMON)),
         "Beam.straight": Call(fb.Beam.straight, dict(name="b", start=(0, 0, 0), end=(1, 0, 0), **BAR),
                               dict(name=is_text, start=VECTOR, end=VECTOR, d2=VECTOR, twist=is_real, **COMMON)),
         "Beam.arc": Call(fb.Beam.arc, dict(name="b", start=(0, 0, 0), tangent=(1, 0, 0), normal=(0, 1, 0), radius=1.0, angle=1.0,
@@ -259,12 +261,18 @@ def calls(folder: Path) -> dict[str, Call]:
             objects=either(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody),
                            is_list_of(one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody))),
             velocity=VECTOR, spin=VECTOR, about=VECTOR)),
+        "Path": Call(fb.Path, dict(name="p", beams=[BEAM, (RAIL, -1)]), dict(
+            name=is_text, beams=is_list_of(A_BEAM), closed=is_flag)),
+        "Path.locate": Call(AROUND.locate, dict(s=0.5), dict(s=is_real)),
+        "Path.places": Call(AROUND.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
-                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text, friction=is_real,
-                            drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
+                       dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
+                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
         "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5),
-                       dict(name=is_text, point=NODE, beam=A_BEAM, at=is_real, rate=is_real, curve=is_text, friction=is_real,
-                            drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real, axis=VECTOR)),
+                       dict(name=is_text, point=NODE, beam=A_BEAM, on=A_BEAM, at=is_real, rate=is_real, curve=is_text,
+                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real,
+                            axis=VECTOR)),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),

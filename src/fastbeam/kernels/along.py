@@ -16,7 +16,7 @@ import numpy as np
 
 from .._jit import inlined, kernel
 from .algebra import call_law, dot
-from .curves import find_element
+from .curves import find_element, node_of
 from .kinds import vector
 from .slider import (SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent, motion_along,
                      pass_along, push_of_moments, sliding_law)
@@ -277,7 +277,7 @@ def begin_forces(along, term, system, h):
             along.judged[k] = 0
             along.rest[k] = 0.0
             if sign != 0:
-                e = find_element(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
+                e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
                 tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
                                                  system.dofs)
                 along.rest[k] = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
@@ -326,16 +326,18 @@ def account_work(along, term, system, k):
     """Of friction and the drive of a slider that moves."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     h = along.clock[0]
-    base, lo, hi = begin_passage(term, system, k)
+    nodes, lo, hi = begin_passage(term, system, k)
     # where the last increments led the nodes under it, and its point
-    spread_nodes.call(dofs, system.method, state, work, h, base + lo, base + hi)
+    for a in range(lo, hi):
+        node = node_of.call(nodes, a)
+        spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
     point = term.sliders.point[k]
     spread_nodes.call(dofs, system.method, state, work, h, point, point + 1)
-    tangent = mean_tangent(pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root))
+    tangent = mean_tangent(pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
     force = vector(state.force, contact.first_force[k], 1, dofs)
     s0, s1 = state.s[k], work.s_end[k]
     ds = s1 - s0
-    total = dot(force, tangent) - push_of_moments.call(term.sleeves, term, system, k, base, lo, hi)
+    total = dot(force, tangent) - push_of_moments.call(term.sleeves, term, system, k, nodes, lo, hi)
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):
         sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)

@@ -4,9 +4,9 @@ from __future__ import annotations
 from .._jit import kernel
 from .algebra import dot
 from .alpha import Alpha
-from .curves import add_basis, find_element
+from .curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
 from .kinds import add_to, dim, position, put, vector, zero_vector
-from .slider import Sliding, Weights, nodes_under, put_residual, put_translation
+from .slider import Sliding, Weights, put_residual, put_translation
 from .terms import Midpoint, assemble
 
 
@@ -19,31 +19,32 @@ def add_collocated_slider(term, system, k, share):
     d = dim(dofs)
     near = 0.5 / share    # derivative of s and q at that instant by those at the end of the step
     c = term.sliders.curve[k]
-    base = curves.meta[c, 0]
-    e0 = find_element(curves, c, state.s[k], contact.element[k])
-    e1 = find_element(curves, c, work.s_end[k], e0)
+    nodes = nodes_of.call(curves, c)
+    e0 = find_element.call(curves, c, state.s[k], contact.element[k])
+    e1 = find_element.call(curves, c, work.s_end[k], e0)
     si = state.s[k] + near * (work.s_end[k] - state.s[k])
-    ei = find_element(curves, c, si, e0)
-    lo, hi = nodes_under(curves, c, ei, e1)
+    ei = find_element.call(curves, c, si, e0)
+    lo, hi = nodes_under.call(curves, c, ei, e1)
     basis = contact.basis
     for j in range(5):
         for a in range(lo, hi):
-            basis[j, a] = 0.0
-    add_basis(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
-    add_basis(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
-    add_basis(curves, c, e1, work.s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
+            basis[j, slot.call(nodes, a)] = 0.0
+    add_basis.call(curves, c, ei, si, 0, 1.0, 1.0, contact.legendre, basis, 0)
+    add_basis.call(curves, c, ei, si, 1, 0.0, 1.0, contact.legendre, basis, 1)
+    add_basis.call(curves, c, e1, work.s_end[k], 0, 1.0, 1.0, contact.legendre, basis, 3)
     f = vector(state.force, contact.first_force[k], 1, dofs)
     contact.entries[k] = 0
     end = zero_vector(dofs); end_s = zero_vector(dofs); tangent = zero_vector(dofs); bend = zero_vector(dofs)
     for a in range(lo, hi):
-        node = base + a
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
         x = position(work.q_end, node, dofs)
-        end += basis[3, a] * x; end_s += basis[4, a] * x
+        end += basis[3, i] * x; end_s += basis[4, i] * x
         x = position(work.q_mid, node, dofs)
-        tangent += basis[1, a] * x; bend += basis[2, a] * x
-        add_to(work.r, 8 * system.row_of[node], 1, basis[0, a] * f)
-        weights = Weights(share * basis[0, a], basis[3, a], 0.5 * basis[1, a])
-        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, a]) * f, dofs)
+        tangent += basis[1, i] * x; bend += basis[2, i] * x
+        add_to(work.r, 8 * system.row_of[node], 1, basis[0, i] * f)
+        weights = Weights(share * basis[0, i], basis[3, i], 0.5 * basis[1, i])
+        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, i]) * f, dofs)
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
     put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0), f,

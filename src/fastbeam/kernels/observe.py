@@ -139,7 +139,7 @@ def slider_points(curves, sliders, contact, q, s, gap_out):
     """Distance of every sliding point from its curve at s."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
-        e = find_element(curves, c, s[k], contact.element[k])
+        e = find_element.call(curves, c, s[k], contact.element[k])
         gap = ld3(q, 12 * sliders.point[k], 1) - point_on_curve(curves, c, s[k], q, e, contact, 0, SPACE)
         gap_out[k] = dot(gap, gap)**0.5
 
@@ -149,7 +149,7 @@ def slider_motion(curves, sliders, contact, q, v, s, tangent_out, rate_out):
     """Derivative by s of the curve under every slider, tangent_out [3 S], and ds/dt, rate_out [S] (theory.md 5.4)."""
     for k in range(sliders.curve.shape[0]):
         c = sliders.curve[k]
-        e = find_element(curves, c, s[k], contact.element[k])
+        e = find_element.call(curves, c, s[k], contact.element[k])
         tangent, relative = motion_along(curves, sliders, contact, q, v, s[k], k, e, SPACE)
         put(tangent_out, 3 * k, 1, tangent)
         rate_out[k] = dot(relative, tangent) / dot(tangent, tangent)

@@ -1,4 +1,4 @@
-"""Sleeves: sliders that hold the direction of the section as well, theory.md 5.7.
+"""Sleeves: sliders that hold the direction of the section as well, theory.md 5.8.
 
 The sliding point of a sleeve is its holder, a node with a triad. With D_1, D_2, D_3 fixed to the holder, D_1 along the beam, the
 conditions are D_i . d_j(s) = 0 for the pairs (i, j) = (1, 2), (1, 3) and, where the sleeve is keyed, (2, 3); in a plane for (1,
@@ -23,6 +23,7 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
+from .curves import node_of, slot
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
 from .slider import entry_of, hold_section, push_of_moments
 from .terms import is_settled, take_unknowns
@@ -111,49 +112,52 @@ def add_double_cross_in_plane(a, b, factor, column, at):
 
 
 @kernel
-def sum_pair(basis, system, base, lo, hi, j):
-    """`Pair` of director j of nodes lo to before hi of a curve that begins at node `base`."""
+def sum_pair(basis, system, nodes, lo, hi, j):
+    """`Pair` of director j of lo to before hi of `nodes_of` a curve."""
     q, work, dofs = system.state.q, system.work, system.dofs
     mean = zero_vector(dofs); mean_s = zero_vector(dofs); mean_end = zero_vector(dofs)
     end = zero_vector(dofs); end_s = zero_vector(dofs)
     t0 = zero_vector(dofs); t1 = zero_vector(dofs); dt0 = zero_vector(dofs); dt1 = zero_vector(dofs)
     for a in range(lo, hi):
-        n_mean = 0.5 * (basis[0, a] + basis[1, a])
-        d0 = director.call(dofs, q, base + a, j)
-        d1 = director.call(dofs, work.q_end, base + a, j)
-        dm = director.call(dofs, work.q_mid, base + a, j)
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        n_mean = 0.5 * (basis[0, i] + basis[1, i])
+        d0 = director.call(dofs, q, node, j)
+        d1 = director.call(dofs, work.q_end, node, j)
+        dm = director.call(dofs, work.q_mid, node, j)
         mean += n_mean * dm
-        mean_s += (0.5 * basis[2, a]) * dm
+        mean_s += (0.5 * basis[2, i]) * dm
         mean_end += n_mean * d1
-        end += basis[1, a] * d1
-        end_s += basis[2, a] * d1
-        t0 += basis[3, a] * d0; t1 += basis[3, a] * d1
-        dt0 += basis[4, a] * d0; dt1 += basis[4, a] * d1
+        end += basis[1, i] * d1
+        end_s += basis[2, i] * d1
+        t0 += basis[3, i] * d0; t1 += basis[3, i] * d1
+        dt0 += basis[4, i] * d0; dt1 += basis[4, i] * d1
     return Pair(mean, mean_s, mean_end, end, end_s, t0, t1, dt0, dt1)
 
 
 @kernel
-def put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, base, lo, hi):
+def put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, nodes, lo, hi):
     """Moments of pair p of constraint c on the nodes under slider k, and the entries of their spins."""
     work, contact, dofs = system.work, system.contact, system.dofs
     d = dim(dofs)
     copy = 3 if d == 3 else 1
     for a in range(lo, hi):
-        root = term.sliders.spin_root[base + a]
-        row = system.row_of[root]
-        n_mean = 0.5 * (contact.basis[0, a] + contact.basis[1, a])
-        d_mid = director.call(dofs, work.q_mid, base + a, j)
-        d_end = director.call(dofs, work.q_end, base + a, j)
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        row = system.row_of[term.sliders.spin_root[node]]
+        n_mean = 0.5 * (contact.basis[0, i] + contact.basis[1, i])
+        d_mid = director.call(dofs, work.q_mid, node, j)
+        d_end = director.call(dofs, work.q_end, node, j)
         turning = cross_product.call(d_mid, holder_mid)
         at_end = cross_product.call(d_end, holder_end)
         add_to(work.r, 8 * row + d, 1, (-moment * n_mean) * turning)
         o = entry_of(contact, c, row, dofs) + 8 * d
         add_to(contact.column[c], o + p, 8, -n_mean * turning)
-        add_to(contact.line[c], o + p, 8, contact.basis[1, a] * at_end)
+        add_to(contact.line[c], o + p, 8, contact.basis[1, i] * at_end)
         add_double_cross.call(holder_mid, d_end, -0.5 * moment * n_mean, contact.column[c], o + copy)
         add_double_cross.call(d_mid, holder_end, 0.5 * moment * n_mean, contact.column[c], o + copy)
         o = entry_of(contact, k, row, dofs) + 8 * d
-        add_to(contact.column[k], o + d, 8, (-0.5 * moment * contact.basis[2, a]) * turning)
+        add_to(contact.column[k], o + d, 8, (-0.5 * moment * contact.basis[2, i]) * turning)
 
 
 @kernel
@@ -175,14 +179,16 @@ def put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_e
 
 
 @kernel
-def put_push(term, system, k, p, moment, j, sums, holder_end, base, lo, hi):
+def put_push(term, system, k, p, moment, j, sums, holder_end, nodes, lo, hi):
     """Derivatives of the push of pair p along the beam by the spins of nodes and holder, in the sliding equation."""
     work, contact, dofs = system.work, system.contact, system.dofs
     d = dim(dofs)
     for a in range(lo, hi):
-        o = entry_of(contact, k, system.row_of[term.sliders.spin_root[base + a]], dofs) + 9 * d
-        d_end = director.call(dofs, work.q_end, base + a, j)
-        add_to(contact.line[k], o, 8, (-0.5 * moment * contact.basis[3, a]) * cross_product.call(d_end, holder_end))
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        o = entry_of(contact, k, system.row_of[term.sliders.spin_root[node]], dofs) + 9 * d
+        d_end = director.call(dofs, work.q_end, node, j)
+        add_to(contact.line[k], o, 8, (-0.5 * moment * contact.basis[3, i]) * cross_product.call(d_end, holder_end))
     o = entry_of(contact, k, system.row_of[term.sliders.spin_root[term.sliders.point[k]]], dofs) + 9 * d
     add_to(contact.line[k], o, 8, (-0.5 * moment) * cross_product.call(holder_end, sums.t1))
 
@@ -208,7 +214,7 @@ def begin_moments(term, system, k, c):
 
 @push_of_moments.register(Sleeves)
 @kernel
-def push_of_sleeve(sleeves, term, system, k, base, lo, hi):
+def push_of_sleeve(sleeves, term, system, k, nodes, lo, hi):
     o = sleeves.of_slider[k]
     push = 0.0
     if o >= 0:
@@ -218,8 +224,10 @@ def push_of_sleeve(sleeves, term, system, k, base, lo, hi):
         for p in range(contact.forces[c]):
             t0, t1 = zero_vector(dofs), zero_vector(dofs)
             for a in range(lo, hi):
-                t0 += contact.basis[3, a] * director.call(dofs, state.q, base + a, min(p + 1, 2))
-                t1 += contact.basis[3, a] * director.call(dofs, work.q_end, base + a, min(p + 1, 2))
+                i = slot.call(nodes, a)
+                node = node_of.call(nodes, a)
+                t0 += contact.basis[3, i] * director.call(dofs, state.q, node, min(p + 1, 2))
+                t1 += contact.basis[3, i] * director.call(dofs, work.q_end, node, min(p + 1, 2))
             holder_start = holder_director.call(dofs, sleeves, o, p // 2, state.q, point)
             holder_end = holder_director.call(dofs, sleeves, o, p // 2, work.q_end, point)
             push += 0.5 * state.force[contact.first_force[c] + p] * (dot(holder_start, t0) + dot(holder_end, t1))
@@ -228,7 +236,7 @@ def push_of_sleeve(sleeves, term, system, k, base, lo, hi):
 
 @hold_section.register(Sleeves)
 @kernel
-def hold_section_in_sleeve(sleeves, term, system, k, base, lo, hi, share):
+def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, share):
     o = sleeves.of_slider[k]
     if o < 0:
         return
@@ -253,10 +261,10 @@ def hold_section_in_sleeve(sleeves, term, system, k, base, lo, hi, share):
         holder_start = holder_director.call(dofs, sleeves, o, i, state.q, point)
         holder_mid = holder_director.call(dofs, sleeves, o, i, work.q_mid, point)
         holder_end = holder_director.call(dofs, sleeves, o, i, work.q_end, point)
-        sums = sum_pair(contact.basis, system, base, lo, hi, j)
-        put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, base, lo, hi)
+        sums = sum_pair(contact.basis, system, nodes, lo, hi, j)
+        put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, nodes, lo, hi)
         put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end)
-        put_push(term, system, k, p, share * moment, j, sums, holder_end, base, lo, hi)
+        put_push(term, system, k, p, share * moment, j, sums, holder_end, nodes, lo, hi)
         slide = 0.5 * (dot(holder_start, sums.t0) + dot(holder_end, sums.t1))
         contact.residual[c, p] = dot(holder_end, sums.end)
         contact.corner[k, 9 * d] -= 0.5 * share * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))

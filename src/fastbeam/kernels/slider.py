@@ -25,7 +25,7 @@ import numpy as np
 from .._generic import generic
 from .._jit import inlined, kernel
 from .algebra import dot
-from .curves import Curves, find_element, point_on_curve, step_basis
+from .curves import find_element, node_of, nodes_of, nodes_under, point_on_curve, slot, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
                     vector, zero_spin, zero_vector)
 from .terms import Conserving, NoTies, account, assemble, first_guess, is_settled, take_unknowns, within_limits
@@ -45,10 +45,10 @@ class Sliders(NamedTuple):
 class Sliding(NamedTuple):
     """The term of all sliders; their work arrays are `System.contact`."""
 
-    curves: Curves
+    curves: Any             # curves.Curves or curves.Paths
     sliders: Sliders
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
-    limits: np.ndarray      # float64 [S, 2]: arc lengths between which each slider may go, those of its beam or of rigid stops
+    limits: np.ndarray      # float64 [S, 2]: arc lengths between which each slider may go, those of its curve or of rigid stops
     along: Any              # along.Along or NoForceAlong
     sleeves: Any            # sleeve.Sleeves or NoSleeves
 
@@ -145,26 +145,26 @@ def no_force_is_settled(along, term, system):
 
 
 @generic
-def push_of_moments(sleeves, term, system, k, base, lo, hi):
-    """What the moments of slider k add to the force along the beam, (5.9), N: nodes lo to before hi of a curve that begins at node
-    `base` are under it."""
+def push_of_moments(sleeves, term, system, k, nodes, lo, hi):
+    """What the moments of slider k add to the force along the beam, (5.10), N: lo to before hi of `nodes_of` its curve are under
+    it."""
 
 
 @generic
-def hold_section(sleeves, term, system, k, base, lo, hi, share):
+def hold_section(sleeves, term, system, k, nodes, lo, hi, share):
     """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; share: of (5.6) in its sliding
     equation, as in `SlidingLaw`."""
 
 
 @push_of_moments.register(NoSleeves)
 @kernel
-def push_of_no_moments(sleeves, term, system, k, base, lo, hi):
+def push_of_no_moments(sleeves, term, system, k, nodes, lo, hi):
     return 0.0
 
 
 @hold_section.register(NoSleeves)
 @kernel
-def hold_no_section(sleeves, term, system, k, base, lo, hi, share):
+def hold_no_section(sleeves, term, system, k, nodes, lo, hi, share):
     pass
 
 
@@ -181,7 +181,7 @@ def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_
     m = (d + 1) * s.shape[0]
     for k in range(sliders.curve.shape[0]):
         b = sliders.curve[k]
-        e = find_element(curves, b, s[k], contact.element[k])
+        e = find_element.call(curves, b, s[k], contact.element[k])
         contact.element[k] = e
         if c == c:
             i = 4 + (d + 1) * k
@@ -307,50 +307,44 @@ class Passage(NamedTuple):
 
 
 @kernel
-def nodes_under(curves, c, e0, e1):
-    """First node that elements e0 to e1 of curve c have, and the one behind the last."""
-    p = curves.meta[c, 3]
-    last = p + max(e0, e1)
-    return curves.first[p + min(e0, e1)], curves.first[last] + curves.count[last]
-
-
 @inlined
-def pass_along(basis, base, lo, hi, system, spin_root):
-    """The `Passage` of a slider over nodes lo to before hi of a curve that begins at node `base`."""
+def pass_along(basis, nodes, lo, hi, system, spin_root):
+    """The `Passage` of a slider over nodes lo to before hi of a curve; nodes: `nodes_of` the curve."""
     q, work, dofs = system.state.q, system.work, system.dofs
     end = zero_vector(dofs); end_s = zero_vector(dofs); mean = zero_vector(dofs); mean_s = zero_vector(dofs)
     t0 = zero_vector(dofs); t1 = zero_vector(dofs); dt0 = zero_vector(dofs); dt1 = zero_vector(dofs)
     turn = zero_spin(dofs); turn_s = zero_spin(dofs)
     for a in range(lo, hi):
-        n_mean = 0.5 * (basis[0, a] + basis[1, a])
-        x0 = position(q, base + a, dofs); x1 = position(work.q_end, base + a, dofs); xm = position(work.q_mid, base + a, dofs)
-        end += basis[1, a] * x1
-        end_s += basis[2, a] * x1
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        n_mean = 0.5 * (basis[0, i] + basis[1, i])
+        x0 = position(q, node, dofs); x1 = position(work.q_end, node, dofs); xm = position(work.q_mid, node, dofs)
+        end += basis[1, i] * x1
+        end_s += basis[2, i] * x1
         mean += n_mean * xm
-        mean_s += basis[2, a] * xm
-        t0 += basis[3, a] * x0; t1 += basis[3, a] * x1
-        dt0 += basis[4, a] * x0; dt1 += basis[4, a] * x1
-        x = cayley_vector(work.theta, spin_root[base + a], dofs)
+        mean_s += basis[2, i] * xm
+        t0 += basis[3, i] * x0; t1 += basis[3, i] * x1
+        dt0 += basis[4, i] * x0; dt1 += basis[4, i] * x1
+        x = cayley_vector(work.theta, spin_root[node], dofs)
         turn += n_mean * x
-        turn_s += (0.5 * basis[2, a]) * x
+        turn_s += (0.5 * basis[2, i]) * x
     return Passage(end, end_s, mean, mean_s, t0, t1, dt0, dt1, turn, turn_s)
 
 
 @inlined
 def begin_passage(term, system, k):
-    """First node of the curve of slider k, and from there the first under it in the step and the one behind the last; their
-    basis."""
+    """`nodes_of` the curve of slider k, the first of them under it in the step and the one behind the last; their basis."""
     curves, state, work, contact = term.curves, system.state, system.work, system.contact
     c = term.sliders.curve[k]
-    e0 = find_element(curves, c, state.s[k], contact.element[k])
-    e1 = find_element(curves, c, work.s_end[k], e0)
-    lo, hi = nodes_under(curves, c, e0, e1)
+    e0 = find_element.call(curves, c, state.s[k], contact.element[k])
+    e1 = find_element.call(curves, c, work.s_end[k], e0)
+    lo, hi = nodes_under.call(curves, c, e0, e1)
     step_basis(curves, c, state.s[k], work.s_end[k], e0, e1, lo, hi, contact)
-    return curves.meta[c, 0], lo, hi
+    return nodes_of.call(curves, c), lo, hi
 
 
 @kernel
-def put_curve(term, system, k, base, lo, hi, way, law, slide):
+def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
     """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean; `slide`
     times N[s_n, s_n+1] is the derivative of the sliding equation by a position."""
     work, contact, dofs, row_of = system.work, system.contact, system.dofs, system.row_of
@@ -361,12 +355,13 @@ def put_curve(term, system, k, base, lo, hi, way, law, slide):
     moment = cross_product.call(g_mean, f)
     across = cross_product.call(law.force, way.t1 - way.t0)
     for a in range(lo, hi):
-        weights = Weights(0.5 * (basis[0, a] + basis[1, a]), basis[1, a], 0.5 * basis[2, a])
-        node = base + a
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        weights = Weights(0.5 * (basis[0, i] + basis[1, i]), basis[1, i], 0.5 * basis[2, i])
         root = term.sliders.spin_root[node]
         add_to(work.r, 8 * row_of[node], 1, weights.mean * f)
         add_to(work.r, 8 * row_of[root] + d, 1, weights.mean * moment)
-        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, f, basis[3, a] * slide, dofs)
+        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, f, basis[3, i] * slide, dofs)
         if o < 0 or root != node:
             o = new_entry(contact, k, row_of[root], dofs)
         # the node's share in the frame: its moment n_mean g_mean x F, its theta in the sliding equation
@@ -383,17 +378,17 @@ def add_slider(term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
-    base, lo, hi = begin_passage(term, system, k)
+    nodes, lo, hi = begin_passage(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
-    way = pass_along(contact.basis, base, lo, hi, system, term.sliders.spin_root)
+    way = pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root)
     jump = way.t1 - way.t0
-    push = push_of_moments.call(term.sleeves, term, system, k, base, lo, hi)
+    push = push_of_moments.call(term.sleeves, term, system, k, nodes, lo, hi)
     law = sliding_law.call(term.along, term, system, k, f, mean_tangent(way), push)
     turned = spin_cross.call(way.turn, law.force)
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
-    put_curve(term, system, k, base, lo, hi, way, law, slide)
+    put_curve(term, system, k, nodes, lo, hi, way, law, slide)
     # -F on the point
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
@@ -410,7 +405,7 @@ def add_slider(term, system, k):
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
-    hold_section.call(term.sleeves, term, system, k, base, lo, hi, law.share)
+    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law.share)
 
 
 @kernel
@@ -486,11 +481,12 @@ def account_sliding(term, system, h):
 @within_limits.register(Sliding)
 @kernel
 def sliders_are_within(term, system, counts_out):
-    """False where a slider is beyond the end of its beam or a rigid stop by more than round-off; its number goes to
+    """False where a slider is beyond the end of its curve or a rigid stop by more than round-off; its number goes to
     counts_out[3]."""
     s = system.state.s
     for k in range(s.shape[0]):
-        slack = END_SLACK * term.limits[k, 1]
+        # a closed path has no ends, but may have one stop
+        slack = END_SLACK * (term.limits[k, 1] if term.limits[k, 1] < np.inf else abs(term.limits[k, 0]))
         if not (s[k] >= term.limits[k, 0] - slack and s[k] <= term.limits[k, 1] + slack):
             counts_out[3] = k
             return False

@@ -8,6 +8,7 @@ from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion, Slider,
 )
+from fastbeam.scene.paths import Path
 from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
 from fastbeam.scene.sleeves import Sleeve
@@ -16,6 +17,6 @@ from fastbeam.scene.spring import Spring
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
-    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion",
-    "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection",
+    "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
 ]

@@ -15,6 +15,7 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, Field, FieldLike, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
+from fastbeam.scene.paths import ABeam, ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
 
 ZERO = (0.0, 0.0, 0.0)
@@ -48,18 +49,6 @@ class Steady:
         if callable(value):
             raise Refusal(f"must be 3 finite numbers, got {shown(value)}; what changes in time is given as time=a function of t")
         return Vector(value)
-
-
-@dataclass(frozen=True)
-class ABeam:
-    """A Beam."""
-
-    def __call__(self, value: Any) -> Beam:
-        if not isinstance(value, Beam):
-            hint = "; use its beam(k)" if isinstance(value, Net) else ""
-            hint = f"; give {value.owner.label} itself" if isinstance(value, NodeRef) and isinstance(value.owner, Beam) else hint
-            raise Refusal(f"must be a Beam, got {shown(value)}{hint}")
-        return value
 
 
 @dataclass(frozen=True)
@@ -416,21 +405,21 @@ class RigidMotion:
     about: Array = ZERO
 
 
-@checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
-         drive=ADrive(), stops=SomeStops())
+@checked(name=Name(), point=Node(), beam=ATrack(), on=ATrack(), at=Number(), rate=Number(), curve=Word(CURVES),
+         friction=AFriction(), drive=ADrive(), stops=SomeStops())
 @dataclass(frozen=True, eq=False)
 class Slider:
-    """Lets a point slide along a beam (theory.md 5), without friction where none is given.
+    """Lets a point slide along a beam, or a path of several (theory.md 5), without friction where none is given.
 
     Parameters
     ----------
     name : str
     point : PointMass, RigidBody or NodeRef
         What slides: a mass, a body or a point of it, or a node of another beam.
-    beam : Beam
-        The beam it slides on.
+    beam : Beam or Path
+        What it slides on; `on=` is the same.
     at : float
-        Arc length of the contact at t = 0, m, from 0 to the length of the beam.
+        Arc length of the contact at t = 0, m, from 0 to the length of the beam or path; any number on a closed path.
     rate : float or None
         Initial ds/dt, m/s; also moves a point mass that has no velocity of its own.
     curve : {'c1', 'own'}
@@ -454,8 +443,9 @@ class Slider:
 
     name: str
     point: NodeRef
-    beam: Beam
+    beam: Beam | Path | None = None
     _: KW_ONLY
+    on: Beam | Path | None = None
     at: float
     rate: float | None = None
     curve: str = "c1"
@@ -464,12 +454,28 @@ class Slider:
     stops: Stops | None = None
 
     def __post_init__(self) -> None:
-        beam, at = self.beam, self.at
+        who = checks.label(self.kind, self.name)
+        # `dataclasses.replace` gives both
+        if (self.beam is None) == (self.on is None) and (self.beam is None or self.beam is not self.on):
+            raise SceneError(f"{who}: give what it slides on once, a Beam or a Path, as in Slider(name, point, beam, at=s) or "
+                             "Slider(name, point, on=path, at=s)")
+        beam, at = self.on if self.beam is None else self.beam, self.at
+        checks.fill(self, beam=beam, on=beam)
         # round-off at the ends is not worth an error
-        if -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
+        if not self.is_endless and -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
             at = min(max(at, 0.0), beam.length)
         checks.fill(self, at=at)
-        self._check_forces(checks.label(self.kind, self.name))
+        self._check_forces(who)
+
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """The beams that it slides on."""
+        return self.beam.beams if isinstance(self.beam, Path) else (self.beam,)
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether it runs on a closed path."""
+        return isinstance(self.beam, Path) and self.beam.closed
 
     @property
     def contact_curve(self) -> CurveBasis:
@@ -480,11 +486,12 @@ class Slider:
         """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
         stops, drive = self.stops, self.drive
         if stops is not None:
+            low, high = (-np.inf, np.inf) if self.is_endless else (0.0, self.beam.length)
             for what, end in (("start", stops.start), ("end", stops.end)):
-                if end is not None and end > self.beam.length:
+                if end is not None and end > high:
                     raise SceneError(f"{who}: stops: {what}={end:.6g} m lies beyond {self.beam.label} (0 to "
                                      f"{self.beam.length:.6g} m)")
-            if not (stops.start or 0.0) <= self.at <= (self.beam.length if stops.end is None else stops.end):
+            if not (low if stops.start is None else stops.start) <= self.at <= (high if stops.end is None else stops.end):
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
                                  "between them")
         if drive is not None and drive.is_prescribed:

@@ -19,6 +19,7 @@ from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
     Slider,
 )
+from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.sleeves import Sleeve
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
@@ -45,6 +46,8 @@ class APart:
                 hint = "; call it to make one"
             elif isinstance(value, NodeRef):
                 hint = f"; add {value.owner.label}"
+            elif isinstance(value, Path):
+                hint = "; add its beams, and name it in its sliders: Slider(name, point, on=path, at=s)"
             raise Refusal(f"{shown(value)} is no part of a scene{hint}")
         return value
 
@@ -308,6 +311,8 @@ class Scene:
         self._check_members()
         self._check_control_points()
         tolerance = self._tolerance()
+        for path in {id(slider.beam): slider.beam for slider in self.sliders if isinstance(slider.beam, Path)}.values():
+            check_path(path, tolerance)
         for slider in self.sliders:
             self._check_slider(slider)
         placed_once = self._placed_once()
@@ -356,11 +361,14 @@ class Scene:
 
     @staticmethod
     def _check_slider(slider: Slider) -> None:
-        """The contact lies on a beam other than the point's own."""
+        """The contact lies on another beam than the point's own."""
         beam, point = slider.beam, slider.point
-        if point.owner is beam:
+        if any(point.owner is one for one in slider.beams):
             raise SceneError(f"{_who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
-        if not 0.0 <= slider.at <= beam.length:
+        if slider.is_endless and abs(slider.at) > MOST_ROUNDS * beam.length:
+            raise SceneError(f"{_who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
+                             f"{beam.length:.6g} m); leave whole rounds out")
+        if not slider.is_endless and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{_who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
     def _placed_once(self) -> set[int]:
@@ -450,15 +458,17 @@ def _owners(part: Part) -> list[Any]:
     owners = [node.owner for node in _held_nodes(part)]
     if isinstance(part, Load):
         owners.append(part.at.owner)
-    if isinstance(part, (Slider, DistributedLoad, InitialVelocity)):
+    if isinstance(part, Slider):
+        owners.extend(part.beams)
+    if isinstance(part, (DistributedLoad, InitialVelocity)):
         owners.append(part.beam)
     if isinstance(part, RigidMotion):
         owners.extend(part.objects or ())
     return owners
 
 
-def _closest(beam: Beam, point: Array) -> tuple[float, float]:
-    """Arc length of the point of the reference curve closest to `point` (3,), and the distance, both m."""
+def _closest(beam: Beam | Path, point: Array) -> tuple[float, float]:
+    """Arc length of the point of the reference curve of a beam or path closest to `point` (3,), and the distance, both m."""
     low, high = 0.0, beam.length
     s = np.linspace(low, high, 1001)
     for _ in range(8):

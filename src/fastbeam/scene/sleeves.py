@@ -16,12 +16,12 @@ from fastbeam.scene.parts import CURVES, ABeam, Node, PointMass, Slider
 from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 
-@checked(name=Name(), point=Node(), beam=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
+@checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
          drive=ADrive(), stops=SomeStops(), keyed=Flag(), length=Number(least=0.0, unit="m"),
          axis=Vector)
 @dataclass(frozen=True, eq=False)
 class Sleeve(Slider):
-    """A slider that also holds the direction of the beam's section (theory.md 5.7): a rod in a tube, a telescope, a rail.
+    """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
 
     The holder carries the sleeve as it lies around the beam at t = 0: there is nothing to align.
 
@@ -35,7 +35,7 @@ class Sleeve(Slider):
     keyed : bool
         Whether the beam's twist is held, too; False lets it turn about its axis in the sleeve.
     length : float, optional
-        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.7). The default
+        Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.8). The default
         is that of an element of the beam. 0 holds those of a single point; the force that drives a bent beam out of it then
         depends on where in an element it is, whatever the mesh.
     axis : array_like (3,), optional
