@@ -3,8 +3,8 @@
     python perf/sleeves.py
     python perf/sleeves.py --counts 16 256
 
-Printed are microseconds of an iteration for each body, those of the bare cable taken off, and their ratio to those of sliders on the
-C1 curve. The bar: a sleeve takes at most twice as long as a slider.
+Printed are microseconds of an iteration for each body, those of the bare cable taken off, and their ratio to those of sliders on
+the C1 curve. The bar: a sleeve takes at most twice as long as a slider.
 """
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ EQUAL, ALIKE = 1e-9, 0.02
 
 class ContactForces:
     """Forces of all constraints, F of them, at rows. Between two steps of the same size they are the means of theirs. The first
-    and the last row of a run, and one beside a shorter step, have no such neighbours: there a few steps are taken ahead or back, for
-    their forces only.
+    and the last row of a run, and one beside a shorter step, have no such neighbours: there a few steps are taken ahead or back,
+    for their forces only.
 
     Parameters
     ----------

@@ -306,7 +306,6 @@ class Passage(NamedTuple):
     turn_s: Any
 
 
-@kernel
 @inlined
 def pass_along(basis, nodes, lo, hi, system, spin_root):
     """The `Passage` of a slider over nodes lo to before hi of a curve; nodes: `nodes_of` the curve."""

@@ -16,8 +16,8 @@ from fastbeam.scene.parts import CURVES, ABeam, Node, PointMass, Slider
 from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 
-@checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES), friction=AFriction(),
-         drive=ADrive(), stops=SomeStops(), keyed=Flag(), length=Number(least=0.0, unit="m"),
+@checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
+         friction=AFriction(), drive=ADrive(), stops=SomeStops(), keyed=Flag(), length=Number(least=0.0, unit="m"),
          axis=Vector)
 @dataclass(frozen=True, eq=False)
 class Sleeve(Slider):
