@@ -140,3 +140,49 @@ def test_random_scene_with_forces_along_its_beams_keeps_the_balance(seed: int) -
 @pytest.mark.parametrize("seed", range(100, 140))
 def test_many_random_scenes_with_forces_along_their_beams(seed: int) -> None:
     check_forces(seed)
+
+
+def with_sleeves(scene: fb.Scene, rng: np.random.Generator) -> fb.Scene:
+    """The scene with sleeves of bodies, turned at random, in the place of its sliding masses."""
+    parts: list[object] = []
+    for part in scene.parts:
+        if isinstance(part, fb.Slider):
+            place = part.beam.reference(part.at)[0][0]
+            turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+            body = fb.RigidBody(f"holder of {part.name}", mass=10**rng.uniform(-1, 1), inertia=0.1 * rng.uniform(0.6, 1.0, 3),
+                                position=place, directors=turn * np.sign(np.linalg.det(turn)))
+            bore = [None, 0.0, float(rng.uniform(0.03, 0.3)) * part.beam.length][rng.integers(0, 3)]
+            parts += [body, fb.Sleeve(part.name, body, part.beam, at=part.at, rate=part.rate, curve=part.curve, length=bore,
+                                      keyed=bool(rng.integers(0, 2)))]
+        elif not isinstance(part, fb.PointMass):
+            parts.append(part)
+    return fb.Scene(*parts, project_velocities=True)
+
+
+def check_sleeves(seed: int) -> None:
+    """As `check`, with sleeves; and there and back."""
+    scene, step = random_scene(seed)
+    if not scene.sliders:
+        return
+    scene = with_sleeves(scene, np.random.default_rng(seed))
+    model = fb.compile_scene(scene)
+    result = fb.simulate(model, t_end=STEPS * step, step=step, every=5)
+    assert result.info["steps"] == STEPS and result.info["fallbacks"] == 0
+    for name in ("total", "lin_mom", "ang_mom"):
+        assert result.drift(name) < 1e-12, name
+    assert result.drift("gap") < 1e-14
+    back = fb.simulate(model, t_end=STEPS * step, step=step, every=5, start=result.state._replace(v=-result.state.v))
+    np.testing.assert_allclose(back.state.q, model.q0, rtol=0.0, atol=1e-9)
+    other = fb.simulate(fb.compile_scene(scene, solver="sparse"), t_end=STEPS * step, step=step, every=5)
+    np.testing.assert_allclose(result.state.q, other.state.q, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("seed", [5, 11])
+def test_random_scene_with_sleeves_conserves_with_both_solvers(seed: int) -> None:
+    check_sleeves(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 140))
+def test_many_random_scenes_with_sleeves(seed: int) -> None:
+    check_sleeves(seed)

@@ -155,3 +155,45 @@ def test_an_inconsistent_step_names_the_sleeve() -> None:
     assert model.constraint_names == ["slider 'guide'", "sleeve 'guide' (moments)"]
     assert model.forces.tolist() == [3, 3] and model.unknowns.tolist() == [7, 7]
     assert model.plane.model.forces.tolist() == [2, 1] and model.plane.model.unknowns.tolist() == [5, 5]
+
+
+def curved(**sleeve: Any) -> tuple[fb.Beam, fb.RigidBody, fb.Sleeve]:
+    ring = fb.Beam.arc("ring", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=3.0, section=SECTION, elements=12)
+    place, triad = ring.reference(1.3)
+    turn = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    body = fb.RigidBody("carriage", mass=1.0, inertia=(1, 1, 1), position=place[0], directors=turn @ triad[0])
+    return ring, body, fb.Sleeve("on", body, ring, at=1.3, **sleeve)
+
+
+def test_on_a_curved_beam_the_bore_lies_around_its_mean() -> None:
+    ring, body, sleeve = curved()
+    # a quadratic B-spline of width l has the variance l^2/36
+    assert np.linalg.norm(sleeve.place - body.position) == pytest.approx(0.25**2 / 72.0, rel=0.01)
+    assert np.linalg.norm(sleeve.point.offset) == pytest.approx(np.linalg.norm(sleeve.place - body.position))
+    model = fb.compile_scene(fb.Scene(ring, body, sleeve))
+    result = fb.simulate(model, t_end=0.1, step=0.01, progress=False)
+    assert result.events == [] and np.abs(result.state.q - model.q0).max() < 1e-11
+    # made again from its own fields it is the same
+    from dataclasses import replace
+    again = replace(sleeve, keyed=False)
+    assert np.array_equal(again.point.offset, sleeve.point.offset) and again.point.owner is body
+    _, _, at_a_point = curved(length=0.0)
+    assert np.linalg.norm(at_a_point.point.offset) < 1e-5
+
+
+def test_a_beam_cannot_hold_a_bore_on_a_curved_beam() -> None:
+    ring = curved()[0]
+    place = ring.reference(1.3)[0][0]
+    arm = fb.Beam.straight("arm", place + (0, 0, 1), place, section=SECTION, elements=2)
+    with pytest.raises(fb.SceneError, match=r"is curved at=1.3, its mean .* lies 0.000867 m off it.*length=0, or let a"):
+        fb.Sleeve("on", arm.end, ring, at=1.3)
+    with pytest.raises(fb.SceneError, match="lies 0.3 m away from"):
+        ring, body, sleeve = curved()
+        far = fb.RigidBody("far", mass=1.0, inertia=(1, 1, 1), position=place + (0, 0, 0.3))
+        fb.compile_scene(fb.Scene(ring, far, fb.Sleeve("on", far, ring, at=1.3)))
+
+
+def test_a_sleeve_runs_on_one_beam() -> None:
+    rod, body, _ = parts()
+    with pytest.raises(fb.SceneError, match="must be a Beam, got"):
+        fb.Sleeve("guide", body, on=fb.Path("way", [rod]), at=1.0)

@@ -482,6 +482,11 @@ class Slider:
         """The curve that the point stays on."""
         return self.beam.basis.curve(self.curve)
 
+    @property
+    def place(self) -> Array:
+        """Where the point has to lie at t = 0, (3,) m."""
+        return self.beam.reference(self.at)[0][0]
+
     def _check_forces(self, who: str) -> None:
         """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
         stops, drive = self.stops, self.drive

@@ -249,7 +249,7 @@ class Scene:
 
     @staticmethod
     def _slider_position(slider: Slider) -> Array:
-        return slider.beam.reference(slider.at)[0][0]
+        return slider.place
 
     def _reached(self, mass: PointMass, avoid: PointMass | None) -> tuple[list[PointMass], Array] | None:
         """The masses that lead from one without position to the first that something else places, not through another, and that
@@ -408,7 +408,7 @@ class Scene:
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
         """A sliding point lies on the curve at t = 0."""
         point, beam = self.position_of(slider.point), slider.beam
-        gap = float(np.linalg.norm(point - beam.reference(slider.at)[0][0]))
+        gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:
             return
         s, least = _closest(beam, point)

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from fastbeam.averaging import averaged_curve
 from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam
 from fastbeam.scene.checks import Array
 from fastbeam.scene.parts import CURVES, ABeam, Node, PointMass, Slider
 from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
@@ -23,7 +25,8 @@ from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 class Sleeve(Slider):
     """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
 
-    The holder carries the sleeve as it lies around the beam at t = 0: there is nothing to align.
+    The holder carries the sleeve as it lies around the beam at t = 0: there is nothing to align. On a curved beam the sliding
+    point is the mean over the bore, a point of the holder beside the one that is given.
 
     Parameters
     ----------
@@ -65,8 +68,38 @@ class Sleeve(Slider):
         if self.length > self.beam.length:
             raise SceneError(f"{who}: length={self.length:.6g} m of its bore exceeds that of {self.beam.label}, "
                              f"{self.beam.length:.6g} m")
+        self._put_on_curve(who)
         if self.axis is not None and not np.linalg.norm(self.axis) > 0.0:
             raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")
+
+    @cached_property
+    def place(self) -> Array:
+        """Where the holder has to lie at t = 0, (3,) m: of a curved beam the mean over the bore, which is off the beam."""
+        beam = self.beam
+        first, values, _ = self.contact_curve.evaluate(self.at)
+        nodes = beam.basis.fit_positions(beam.reference(beam.node_s)[0])
+        keep = np.flatnonzero(values[0])
+        return values[0, keep] @ nodes[int(first[0]) + keep]
+
+    def _put_on_curve(self, who: str) -> None:
+        """Let the bore of a holder that lies on a curved beam lie around the beam's mean."""
+        holder, beam = self.point, self.beam
+        if not 0.0 <= self.at <= beam.length:
+            return
+        on_beam, owner = beam.reference(self.at)[0][0], holder.owner
+        if isinstance(owner, Beam):
+            here = owner.reference(owner.node_s[holder.index])[0][0]
+        else:
+            here = owner.position + holder.offset @ owner.directors
+        tolerance = 1e-9 * (beam.length + float(np.max(np.abs(on_beam))))
+        if np.linalg.norm(here - on_beam) > tolerance or np.linalg.norm(here - self.place) <= tolerance:
+            return
+        if isinstance(owner, Beam):
+            off = float(np.linalg.norm(here - self.place))
+            raise SceneError(f"{who}: {beam.label} is curved at={self.at:.6g}, its mean over the bore of {self.length:.6g} m "
+                             f"lies {off:.3g} m off it, where {holder} is not; give length=0, or let a RigidBody that is connected "
+                             "there hold the sleeve")
+        checks.fill(self, point=owner.point(holder.offset + owner.directors @ (self.place - here)))
 
     @property
     def contact_curve(self) -> CurveBasis:
