@@ -51,7 +51,7 @@ class Method:
         return self.parameters is not None
 
 
-def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float | None) -> Method:
+def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float | None, model: Model) -> Method:
     """The method of these arguments of `simulate`.
 
     Raises
@@ -63,6 +63,8 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
     if rho_inf is not None and name != "generalized_alpha":
         raise SceneError(f"rho_inf: belongs to method='generalized_alpha', not to {name!r}; leave it out")
+    if model.sleeves is not None and name != "energy_momentum":
+        raise SceneError(f"method={name!r}: sleeves are held by conserving steps alone; leave method out")
     if name in ("energy_momentum", "midpoint"):
         return Method(name, 1 if name == "midpoint" else None)
     if order != 2:

@@ -296,6 +296,11 @@ class Model:
         return self.slider_ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(self.slider_ends))
 
     @property
+    def track(self) -> str:
+        """What sliders run on, for messages."""
+        return "path" if isinstance(self.curves, Paths) else "beam"
+
+    @property
     def slider_ends(self) -> Array:
         """Arc lengths of the ends of what sliders run on, infinite for closed paths, float64 [S, 2]."""
         ends = np.stack((np.zeros(self.n_sliders), self.slider_lengths), axis=1)

@@ -19,7 +19,6 @@ from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
-from .kernels.curves import Paths
 from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
 from .kernels.work import State
 from .methods import choose_method
@@ -161,9 +160,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     if tolerance is None and not (min_step is None and max_step is None):
         raise SceneError("min_step, max_step: they bound the step control; give tolerance too, or leave them out")
     weights = composition(order)
-    chosen = choose_method(method, rho_inf, order, tolerance)
-    if model.sleeves is not None and chosen.name != "energy_momentum":
-        raise SceneError(f"method={method!r}: sleeves are held by conserving steps alone; leave method out")
+    chosen = choose_method(method, rho_inf, order, tolerance, model)
     n_steps = int(np.ceil((t_end - clock.origin) / step * (1.0 - 1e-12)))
     every = max(1, n_steps // 500) if every is None else every
     control = None
@@ -470,9 +467,8 @@ class _Run:
         if is_impact:
             raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
         name = self.model.names["sliders"][slider]
-        track = "path" if isinstance(self.model.curves, Paths) else "beam"
         self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
-                    "text": f"slider {name!r} reached the {end} of its {track} at t = {t:.6g} s; the run ends here"})
+                    "text": f"slider {name!r} reached the {end} of its {self.model.track} at t = {t:.6g} s; the run ends here"})
         return False
 
     def impact(self, slider: int, t: float, end: str) -> None:

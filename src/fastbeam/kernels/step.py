@@ -338,9 +338,8 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
     iteration.
 
-    mean_force_out [2, F]: mean forces of all constraints in the first and in the last step. counts_out: status, steps done,
-    Newton iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last
-    good one.
+    mean_force_out [2, F]: mean forces of all constraints in the first and the last step. counts_out: status, steps done, Newton
+    iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last good one.
     """
     counts_out[0] = OK
     counts_out[1] = 0

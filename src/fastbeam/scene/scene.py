@@ -17,10 +17,10 @@ from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
-    Slider,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.sleeves import Sleeve
+from fastbeam.scene.sliders import Slider
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
         | RigidMotion | Slider | Link)

@@ -14,7 +14,9 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.checks import Array
-from fastbeam.scene.parts import CURVES, ABeam, Node, PointMass, Slider
+from fastbeam.scene.parts import Node, PointMass
+from fastbeam.scene.paths import ABeam
+from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 
@@ -97,8 +99,8 @@ class Sleeve(Slider):
         if isinstance(owner, Beam):
             off = float(np.linalg.norm(here - self.place))
             raise SceneError(f"{who}: {beam.label} is curved at={self.at:.6g}, its mean over the bore of {self.length:.6g} m "
-                             f"lies {off:.3g} m off it, where {holder} is not; give length=0, or let a RigidBody that is connected "
-                             "there hold the sleeve")
+                             f"lies {off:.3g} m off it, where {holder} is not; give length=0, or let a RigidBody that is "
+                             "connected there hold the sleeve")
         checks.fill(self, point=owner.point(holder.offset + owner.directors @ (self.place - here)))
 
     @property
