@@ -179,7 +179,7 @@ def paths(draw: Draw, planar: bool = False) -> DrawnPath:
                        "joint": draw(st.sampled_from([fb.RigidConnection, fb.RigidConnection, fb.BallJoint])),
                        "straight on": draw(st.booleans()), "section": draw(sections(planar)),
                        "common": {**mesh, "interpolation": family}})
-    sliders = [(draw(number(0.2, 0.8)), draw(number(-3, 3)), draw(power(-2, 0)), draw(st.sampled_from(["own", "c1"])))
+    sliders = [(draw(number(0.2, 0.8)), draw(number(-6, 6)), draw(power(-2, 0)), draw(st.sampled_from(["own", "c1"])))
                for _ in range(draw(st.integers(1, 2)))]
     spin = np.array((0.0, 0.0, draw(number(-1, 1)))) if planar else draw(vectors(0.7, False))
     return DrawnPath(closed, planar, pieces, sliders, (draw(vectors(0.5, planar)), spin), draw(power(-2.7, -1.7)))
