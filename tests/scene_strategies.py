@@ -151,3 +151,70 @@ def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None) -> fb.Sc
 
 def _beat(t: float) -> float:
     return float(np.sin(7.0 * t))
+
+
+# --- paths ---------------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class DrawnPath:
+    """A free path: arcs of a circle where it is closed, else pieces with kinks; what every beam is made of, and the sliders."""
+
+    closed: bool
+    planar: bool
+    pieces: list[dict[str, Any]]
+    sliders: list[tuple[float, float, float, str]]
+    motion: tuple[Array, Array]
+    step: float
+
+
+@st.composite
+def paths(draw: Draw, planar: bool = False) -> DrawnPath:
+    """One to four beams of any family and degree, in any direction, joined rigidly or by ball joints."""
+    closed = draw(st.booleans())
+    pieces = []
+    for _ in range(draw(st.integers(1 if closed else 2, 4))):
+        family = draw(st.sampled_from(["lagrange", "lagrange", "bspline"]))
+        mesh = {"elements": draw(st.integers(2, 4)), "degree": draw(st.integers(2, 4 if family == "lagrange" else 3))}
+        pieces.append({"length": draw(number(0.5, 2)), "turn": draw(number(-0.6, 0.6)),
+                       "lift": 0.0 if planar else draw(number(-0.4, 0.4)), "backward": draw(st.booleans()),
+                       "joint": draw(st.sampled_from([fb.RigidConnection, fb.RigidConnection, fb.BallJoint])),
+                       "straight on": draw(st.booleans()), "section": draw(sections(planar)),
+                       "common": {**mesh, "interpolation": family}})
+    sliders = [(draw(number(0.2, 0.8)), draw(number(-6, 6)), draw(power(-2, 0)), draw(st.sampled_from(["own", "c1"])))
+               for _ in range(draw(st.integers(1, 2)))]
+    spin = np.array((0.0, 0.0, draw(number(-1, 1)))) if planar else draw(vectors(0.7, False))
+    return DrawnPath(closed, planar, pieces, sliders, (draw(vectors(0.5, planar)), spin), draw(power(-2.7, -1.7)))
+
+
+def build_path(drawn: DrawnPath) -> fb.Scene:
+    """The scene of a drawn path."""
+    total = sum(piece["length"] for piece in drawn.pieces)
+    at, along, angle = np.zeros(3), np.array([1.0, 0.0, 0.0]), 0.0
+    beams = []
+    for k, piece in enumerate(drawn.pieces):
+        common = {"section": section(piece["section"]), **piece["common"]}
+        if drawn.closed:
+            turn = 2.0 * np.pi * piece["length"] / total
+            low, high = (angle + turn, angle) if piece["backward"] else (angle, angle + turn)
+            out, sign = np.array([np.cos(low), np.sin(low), 0.0]), -1.0 if piece["backward"] else 1.0
+            tangent = (-sign * out[1], sign * out[0], 0.0)
+            beams.append(fb.Beam.arc(f"beam {k}", out, tangent, -out, radius=1.0, angle=turn, **common))
+            angle += turn
+            continue
+        if k and not piece["straight on"]:
+            a, b = piece["turn"], piece["lift"]
+            along = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]]) @ along
+            along = (along + np.array([0.0, 0.0, b])) / np.linalg.norm(along + np.array([0.0, 0.0, b]))
+        end = at + piece["length"] * along
+        d2 = np.cross((0.0, 0.0, 1.0), along)
+        beams.append(fb.Beam.straight(f"beam {k}", *((end, at) if piece["backward"] else (at, end)), d2=d2, **common))
+        at = end
+    path = fb.Path("path", [(b, -1 if piece["backward"] else 1) for b, piece in zip(beams, drawn.pieces)], closed=drawn.closed)
+    parts: list[Any] = [*beams]
+    for k, (a, b) in enumerate(path.joints()):
+        # a ball joint that closes a loop of one beam would join it to itself alone
+        kind = fb.RigidConnection if len(beams) < 3 and drawn.closed else drawn.pieces[k]["joint"]
+        parts.append(kind(a, b))
+    for k, (share, rate, mass, curve) in enumerate(drawn.sliders):
+        bead = fb.PointMass(f"mass {k}", mass=mass)
+        parts += [bead, fb.Slider(f"slider {k}", bead, on=path, at=path.length * share, rate=rate, curve=curve)]
+    return fb.Scene(*parts, fb.RigidMotion(velocity=drawn.motion[0], spin=drawn.motion[1]), project_velocities=True)

@@ -103,7 +103,8 @@ def _paths(scene: Scene, model: Model) -> list[str]:
             count = sum(other.beam is path and other.curve == slider.curve for other in scene.sliders)
             across = f", one tangent across {track.smooth} of {_plural(track.joints, 'joint')}" if track.smooth else ""
             lines.append(f"  path               {path.name!r}: {_plural(len(path.beams), 'beam')}, {path.length:.6g} m"
-                         + (", closed" if path.closed else "") + f", {_plural(count, 'slider')}{across}")
+                         + (", closed" if path.closed else "") + f", {_plural(count, 'slider')}{across}"
+                         + (", its beams not condensed" if model.substructures is not None else ""))
     return lines
 
 

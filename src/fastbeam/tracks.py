@@ -13,7 +13,7 @@ from .numbering import NodeList
 from .scene import Beam, Path, Scene, Slider
 
 Array = np.ndarray
-# angle between beams that are rigidly joined, rad, up to which their common curve gets one tangent
+# angle between the references of two beams, rad, up to which their common curve gets one tangent
 STRAIGHT = 1e-6
 
 
@@ -84,7 +84,7 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
             raise SceneError(f"{path.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join them "
                              "by a RigidConnection or a BallJoint, or take beams of a net that share a node")
         kink = turns[j][0] * tangents[a] - turns[j][1] * tangents[b]
-        smooth[j] = kind == "c1" and together.rigid(a, b) and float(np.linalg.norm(kink)) < STRAIGHT
+        smooth[j] = kind == "c1" and float(np.linalg.norm(kink)) < STRAIGHT
     return Track(np.concatenate(numbers), _joined(parts, smooth, path.closed), path.length if path.closed else 0.0, len(joints),
                  int(smooth.sum()))
 
@@ -193,10 +193,6 @@ class _Together:
         self.phi = nodes.phi
         self.tolerance = 1e-9 * (float(np.max(np.ptp(self.phi, axis=0))) or 1.0) + 32.0 * float(
             np.finfo(float).eps * np.max(np.abs(self.phi)))
-
-    def rigid(self, a: int, b: int) -> bool:
-        """Whether two nodes are rigidly connected."""
-        return bool(self.set[a] == self.set[b])
 
     def joined(self, a: int, b: int) -> bool:
         """Whether two nodes at one place stay together: through joints at that place, or because supports hold both."""

@@ -1,17 +1,21 @@
 """Sliders on paths of several beams: from beam to beam, around closed loops, against one beam, the naive twin, and what stays."""
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, assume, given, settings
 
 import fastbeam as fb
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2] / "perf")]
+import ropeway  # noqa: E402
 from naive import Step, Twin, cayley_vector  # noqa: E402
+from scene_strategies import DrawnPath, build_path, paths  # noqa: E402
 
 SECTION = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=500, EI2=500, EI3=500, rhoA=1, rhoI2=0.1, rhoI3=0.1)
 SOFT = fb.Section(EA=1e6, GA2=4e5, GA3=4e5, GJ=10, EI2=10, EI3=10, rhoA=1, rhoI2=1e-4, rhoI3=1e-4)
@@ -236,6 +240,8 @@ def test_a_path_over_beams_of_a_net(joints: str) -> None:
     scene = fb.Scene(net, bead, fb.Slider("s", bead, on=path, at=0.3, rate=1.5), gravity=(0.0, 0.0, -0.5))
     results = [run(fb.compile_scene(scene, condense=condense), 1.5, 0.005, threads=threads)
                for condense, threads in ((False, 1), (True, 1), (True, 2))]
+    text = str(fb.compile_scene(scene, condense=True))
+    assert ("its beams not condensed" in text) == ("condensed to their ends" in text)
     one, *others = (result.slider("s")["s"] for result in results)
     assert one[-1] > 2.0
     for result, s in zip(results, (one, *others)):
@@ -350,3 +356,54 @@ def test_a_trolley_passes_ball_joints_that_it_kinks(curve: str) -> None:
     before, behind = phi[:, 12] - phi[:, 11], phi[:, 14] - phi[:, 13]
     across, along = np.linalg.norm(np.cross(before, behind), axis=1), np.sum(before * behind, axis=1)
     assert np.max(np.arctan2(across, along)) > 0.1
+
+
+@pytest.mark.parametrize("joint", [fb.RigidConnection, fb.BallJoint])
+def test_cabins_go_around_a_tensioned_cable(joint: Any) -> None:
+    scene, path = ropeway.ropeway(50)
+    parts = [joint(part.a, part.b) if isinstance(part, fb.RigidConnection) else part for part in scene.parts]
+    model = fb.compile_scene(fb.Scene(*parts, gravity=scene.gravity))
+    start = fb.solve_static(model, held=True).state
+    result = fb.simulate(model, t_end=14.0, step=0.02, start=start, progress=False)
+    # over three supports each, of which one is the seam of the path for some
+    assert result.state.s.max() > path.length + 30.0 and np.min(result.state.s - start.s) > 40.0
+    assert result.info["fallbacks"] == 0 and result.drift("balance") < 1e-11 and balance_error(result) < 1e-11
+    assert np.max(np.abs(result.series["contact_force"][1:])) < 2000.0
+
+
+# --- random paths --------------------------------------------------------------------------------------------------------
+FEW = settings(derandomize=True, max_examples=int(os.environ.get("FASTBEAM_EXAMPLES", "15")), deadline=None,
+               suppress_health_check=list(HealthCheck), database=None)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_random_paths_conserve_come_back_and_agree(planar: bool) -> None:
+    crossings = []
+
+    @FEW
+    @given(paths(planar=planar))
+    def check(drawn: DrawnPath) -> None:
+        scene = build_path(drawn)
+        model, h = fb.compile_scene(scene), drawn.step
+        track = scene.sliders[0].beam
+        try:
+            there = run(model, 25 * h, h, snapshots=0)
+        except fb.ConvergenceError:
+            assume(False)
+        # a bead that leaves an open path is no example
+        assume(there.info["steps"] == 25)
+        assert drifts(there) < 1e-12
+        crossings.append(sum(track.places([s])[0][0] != track.places([at.at])[0][0]
+                             for s, at in zip(there.state.s, scene.sliders)))
+        back = run(model, 25 * h, h, snapshots=0, start=there.state._replace(v=-there.state.v))
+        size = max(1.0, float(np.max(np.abs(model.q0))))
+        assert np.max(np.abs(back.state.q - model.q0)) < 1e-9 * size and np.max(np.abs(back.state.s - model.s0)) < 1e-9
+        other = run(fb.compile_scene(scene, solver="sparse"), 25 * h, h, snapshots=0)
+        assert np.max(np.abs(other.state.s - there.state.s)) < 1e-9
+        if planar:
+            assert model.plane is not None
+            space = run(fb.compile_scene(scene, planar=False), 25 * h, h, snapshots=0)
+            assert np.max(np.abs(space.state.s - there.state.s)) < 1e-9
+
+    check()
+    assert sum(crossings) >= 2
