@@ -447,7 +447,7 @@ class _Run:
         is_impact = self.impacts.is_rigid(slider, end == "end")
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
         if last > 0.0:
-            t = self.t_end if is_impact and self.t_end - t - last < NEXT_TO_NOTHING * h else t + last
+            t = self.t_end if is_impact and self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last
             self.progress.update(last)
             self.clock.leave_grid(t)
         if is_impact and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
