@@ -69,7 +69,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         From `compile_scene`.
     t_end, step : float
         End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
-        others, or up to a hundredth longer instead of leaving less than that.
+        others, or up to a hundredth longer instead of leaving less than that, and none behind an impact just before t_end.
     order : {2, 4}
         4 composes five substeps, one of them backwards: for smooth scenes.
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
