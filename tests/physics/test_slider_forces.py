@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.kernels import step
+from fastbeam.kernels import step as kernels
 from fastbeam.kernels.along import AGAINST, MOST_FLIPS
 from fastbeam.newton import Stepper
 from fastbeam.scene.sliding import initial_rate
@@ -358,10 +358,10 @@ def test_friction_goes_there_and_back(flips: int, planar: Any) -> None:
 def iterate(stepper: Stepper, h: float) -> None:
     """Newton's method around the compiled solver, its parts called one by one."""
     for _ in range(25):
-        step.assemble_all(stepper.terms, stepper.system, h)
-        step.fill_right(stepper.terms, stepper.system)
-        assert step.solve_right(stepper.system)
-        if stepper.parts.update() < 1e-14 and step.all_settled(stepper.terms, stepper.system):
+        kernels.assemble_all(stepper.terms, stepper.system, h)
+        kernels.fill_right(stepper.terms, stepper.system)
+        assert kernels.solve_right(stepper.system)
+        if stepper.parts.update() < 1e-14 and kernels.all_settled(stepper.terms, stepper.system):
             return
     raise AssertionError("it did not converge")
 
