@@ -184,7 +184,8 @@ class StepControl:
             halves = whole
             if whole.status == SLIDER_END:
                 size, error = self._to_the_end(stepper, start, t, h)
-                if error <= self.tolerance:
+                # where friction takes another branch short of the end no smaller step tells more
+                if error <= self.tolerance or not np.isfinite(error) and h <= self.smallest * (1.0 + 1e-12):
                     return h, h, stepper.advance(t, h, 1)
             elif whole.status == OK:
                 stepper.load(start)

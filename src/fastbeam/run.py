@@ -69,7 +69,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         From `compile_scene`.
     t_end, step : float
         End time and step size, s. With `tolerance`, `step` is the first step. The last step ends at t_end: it is shorter than the
-        others, or up to a hundredth longer instead of leaving less than that.
+        others, or up to a hundredth longer instead of leaving less than that, and none behind an impact just before t_end.
     order : {2, 4}
         4 composes five substeps, one of them backwards: for smooth scenes.
     method : {'energy_momentum', 'midpoint', 'trapezoidal', 'generalized_alpha'}
@@ -447,7 +447,7 @@ class _Run:
         is_impact = self.impacts.is_rigid(slider, end == "end")
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
         if last > 0.0:
-            t = self.t_end if is_impact and self.t_end - t - last < NEXT_TO_NOTHING * h else t + last
+            t = self.t_end if is_impact and self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last
             self.progress.update(last)
             self.clock.leave_grid(t)
         if is_impact and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.kernels import step as kernels
+from fastbeam.kernels.along import AGAINST, MOST_FLIPS
+from fastbeam.newton import Stepper
 from fastbeam.scene.sliding import initial_rate
 
 G = 9.81
@@ -305,11 +308,86 @@ def test_a_run_goes_on_bit_for_bit(name: str, tmp_path: Any) -> None:
     run(model, 0.05, checkpoint=tmp_path / "c")
     rest = run(model, 0.1, start=fb.load_checkpoint(tmp_path / "c"))
     if name == "rigid stops":
-        # steps are counted anew from an impact on, so that the half run ends with another step
+        # steps are counted anew from an impact on, so that the half run ends with another step; tests/unit/test_impacts.py
         np.testing.assert_allclose(rest.state.s, whole.state.s, atol=1e-3)
         return
     for x, y in zip(rest.state, whole.state):
         assert np.array_equal(x, y)
+
+
+def test_a_slider_that_sticks_goes_on_sticking_from_its_bare_state() -> None:
+    # the shaking leaves it with a velocity that turns around from step to step, while it stays where it is
+    model = rigid_rail(0.0, 2.0, friction=0.5,
+                       drive=fb.Drive(force=lambda t: 0.2 * np.sign(np.sin(300.0 * t)) if t < 0.1 else 0.02))
+    for t in (0.110, 0.112, 0.114, 0.116):
+        half = run(model, t, 2e-3)
+        assert abs(half.slider("s")["slide_rate"][-1]) > 1e-3
+        rest = run(model, t + 0.02, 2e-3, start=half.state, t_start=t)
+        assert np.array_equal(rest.slider("s")["s"], np.full(len(rest.t), half.state.s[0]))
+    # one that moves does not stick where it turns around
+    moving = rigid_rail(0.0, 2.0, friction=0.5, rate=1.0)
+    half = run(moving, 0.05, 1e-3)
+    back = run(moving, 0.1, 1e-3, start=half.state._replace(v=-half.state.v), t_start=0.05)
+    assert back.slider("s")["s"][-1] < half.state.s[0] - 0.01
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+@pytest.mark.parametrize("flips", [0, MOST_FLIPS])
+def test_friction_goes_there_and_back(flips: int, planar: Any) -> None:
+    """Steps backward in time undo those before, also where the sign of the velocity is in doubt and friction is continuous."""
+    model = flying(planar, rate=0.02 if flips else 1.0, friction=0.3)
+    stepper = Stepper(model, np.ones(1))
+    start = stepper.copy_state()
+
+    def go(h: float, n: int) -> None:
+        for _ in range(n):
+            stepper.parts.start(h)
+            stepper.along.flips[:] = flips
+            iterate(stepper, h)
+            stepper.parts.finish(h)
+
+    go(1e-3, 5)
+    assert abs(stepper.state.s[0] - start.s[0]) > 1e-5 and stepper.state.history[1] > 0.0
+    go(-1e-3, 5)
+    # velocities err by round-off of positions over the step, as without friction
+    for x, y, limit in zip(stepper.state[:3], start[:3], (1e-13, 2e-10, 1e-14)):
+        np.testing.assert_allclose(x, y, rtol=0.0, atol=limit)
+    assert abs(stepper.state.history[1]) < 1e-14
+
+
+def iterate(stepper: Stepper, h: float) -> None:
+    """Newton's method around the compiled solver, its parts called one by one."""
+    for _ in range(25):
+        kernels.assemble_all(stepper.terms, stepper.system, h)
+        kernels.fill_right(stepper.terms, stepper.system)
+        assert kernels.solve_right(stepper.system)
+        if stepper.parts.update() < 1e-14 and kernels.all_settled(stepper.terms, stepper.system):
+            return
+    raise AssertionError("it did not converge")
+
+
+def test_a_slider_in_doubt_stays_at_its_stop() -> None:
+    # pulled away, so that it leaves; where signs go in circles it waits for the next step
+    for flips, leaves in ((0, True), (MOST_FLIPS, False)):
+        stepper = Stepper(rigid_rail(0.0, 1.0, gravity=0.0, stops=fb.Stops(1.0, 3.0), drive=fb.Drive(force=0.1), friction=0.2),
+                          np.ones(1))
+        stepper.core_state.history[AGAINST] = -1.0
+        stepper.parts.start(1e-3)
+        stepper.along.flips[:] = flips
+        iterate(stepper, 1e-3)
+        stepper.parts.finish(1e-3)
+        assert (stepper.state.s[0] > 1.0) == leaves and (stepper.state.history[AGAINST] == 0.0) == leaves
+
+
+def test_a_run_that_records_energies_alone_has_its_balance() -> None:
+    model = flying(**ALL["rigid stops"])
+    alone, whole = (run(model, 0.15, observe=observe) for observe in (("energy",), ("energy", "slider")))
+    assert "s_slide" not in alone.series and np.ptp(alone.series["stop_loss"]) > 0.0
+    assert balanced(alone) and balanced(whole)
+    for name, x in whole.balance().items():
+        np.testing.assert_array_equal(alone.balance()[name], x)
+    with pytest.raises(fb.SceneError, match="observe=.'energy'"):
+        run(model, 0.01, observe=("slider",)).balance()
 
 
 def test_friction_on_a_soft_cable_converges_in_the_step() -> None:

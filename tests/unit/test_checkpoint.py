@@ -212,10 +212,13 @@ def forged(good: Any, path: Path, body: bytes | None = None, **changes: Any) -> 
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 0}},
+    ({"sizes": {"q": 10**15, "v": 10**15, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 0, "impacts": 0}},
      "arrays of .* numbers do not fit"),
-    ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 0}}, "do not fit"),
-    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 109}}, "are no state"),
+    ({"sizes": {"q": -96, "v": 96, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 0, "impacts": 0}}, "do not fit"),
+    ({"sizes": {"q": 95, "v": 97, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 109, "impacts": 0}},
+     "are no state"),
+    ({"sizes": {"q": 96, "v": 96, "s": 1, "force": 3, "history": 0, "mean_force": 3, "memory": 108, "impacts": 1}},
+     "are no state"),
     ({"sizes": [1, 2]}, "damaged header .TypeError"), ({"sizes": {}}, "damaged header .KeyError: 'q'"),
     ({"t": "now"}, "damaged header .SceneError: t: must be a finite number"), ({"t": float("nan")}, "t: must be a finite number"),
     ({"step": -1.0}, "a step is not > 0"), ({"next_step": 0.0}, "a step is not > 0"), ({"steps": -3}, "a step is not > 0"),
@@ -230,14 +233,14 @@ def test_forged_files_are_refused(good: Any, changes: dict[str, Any], message: s
 
 def test_what_is_no_checkpoint_is_refused(tmp_path: Path) -> None:
     for data, message in ((b"", "not a fastbeam checkpoint"), (b"\x80\x04cos\nsystem\n", "not a fastbeam checkpoint"),
-                          (b"fastbeam-checkpoint 4\n{}\n", "format version 4, this fastbeam reads 3; install a newer fastbeam"),
-                          (b"fastbeam-checkpoint 1\n{}\n", "format version 1, this fastbeam reads 3; install an older fastbeam"),
+                          (b"fastbeam-checkpoint 5\n{}\n", "format version 5, this fastbeam reads 4; install a newer fastbeam"),
+                          (b"fastbeam-checkpoint 1\n{}\n", "format version 1, this fastbeam reads 4; install an older fastbeam"),
                           (b"fastbeam-checkpoint x\n{}\n", "its version is no number"),
-                          (b"fastbeam-checkpoint 3\n" + b"[" * 100000, "checksum of its 100022 bytes is wrong")):
+                          (b"fastbeam-checkpoint 4\n" + b"[" * 100000, "checksum of its 100022 bytes is wrong")):
         (tmp_path / "a").write_bytes(data)
         with pytest.raises(fb.ResultFileError, match=message):
             fb.load_checkpoint(tmp_path / "a")
-    nested = b"fastbeam-checkpoint 3\n" + b"[" * 50000 + b"\n"
+    nested = b"fastbeam-checkpoint 4\n" + b"[" * 50000 + b"\n"
     (tmp_path / "a").write_bytes(nested + hashlib.sha256(nested).digest())
     with pytest.raises(fb.ResultFileError, match="damaged header .(RecursionError|JSONDecodeError)"):
         fb.load_checkpoint(tmp_path / "a")

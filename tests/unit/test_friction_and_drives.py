@@ -103,3 +103,14 @@ def test_results_with_forces_are_written_and_read(tmp_path: Any) -> None:
     for name in ("friction_force", "drive_work", "force_along", "stop_loss"):
         assert np.array_equal(again.slider("s")[name], result.slider("s")[name])
     assert "energy balance" in again.table() and np.array_equal(again.balance()["sum"], result.balance()["sum"])
+
+
+def test_a_plane_accounts_for_the_loads_that_its_scene_does() -> None:
+    # a moment of round-off size within the plane is none there
+    load = fb.Load("push", BEAM.end, force=(0, 0, 0.1), moment=(1e-17, 0, 0))
+    slide = slider(friction=0.1, rate=0.2)
+    found = fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), load, slide, gravity=(0, 0, -1.0)))
+    assert found.plane is not None and found.accounts_loads
+    assert found.plane.model.accounts_loads and found.plane.model.history_size == found.history_size
+    result = fb.simulate(found, t_end=0.05, step=1e-3, progress=False)
+    assert result.drift("balance") < 1e-12 and result.state.history.size == found.history_size

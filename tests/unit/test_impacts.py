@@ -1,0 +1,184 @@
+"""Impacts of sliders on rigid stops in a run: rows, checkpoints, step control, and slopes of friction beside them."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+import fastbeam.run
+from fastbeam.impacts import Impacts
+
+RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
+SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+CABLE = fb.Section.circle(radius=0.01, E=1e6, rho=1000.0)
+
+
+def rail(angle: float, at: float, gravity: float = 9.81, mass: float = 0.01, **forces: Any) -> fb.Model:
+    """A bead on a straight rail of 4 m, all nodes of which are clamped, at this angle (degrees) to the horizontal."""
+    a = np.radians(angle)
+    beam = fb.Beam.straight("rail", (0, 0, 0), (4 * np.cos(a), 0, 4 * np.sin(a)), section=RAIL, elements=4)
+    bead = fb.PointMass("bead", mass=mass)
+    return fb.compile_scene(fb.Scene(beam, bead, *[fb.Clamp(beam.node(i)) for i in range(beam.n_nodes)],
+                                     fb.Slider("s", bead, beam, at=at, **forces), gravity=(0, 0, -gravity)))
+
+
+def flying(planar: Any) -> fb.Model:
+    """A mass between stops on a free beam in motion."""
+    out = 0.0 if planar == "auto" else 1.0
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0.2), section=SOFT, elements=4)
+    mass = fb.PointMass("point", mass=0.2)
+    spin = fb.InitialVelocity(beam, velocity=lambda s: np.stack((0.0 * s, out * np.cos(3 * s), np.sin(3 * s)), axis=1))
+    slider = fb.Slider("s", mass, beam, at=0.4, rate=2.0, stops=fb.Stops(0.2, 0.5, restitution=0.6), friction=0.05)
+    return fb.compile_scene(fb.Scene(beam, mass, spin, slider), planar=planar)
+
+
+def cable(planar: Any, **forces: Any) -> fb.Model:
+    """A bead on a soft cable that swings."""
+    out = 0.0 if planar == "auto" else 0.3
+    beam = fb.Beam.straight("cable", (0, 0, 0), (1, 0, 0.3), section=CABLE, elements=3)
+    bead = fb.PointMass("bead", mass=0.05)
+    swing = fb.InitialVelocity(beam, velocity=lambda s: np.sin(np.pi * s)[:, None] * (0.0, out, 0.5))
+    return fb.compile_scene(fb.Scene(beam, bead, swing, fb.Clamp(beam.start), fb.Pin(beam.end),
+                                     fb.Slider("s", bead, beam, at=0.4, **forces), gravity=(0, 0, -1.0), project_velocities=True),
+                            planar=planar)
+
+
+def impacts_of(result: fb.Result) -> list[float]:
+    return [x["time"] for x in result.events if x["kind"] == "impact"]
+
+
+SCENES = {"bead": (lambda: rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.3)), 0.2),
+          "plane": (lambda: flying("auto"), 0.15), "space": (lambda: flying(False), 0.15)}
+
+
+@pytest.mark.parametrize("tolerance", [None, 1e-5])
+@pytest.mark.parametrize("name", SCENES)
+def test_a_run_goes_on_bit_for_bit_from_every_row_around_an_impact(name: str, tolerance: float | None, tmp_path: Any) -> None:
+    make, t_end = SCENES[name]
+    model = make()
+    settings: dict[str, Any] = dict(t_end=t_end, step=1e-3, every=1, tolerance=tolerance, progress=False)
+    whole = fb.simulate(model, **settings)
+    times = impacts_of(whole)
+    assert len(times) > 0 and np.ptp(whole.series["stop_loss"]) > 0.0
+    near = {int(np.argmin(np.abs(whole.t - t))) + k for t in (times[0], times[-1]) for k in (-2, -1, 0, 1, 2)}
+    for n in sorted(near & set(range(1, len(whole.t) - 1))):
+        left = [n]
+
+        def stop(t: float, state: Any) -> bool:
+            left[0] -= 1
+            return left[0] == 0
+
+        part = fb.simulate(model, callback=stop, checkpoint=tmp_path / "c", **settings)
+        rest = fb.simulate(model, start=fb.load_checkpoint(tmp_path / "c"), **settings)
+        for x, y in zip(rest.state, whole.state):
+            assert np.array_equal(x, y), n
+        # the last row of the part is the first of the rest, which knows neither iterations nor the step before
+        for series, x in whole.series.items():
+            if series not in ("iterations", "step_size"):
+                y = np.concatenate((part.series[series][:-1], rest.series[series]))
+                assert np.array_equal(x, y, equal_nan=True), (n, series)
+
+
+def test_the_row_the_callback_and_the_checkpoint_of_an_impact_are_behind_it(tmp_path: Any) -> None:
+    seen = []
+
+    def look(t: float, state: Any) -> bool:
+        seen.append((t, state.v.copy()))
+        return len(state.history) > 0 and state.history[4] > 0.0
+
+    model = rail(60.0, 1.05, stops=fb.Stops(1.0, 3.0, restitution=0.5))
+    result = fb.simulate(model, t_end=1.0, step=1e-2, every=1, progress=False, callback=look, checkpoint=tmp_path / "c",
+                         checkpoint_every=0.0)
+    (t,) = impacts_of(result)
+    assert result.t[-1] == t == seen[-1][0] and result.slider("s")["slide_rate"][-1] > 0.0
+    np.testing.assert_array_equal(seen[-1][1], result.state.v)
+    kept = fb.load_checkpoint(tmp_path / "c")
+    assert kept.t == t and kept.impacts is not None and kept.impacts[0, 0] == t and kept.impacts[0, 1] < -1e300
+    np.testing.assert_array_equal(kept.state.v, result.state.v)
+
+
+def test_checkpoints_of_other_sliders_hold_no_impacts() -> None:
+    checkpoint = fb.simulate(rail(0.0, 1.0, friction=0.1), t_end=0.01, step=1e-3, progress=False).checkpoint
+    assert checkpoint.impacts is None
+    with pytest.raises(fb.SceneError, match="times of impacts of shape"):
+        Impacts(rail(0.0, 1.0, stops=fb.Stops(0.5, 2.0)), np.zeros((2, 2)))
+
+
+def test_step_control_judges_the_step_to_a_stop() -> None:
+    # an oscillator from rest, whose first step is far too long and beyond the stop: cos(w t) = 1/3
+    model = rail(0.0, 2.3, gravity=0.0, mass=0.5, drive=fb.Drive(position=2.0, stiffness=20.0),
+                 stops=fb.Stops(2.1, 3.0, restitution=1.0))
+    exact = np.arccos(1.0 / 3.0) / np.sqrt(40.0)
+
+    def error(tolerance: float) -> float:
+        result = fb.simulate(model, t_end=0.3, step=0.3, max_step=0.3, tolerance=tolerance, progress=False)
+        return abs(impacts_of(result)[0] - exact)
+
+    errors = [error(x) for x in (1e-4, 1e-6, 1e-8)]
+    # of order 2/3 in the tolerance
+    assert errors[0] < 1e-3 and errors[1] < 1e-4 and errors[2] < 5e-6
+
+
+def test_an_impact_next_to_the_end_of_a_run_leaves_no_tiny_step() -> None:
+    model = rail(60.0, 2.0, stops=fb.Stops(1.0, 3.0, restitution=0.5))
+    first = impacts_of(fb.simulate(model, t_end=0.6, step=1e-3, progress=False))[0]
+    for late, steps in ((1e-13, 1), (1e-10, 1), (1e-7, 2)):
+        result = fb.simulate(model, t_end=first + late, step=1e-3, every=1, progress=False)
+        assert result.t[-1] == first + late and np.sum(result.series["step_size"][-2:] < 0.9e-3) == steps
+        assert len(impacts_of(result)) == (late > 1e-12) and result.drift("balance") < 1e-13
+
+
+@pytest.mark.parametrize("tolerance", [None, 1e-5])
+def test_progress_reaches_the_end_of_a_run_with_impacts(tolerance: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = []
+
+    class Counted(fastbeam.run.Progress):
+        def update(self, k: float = 1) -> None:
+            done.append(k)
+
+    monkeypatch.setattr(fastbeam.run, "Progress", Counted)
+    model = rail(60.0, 2.0, stops=fb.Stops(1.0, 3.0, restitution=0.5))
+    result = fb.simulate(model, t_end=1.0, step=1e-2, every=7, tolerance=tolerance, progress=False)
+    assert len(impacts_of(result)) > 1
+    assert abs(sum(done) - 1.0) < 1e-12
+
+
+PUSHED = dict(friction=0.1, drive=fb.Drive(force=-0.3), stops=fb.Stops(0.35, 0.6))
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_drive_pushes_a_slider_with_friction_into_a_stop_of_a_swinging_cable(planar: Any) -> None:
+    # it comes to rest and leaves again many times; on the way a step from rest meets the stop, where secants get nowhere
+    result = fb.simulate(cable(planar, **PUSHED), t_end=1.5, step=1e-3, every=1, progress=False)
+    assert len(impacts_of(result)) > 20 and result.drift("balance") < 1e-12
+    assert np.min(result.slider("s")["s"]) > 0.35 - 1e-9
+    assert np.max(result.series["iterations"]) < 12
+
+
+def test_steps_that_take_another_branch_of_friction_near_a_stop_end_before_it() -> None:
+    # the place at the end of a step jumps with the size of the step, across the stop
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        push, shake, rate = -rng.uniform(0.2, 1.0), rng.uniform(0.2, 1.2), rng.choice([40.0, 200.0])
+        drive = fb.Drive(force=lambda t, a=push, b=shake, w=rate: a * (1.0 + b * np.sin(w * t)))
+        model = cable("auto", friction=0.6, drive=drive, stops=fb.Stops(0.38, 0.6, restitution=0.3))
+        result = fb.simulate(model, t_end=1.2, step=6e-3, every=1, progress=False)
+        assert result.t[-1] == 1.2 and result.drift("balance") < 1e-11
+        assert np.min(result.slider("s")["s"]) > 0.38 - 1e-9
+
+
+@pytest.mark.parametrize("friction", [None, 0.3])
+@pytest.mark.parametrize("angle", [60.0, 0.0])
+def test_a_slider_rests_against_a_stop_for_long(angle: float, friction: float | None) -> None:
+    drive = None if angle else fb.Drive(force=-0.2)
+    model = rail(angle, 1.2, friction=friction, drive=drive, stops=fb.Stops(1.0, 3.0, restitution=0.3))
+    result = fb.simulate(model, t_end=60.0, step=1e-2, every=1, progress=False)
+    bead = result.slider("s")
+    late = result.t > 5.0
+    assert len(impacts_of(result)) < 10 and np.ptp(bead["s"][late]) == 0.0
+    pushed = 0.01 * 9.81 * np.sin(np.radians(60.0)) if angle else 0.2
+    held = (friction or 0.0) * 0.01 * 9.81 * np.cos(np.radians(angle))
+    np.testing.assert_allclose(bead["stop_force"][late], pushed - held, rtol=1e-8)
+    np.testing.assert_array_equal(result.series["iterations"][late], result.series["iterations"][-1])
