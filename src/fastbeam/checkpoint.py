@@ -156,7 +156,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
     if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
-    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, 3 * sizes[2]) or sizes[0] % 12 \
+    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, sizes[3]) or sizes[0] % 12 \
             or sizes[7] not in (0, 2 * sizes[2]):
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
     if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
@@ -335,9 +335,7 @@ def start_clock(model: Model, start: Any, t_start: float | None, step: float, co
                          f"nodes) than {model.scene_name!r} with {model.n_nodes} nodes, or was made by another version or on "
                          "another machine; compile the same scene, or go on at your own risk with "
                          "start=checkpoint.state, t_start=checkpoint.t")
-    # files of earlier versions hold those of sliders alone
-    known = start.mean_force is not None and start.mean_force.size == model.n_forces
-    before = start.mean_force.copy() if known else None  # type: ignore[union-attr]
+    before = None if start.mean_force is None else start.mean_force.copy()
     clock = Clock(start.t, start.t, step, step, before=before, before_size=start.last_step)
     if controlled and start.next_step is not None:
         clock.origin, clock.size = start.t_start, start.next_step

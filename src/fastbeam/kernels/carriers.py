@@ -66,7 +66,7 @@ def find_order(contact, solver, group_rows, dofs):
     if end < 0 or end > solver.factors.store.shape[0] or not find_targets(order):
         return False
     order.counts[1] = end
-    find_places(couplings, touched, order)
+    find_places(contact, couplings, touched, order)
     at = 0
     for i in range(order.order.shape[0] - 2 * group_rows.beam.shape[0]):
         for e in range(order.start[i], order.start[i + 1]):
