@@ -149,8 +149,8 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
     return {
         "vld": value(1), "vld2": value(2), "vld3": value(3), "vldm": value(9), "ld2": value(2), "ld3": value(3),
         "address": lambda array, offset: array, "triple": value(3), "dim": lambda size: len(size) // 2,
-        "coordinates": lambda size: 12 if len(size) == 6 else 4, "vector_lanes": value(3), "zero_lanes": value(3),
-        "zero_moment": value(3), "zero_dyad": value(9), "put_lanes": nothing, "add_lanes": adds(3), "moment": value(3, 9),
+        "coordinates": lambda size: 12 if len(size) == 6 else 4, "vector_lanes": value(3),
+        "zero_moment": value(3), "zero_dyad": value(9), "put_lanes": nothing, "moment": value(3, 9),
         "dyad": value(9, 9), "add_turned": adds(2 + 3 + 9 + 9),
         "vzero": value(1), "vzero2": value(2), "vzero3": value(3), "vzerom": value(9),
         "zero2": value(2), "zero3": value(3),
