@@ -11,9 +11,9 @@ from .kernels.constraints import Constraints
 from .kernels.inner import Inner, NoInner
 from .kernels.nodes import NoHeld
 from .kernels.terms import NoTies
+from .kernels.work import aligned
 from .model import Model
 from .pattern import Pattern
-from .workspace import aligned
 
 Array = np.ndarray
 

@@ -50,7 +50,7 @@ class Fences:
         return inside
 
     def aligned(self, n: int) -> Array:
-        """As workspace.aligned."""
+        """As kernels.work.aligned."""
         raw = np.full(n + 2 * WIDTH + 8, MARK)
         start = WIDTH + (-raw.ctypes.data // 8) % 8
         self.edges += [raw[:start], raw[start + n:]]
@@ -96,8 +96,9 @@ def assert_fences_hold(scene: fb.Scene, fences: Fences, monkeypatch: pytest.Monk
     model = fb.compile_scene(scene, **(compiled or {}))
 
     def state() -> State:
-        result = fb.solve_static(model, at_time=0.1) if static else fb.simulate(model, **{"t_end": 3 * H, "step": H, "every": 1, **run})
-        return result.state
+        if static:
+            return fb.solve_static(model, at_time=0.1).state
+        return fb.simulate(model, **{"t_end": 3 * H, "step": H, **run}).state
 
     fenced = state()
     assert len(fences.edges) > 20
