@@ -23,6 +23,7 @@ from fastbeam.kernels.layout import layout_of
 from fastbeam.kernels.motions import OverStep
 from fastbeam.kernels.strain_sets import SIMO_REISSNER
 from fastbeam.kernels.terms import Conserving
+from fastbeam.kernels.work import Work
 from fastbeam.model import Model
 from fastbeam.newton import Stepper
 from fastbeam.workspace import condensed_of, inner_of, work_of  # noqa: E402
@@ -149,8 +150,8 @@ def _registers(tally: Tally) -> dict[str, Callable[..., Any]]:
     return {
         "vld": value(1), "vld2": value(2), "vld3": value(3), "vldm": value(9), "ld2": value(2), "ld3": value(3),
         "address": lambda array, offset: array, "triple": value(3), "dim": lambda size: len(size) // 2,
-        "coordinates": lambda size: 12 if len(size) == 6 else 4, "vector_lanes": value(3), "zero_lanes": value(3),
-        "zero_moment": value(3), "zero_dyad": value(9), "put_lanes": nothing, "add_lanes": adds(3), "moment": value(3, 9),
+        "coordinates": lambda size: 12 if len(size) == 6 else 4, "vector_lanes": value(3),
+        "zero_moment": value(3), "zero_dyad": value(9), "put_lanes": nothing, "moment": value(3, 9),
         "dyad": value(9, 9), "add_turned": adds(2 + 3 + 9 + 9),
         "vzero": value(1), "vzero2": value(2), "vzero3": value(3), "vzerom": value(9),
         "zero2": value(2), "zero3": value(3),
@@ -215,11 +216,15 @@ def count(kernel: Dispatcher, *arguments: Any, without: Sequence[str] = ()) -> i
     return tally.operations
 
 
+def _motion(model: Model, work: Work, mixed: bool) -> OverStep:
+    increment = work.increment._replace(control=np.array([float(mixed), 0.0, 0.0]))
+    return OverStep(Conserving(), model.q0, work.dphi, model.v0, increment, 1.0, 1.0)
+
+
 def _elements(model: Model, mixed: bool, assembled: bool) -> int:
     """Of an element of the first group of a model in space, with its inner nodes where they are eliminated and `assembled`."""
     work, tables = work_of(model), model.simo
-    line = work.increment._replace(control=np.array([float(mixed), 0.0, 0.0]))
-    motion = OverStep(Conserving(), model.q0, work.dphi, model.v0, line, 1.0, 1.0)
+    motion = _motion(model, work, mixed)
     if not assembled:
         at = layout_of(model.dofs, *tables.meta[0, :2])
         return count(beam.evaluate_group, tables, 0, at, SIMO_REISSNER, motion, work.scratch, model.dofs)
@@ -294,11 +299,9 @@ def condensed_beams(stepper: Stepper, mixed: float) -> float:
     model, work, subs = stepper.core, work_of(stepper.core), condensed_of(stepper.core)
     out = recovery_of_beams(stepper)
     for g, beams in _kinds_of_beams(stepper):
-        plain, more = (count(substructures.condense, subs, model.simo, SIMO_REISSNER, g, g + 1, model.dofs, Conserving(),
-                             stepper.core_state, work._replace(increment=work.increment._replace(control=np.array([use, 0.0,
-                                                                                                                   0.0]))), 1.0,
-                             work.scratch)
-                       for use in (0.0, 1.0))
+        plain, more = (count(substructures.condense, subs, model.simo, SIMO_REISSNER, g, g + 1, _motion(model, work, use),
+                             work.f_ext, work.scratch, model.dofs)
+                       for use in (False, True))
         out += beams * (plain + mixed * (more - plain))
     return out
 

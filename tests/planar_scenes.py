@@ -37,17 +37,18 @@ def wave(beam: fb.Beam, turn: Array = FLAT, size: float = 1.0, spin: float = 0.4
     return fb.InitialVelocity(beam, velocity=velocity, spin=turning)
 
 
-def flight(turn: Array = FLAT, family: str = "lagrange 3", shape: str = "straight", d2: str = "in") -> fb.Scene:
+def flight(turn: Array = FLAT, family: str = "lagrange 3", shape: str = "straight", d2: str = "in",
+           elements: int = 4) -> fb.Scene:
     """Two beams that fly and bend, one for each strain set, each with a mass that slides along.
 
-    shape: straight, arc or spline; d2: `in` the plane, `out` of it, or `oblique` (with a round section).
+    shape: straight, arc or spline; d2: `in` the plane, `out` of it, or `oblique` (with a round section); elements: of each beam.
     """
     def at(*x: float) -> Array:
         return turn @ np.array((*x, 0.0)[:3])
 
     beams = []
     for k, strain in enumerate(("simo_reissner", "green_lagrange")):
-        common = dict(elements=4, strain=strain, section=ROUND if d2 == "oblique" else SECTION, **FAMILIES[family])
+        common = dict(elements=elements, strain=strain, section=ROUND if d2 == "oblique" else SECTION, **FAMILIES[family])
         y = 1.5 * k
         c, s = {"in": (1.0, 0.0), "out": (0.0, 1.0), "oblique": (np.cos(0.4), np.sin(0.4))}[d2]
         if shape == "straight":

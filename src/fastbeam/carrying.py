@@ -17,9 +17,9 @@ from .kernels.inner import NoInner
 from .kernels.slider import ContactInRows, NoForceAlong, NoSleeves, Sliders, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoTies, System
+from .kernels.work import aligned
 from .model import Model
 from .pattern import Pattern, ascending
-from .workspace import aligned
 
 Array = np.ndarray
 

@@ -21,6 +21,7 @@ from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
+from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
 from .kernels.slider import Sliding
@@ -240,6 +241,9 @@ class CondensedIteration(Iteration):
         self.team.each(begin, [(kind, x) for kind, some in kinds for x in some])
         work.r[8 * m.n_nodes:] = 0.0
 
+        # what the kernel takes of state and work: every array that is passed takes time
+        move = motion.implementation(system.method).py_func(system.method, state, work, h)
+
         def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | Group | None) -> bool:
             if x is None:
                 # what acts on inner nodes stands in the residual before they are eliminated
@@ -248,7 +252,7 @@ class CondensedIteration(Iteration):
             if isinstance(x, Group):
                 return x.condense(system, h, self.subs.ends, self._spaces[thread])
             tables, strains, some = x
-            beams.condense(self.subs, tables, strains, *some, m.dofs, system.method, state, work, h, self._scratch[thread])
+            beams.condense(self.subs, tables, strains, *some, move, work.f_ext, self._scratch[thread], m.dofs)
             return True
 
         self._good = all(self.team.each(condense, [None, *self._carriers, *self._groups]))

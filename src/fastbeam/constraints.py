@@ -11,10 +11,10 @@ from .kernels.constraints import Constraints
 from .kernels.inner import Inner, NoInner
 from .kernels.nodes import NoHeld
 from .kernels.terms import NoTies
+from .kernels.work import aligned
 from .mapping import nodes_of_curve
 from .model import Model
 from .pattern import Pattern
-from .workspace import aligned
 
 Array = np.ndarray
 

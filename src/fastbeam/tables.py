@@ -14,6 +14,7 @@ from .kernels.curves import Curves, Paths
 from .kernels.kinds import SPACE
 from .kernels.layout import CONSTANTS, REFERENCE, layout_of
 from .kernels.substructures import Substructures, place_stores
+from .kernels.work import aligned
 from .scene import Beam, Net
 
 Array = np.ndarray
@@ -179,7 +180,8 @@ class TablePool:
 
     def array(self) -> Array:
         """All tables."""
-        return self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
+        out = aligned(self._size)
+        return np.concatenate(self._parts, out=out) if self._parts else out
 
 
 @dataclass

@@ -12,7 +12,7 @@ from .kernels.nodes import NODES_SCRATCH
 from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
-from .kernels.work import LastIncrement, Work
+from .kernels.work import LastIncrement, Work, aligned
 from .model import Model
 
 Array = np.ndarray
@@ -32,8 +32,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
-                u=np.zeros(q * (rates or model.bodies is not None)), s_end=np.zeros(s), f_ext=np.zeros(8 * (n + 1)),
-                r=np.zeros(8 * (n + 1)),
+                u=np.zeros(q * (rates or model.bodies is not None)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
+                r=aligned(8 * (n + 1)),
                 blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
                 panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
                 schur=np.zeros((dense, dense)), y=np.zeros(border),
@@ -43,7 +43,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 keep_theta=np.zeros(kept * theta.size),
                 past=np.zeros(model.past_size),
                 keep_past=np.zeros(kept * model.past_size),
-                increment=LastIncrement(np.array([0.0, model.softest, -1.0]), theta, np.zeros(8 * (n + 1)),
+                increment=LastIncrement(np.array([0.0, model.softest, -1.0]), theta, aligned(8 * (n + 1)),
                                NoTies() if model.ties is None else _padded(model.dim * n)))
 
 
@@ -112,9 +112,10 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
     entries = entries or (0 if model.carriers is not None else entries_of(model))
     first = np.cumsum(model.unknowns) - model.unknowns if model.by_rows else model.border * np.arange(n)
     kind = ContactInRows if model.by_rows else Contact if model.carriers is None else ContactOfCarriers
+    columns, lines = (aligned(n * row * entries).reshape(n, row * entries) for _ in range(2))
     return kind(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
-                entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=np.zeros((n, row * entries)),
-                line=np.zeros((n, row * entries)), corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
+                entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
+                corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), remaining=np.zeros(n),
                 full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
@@ -126,7 +127,7 @@ def inner_of(model: Model) -> Inner | None:
     if model.inner is None:
         return None
     inner = model.inner
-    rhs = np.zeros_like(inner.rhs) if isinstance(inner.rhs, np.ndarray) else inner.rhs
+    rhs = aligned(inner.rhs.size) if isinstance(inner.rhs, np.ndarray) else inner.rhs
     return inner._replace(store=aligned(inner.store.size), rhs=rhs,
                           mark=np.zeros_like(inner.mark), found=np.zeros_like(inner.found), state=np.ones(1))
 
@@ -135,16 +136,10 @@ def condensed_of(model: Model) -> Substructures | None:
     """The condensed beams with work arrays of one run."""
     if model.substructures is None:
         return None
-    return place_stores(model.substructures, len(model.dofs))
+    placed = place_stores(model.substructures, len(model.dofs))
+    return placed._replace(store=aligned(placed.store.size), ends=aligned(placed.ends.size))
 
 
 def _padded(n: int) -> Array:
     """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
     return np.zeros(n + 8)[:n]
-
-
-def aligned(n: int) -> Array:
-    """n zeros on a cache line."""
-    raw = np.zeros(n + 8)
-    shift = (-raw.ctypes.data // 8) % 8
-    return raw[shift:shift + n]

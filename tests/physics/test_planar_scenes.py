@@ -69,6 +69,13 @@ def test_beams_of_every_family_in_flight(family: str, shape: str, d2: str) -> No
     assert_same(*both(lambda: flight(FLAT, family, shape, d2)))
 
 
+@pytest.mark.parametrize("elements", [1, 2])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_beams_of_few_elements_in_flight(family: str, elements: int) -> None:
+    # elements of B-splines have fewer nodes than in a longer beam, with as many points: 4 and 2 at degree 2
+    assert_same(*both(lambda: flight(FLAT, family, elements=elements)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize(("shape", "d2"), SHAPES)

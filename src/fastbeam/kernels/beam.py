@@ -31,10 +31,10 @@ from .algebra import pld3 as vld3
 from .algebra import pldm as vldm
 from .algebra import pst as vst
 from .algebra import pst_matrix as vst_matrix
+from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
 from .inner import eliminate_group
-from .kinds import (Space, add_lanes, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_lanes,
-                    zero_moment)
+from .kinds import Plane, Space, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_moment
 from .lanes import scatter_rows
 from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINTS, POINT_MATRIX, POINT_NODE, POINT_NODES,
                      POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2, SHEAR_3, STEP, STRAINS,
@@ -79,20 +79,29 @@ def add_no_inertia(method, constants, scratch, at, dofs):
 def add_inertia_forces(method, constants, scratch, at, dofs):
     """M u with u = 2/h^2 (q_n+1 - q_n - h v_n). In space d2 and d3 have inertia and d1 has none (1.2), in a plane the
     director."""
-    d = 8 * dim(dofs)
-    node = 8 * coordinates(dofs)
-    first = node - (at.masses - at.inertia) // 8 * d
     for a in range(at.nn):
-        m0 = at.masses + 8 * at.nn * a
-        for i in range(at.inertia, at.masses, 8):
-            o = first + (i - at.inertia) // 8 * d
-            if i == at.inertia:
-                o = 0
-            p = zero_lanes(dofs)
-            for b in range(at.nn):
-                p += vld(constants, m0 + 8 * b, 0) * vector_lanes(scratch, at.rates + node * b + o, dofs)
-            add_lanes(scratch, at.forces + node * a + o, vld(constants, i, 0) * p)
-            m0 = at.director_masses + 8 * at.nn * a
+        add_node_inertia.call(dofs, constants, scratch, at, a)
+
+
+@generic
+def add_node_inertia(dofs, constants, scratch, at, a):
+    """Inertia forces M u on the coordinates of node a, one pass over the second rates u of all nodes."""
+
+
+@add_node_inertia.register(Space)
+@inlined
+def add_node_inertia_in_space(dofs, constants, scratch, at, a):
+    p = vzero3(); d2 = vzero3(); d3 = vzero3()
+    for b in range(at.nn):
+        u = at.rates + 96 * b
+        md = vld(constants, at.director_masses + 8 * (at.nn * a + b), 0)
+        p += vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld3(scratch, u, 8)
+        d2 += md * vld3(scratch, u + 48, 8)
+        d3 += md * vld3(scratch, u + 72, 8)
+    fo = at.forces + 96 * a
+    vadd3(scratch, fo, 8, vld(constants, at.inertia, 0) * p)
+    vadd3(scratch, fo + 48, 8, vld(constants, at.inertia + 8, 0) * d2)
+    vadd3(scratch, fo + 72, 8, vld(constants, at.inertia + 16, 0) * d3)
 
 
 @add_spin_rates.register(object)
@@ -266,8 +275,8 @@ def pair_stiffness(dofs, strains, constants, scratch, at, mass_factor):
 
 
 # --- groups of elements -------------------------------------------------------------------------------------------------
-@kernel
-def evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
+@inlined
+def evaluate_at(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
     """Residual and tangent of WIDTH elements of a group, whose coordinates have been gathered into scratch; mass_factor: factor
     of the mass matrix in the tangent, as in motions.py."""
     for i in range(at.forces, at.rows, 8):
@@ -284,6 +293,45 @@ def evaluate(method, strains, constants, reference, scratch, at, case, mass_fact
         project_node(scratch, at, a, dofs)
 
 
+@kernel
+def evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs):
+    """`evaluate_at` for any numbers of nodes and points."""
+    evaluate_at(method, strains, constants, reference, scratch, at, case, mass_factor, dofs)
+
+
+@kernel
+def evaluate_of(nn, nq, method, strains, constants, reference, scratch, case, mass_factor, dofs):
+    """`evaluate_at` for nn nodes and nq points that stand as numbers in the source of the caller: lengths of loops and offsets
+    are known when it is compiled."""
+    evaluate_at(method, strains, constants, reference, scratch, layout(dofs, nn, nq), case, mass_factor, dofs)
+
+
+@generic
+def evaluate_lanes(dofs, method, strains, constants, reference, scratch, at, case, mass_factor):
+    """`evaluate_at`, by the code for the numbers of nodes and points in `at`."""
+
+
+@evaluate_lanes.register(Space)
+@inlined
+def evaluate_in_space(dofs, method, strains, constants, reference, scratch, at, case, mass_factor):
+    evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs)
+
+
+@evaluate_lanes.register(Plane)
+@inlined
+def evaluate_in_plane(dofs, method, strains, constants, reference, scratch, at, case, mass_factor):
+    """With code of their own for Lagrange elements of degree 1 to 3: loops over so few nodes are too short for their beginnings
+    and ends. Elements of B-splines may have as many nodes and fewer points."""
+    if at.nn == 2 and at.nq == 1:
+        evaluate_of(2, 1, method, strains, constants, reference, scratch, case, mass_factor, dofs)
+    elif at.nn == 3 and at.nq == 2:
+        evaluate_of(3, 2, method, strains, constants, reference, scratch, case, mass_factor, dofs)
+    elif at.nn == 4 and at.nq == 3:
+        evaluate_of(4, 3, method, strains, constants, reference, scratch, case, mass_factor, dofs)
+    else:
+        evaluate(method, strains, constants, reference, scratch, at, case, mass_factor, dofs)
+
+
 @inlined
 def evaluate_group(tables, k, at, strains, motion, scratch, dofs):
     """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
@@ -297,9 +345,9 @@ def evaluate_group(tables, k, at, strains, motion, scratch, dofs):
             gather_increment.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a + node, at.increment + at.node * a)
     gather_spin_rates.call(motion, tables, no, at.nn, scratch, at.spin_rates)
     for lane in range(0, 8, WIDTH):
-        evaluate(motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
-                 address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case, motion.mass_factor,
-                 dofs)
+        evaluate_lanes.call(dofs, motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
+                            address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case,
+                            motion.mass_factor)
 
 
 @inlined

@@ -77,13 +77,13 @@ class Layout(NamedTuple):
     tangent_forces: int      # forces of the stresses that only the tangent takes (4.6), in place of the second rates, which are
     #                          needed no more once the inertia forces are there
     twists: int              # vectors of pairs of nodes
-    pairs: int               # sums of stresses for pairs of nodes; in space in the blocks of the tangent, in the quarter position
+    pairs: int               # in space sums of stresses for pairs of nodes, in the blocks of the tangent, in the quarter position
     #                          against position, which is evaluated last
     pair_size: int           # distance of pairs
     doubles: int             # in all
 
 
-# sums of a pair in space: two of shears, three of twist and curvatures, one of lengths; in a plane shear, curvature, lengths
+# sums of a pair in space: two of shears, three of twist and curvatures, one of lengths
 SHEAR_2, SHEAR_3, TWIST, CURVATURE_2, CURVATURE_3, LENGTHS = 0, 8, 16, 48, 56, 64
 
 
@@ -109,12 +109,9 @@ def layout(dofs, nn, nq):
     point_stride = POINT_NODES + POINT_NODE * nn if n == 6 else PLANAR_NODES + PLANAR_NODE * nn
     spin_rates = points + nq * point_stride
     increment = spin_rates + (144 * nn if n == 6 else 0)
-    end = increment + 2 * node * nn
-    pairs = blocks if n == 6 else end
-    pair_size = 288 if n == 6 else 24
-    doubles = end if n == 6 else end + pair_size * nn * nn
+    doubles = increment + 2 * node * nn
     return Layout(nn, nq, point, point_size, inertia, masses, masses + 8 * nn * nn, masses + 16 * nn * nn, 2 * node, rates,
-                  forces, rows, blocks, points, point_stride, spin_rates, increment, rates, twists, pairs, pair_size, doubles)
+                  forces, rows, blocks, points, point_stride, spin_rates, increment, rates, twists, blocks, 288, doubles)
 
 
 def layout_of(dofs: tuple[int, ...], nn: int, nq: int) -> Layout:

@@ -27,14 +27,14 @@ from .algebra import pst as vst
 from .algebra import pst2 as vst2
 from .algebra import pzero as vzero
 from .algebra import pzero2 as vzero2
-from .beam import evaluate_point, put_pairs
+from .beam import add_node_inertia, evaluate_point, put_pairs
 from .kinds import Plane
 from .layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION, PLANAR_PRODUCTS,
                      PLANAR_ROTATION_POSITION, PLANAR_ROWS)
 from .motions import share_of_end
 from .strain_sets import (GreenLagrange, SimoReissner, planar_director_forces, planar_extrapolated, planar_form_stresses,
-                          planar_geometric, planar_point_data, planar_point_stiffness, planar_position_force, planar_strains,
-                          planar_sum_pair)
+                          planar_geometric, planar_no_sums, planar_point_data, planar_point_stiffness, planar_position_force,
+                          planar_reversed, planar_strains, planar_sums)
 
 
 class Shape(NamedTuple):
@@ -76,17 +76,59 @@ class Law(NamedTuple):
     c22: Any
 
 
+class Basis(NamedTuple):
+    """Basis functions of a node at a point: phi_s, dir, dir_s."""
+
+    position: Any
+    director: Any
+    slope: Any
+
+
+class SimoSums(NamedTuple):
+    """Sums over the points of stresses (2.2) times products of basis functions of two nodes a and b."""
+
+    shear: Any            # dir_a phi_s,b
+    shear_reversed: Any   # phi_s,a dir_b
+    curvature: Any        # dir_a dir_s,b - dir_s,a dir_b
+    factor: Any           # dir_a dir_b
+
+
+class GreenSums(NamedTuple):
+    """The same of stresses (2.1), shear and curvature together."""
+
+    shear: Any
+    shear_reversed: Any
+
+
+class Shared(NamedTuple):
+    """Positions of two nodes against each other."""
+
+    t00: Any
+    t10: Any
+    t01: Any
+    t11: Any
+
+
+class PointForces(NamedTuple):
+    """Forces on a node: phi_s times `position`, dir times `director` plus dir_s times `slope`."""
+
+    position: Any
+    director: Any
+    slope: Any
+
+
 @inlined
-def planar_shape(constants, to, nn, scratch, qo):
-    """Of the nodes from qo on, 64 doubles apart."""
-    f = vzero2(); u = vzero2(); k = vzero2()
+def planar_shapes(constants, to, nn, scratch, qo):
+    """Of the nodes from qo on, 64 doubles apart, and of those 32 doubles behind."""
+    f = vzero2(); u = vzero2(); k = vzero2(); fe = vzero2(); ue = vzero2(); ke = vzero2()
     for a in range(nn):
         t = to + 8 + NODE_TABLE * a
         q = qo + 64 * a
-        n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
-        x = vld2(scratch, q + 16, 8)
-        f += vld(constants, t, 0) * vld2(scratch, q, 8); u += n * x; k += dn * x
-    return Shape(f, u, k)
+        dp = vld(constants, t, 0); n = vld(constants, t + 8, 0); dn = vld(constants, t + 16, 0)
+        x = vld2(scratch, q + 16, 8); y = vld2(scratch, q + 48, 8)
+        f += dp * vld2(scratch, q, 8); u += n * x; k += dn * x
+        fe += dp * vld2(scratch, q + 32, 8); ue += n * y; ke += dn * y
+    return Shape(f, u, k), Shape(fe, ue, ke)
 
 
 @inlined
@@ -105,19 +147,30 @@ def apply_law(law, e):
 
 
 @inlined
-def add_director_forces(constants, to, nn, scratch, fo, x, y):
-    """dir x + dir_s y on the directors of all nodes."""
-    for a in range(nn):
-        t = to + 8 + NODE_TABLE * a
-        vadd2(scratch, fo + 32 * a + 16, 8, vld(constants, t + 8, 0) * x + vld(constants, t + 16, 0) * y)
+def add_node_forces(constants, t, scratch, fo, forces):
+    """Forces of a point on the coordinates of a node; t: where its basis functions stand."""
+    vadd2(scratch, fo, 8, vld(constants, t, 0) * forces.position)
+    vadd2(scratch, fo + 16, 8, vld(constants, t + 8, 0) * forces.director + vld(constants, t + 16, 0) * forces.slope)
+
+
+@add_node_inertia.register(Plane)
+@inlined
+def add_node_inertia_in_plane(dofs, constants, scratch, at, a):
+    p = vzero2(); d = vzero2()
+    for b in range(at.nn):
+        u = at.rates + 32 * b
+        p += vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld2(scratch, u, 8)
+        d += vld(constants, at.director_masses + 8 * (at.nn * a + b), 0) * vld2(scratch, u + 16, 8)
+    fo = at.forces + 32 * a
+    vadd2(scratch, fo, 8, vld(constants, at.inertia, 0) * p)
+    vadd2(scratch, fo + 16, 8, vld(constants, at.inertia + 8, 0) * d)
 
 
 @evaluate_point.register(Plane)
 @inlined
 def evaluate_point_in_plane(dofs, method, strains, constants, reference, g, scratch, at, case):
     to = at.point + at.point_size * g
-    middle = planar_shape(constants, to, at.nn, scratch, 0)
-    end = planar_shape(constants, to, at.nn, scratch, 32)
+    middle, end = planar_shapes(constants, to, at.nn, scratch, 0)
     start = Shape(2.0 * middle.f - end.f, 2.0 * middle.u - end.u, 2.0 * middle.k - end.k)
     before = planar_strains.call(strains, start)
     present = planar_strains.call(strains, end)
@@ -130,20 +183,18 @@ def evaluate_point_in_plane(dofs, method, strains, constants, reference, g, scra
         # the tangent takes the strains to which the last increment led in a straight line: their difference to those of the
         # present shape, theory.md (4.6)
         if case.gathered:
-            shape_before = planar_shape(constants, to, at.nn, scratch, at.increment)
-            before = planar_extrapolated.call(strains, shape_before, planar_shape(constants, to, at.nn, scratch,
-                                                                                  at.increment + 32))
+            shape_before, increment = planar_shapes(constants, to, at.nn, scratch, at.increment)
+            before = planar_extrapolated.call(strains, shape_before, increment)
         more = apply_law(law, share_of_end.call(method) * (before - present))
         t = s + more
         x, y = planar_director_forces.call(strains, data, middle, planar_form_stresses.call(strains, data, more))
-        add_director_forces(constants, to, at.nn, scratch, at.tangent_forces, x, y)
+        for a in range(at.nn):
+            t_a = to + 8 + NODE_TABLE * a
+            vadd2(scratch, at.tangent_forces + 32 * a + 16, 8, vld(constants, t_a + 8, 0) * x + vld(constants, t_a + 16, 0) * y)
     forms = planar_form_stresses.call(strains, data, s)
-    x0 = planar_position_force.call(strains, data, middle, forms)
-    for a in range(at.nn):
-        vadd2(scratch, at.forces + 32 * a, 8, vld(constants, to + 8 + NODE_TABLE * a, 0) * x0)
     x, y = planar_director_forces.call(strains, data, middle, forms)
-    add_director_forces(constants, to, at.nn, scratch, at.forces, x, y)
-    planar_point_stiffness.call(strains, data, middle, end, law, t, constants, to, scratch, at,
+    forces = PointForces(planar_position_force.call(strains, data, middle, forms), x, y)
+    planar_point_stiffness.call(strains, data, middle, end, law, t, forces, constants, to, scratch, at,
                                 at.points + at.point_stride * g)
 
 
@@ -213,7 +264,7 @@ def simo_director_forces(strains, data, middle, s):
 
 @planar_point_stiffness.register(SimoReissner)
 @inlined
-def simo_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
+def simo_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
     """Rows are derivatives of the quadratic forms of shear, curvature and its factor, theory.md (4.8)."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
     n = data.over * component0(t)
@@ -233,6 +284,7 @@ def simo_stiffness(strains, data, middle, end, law, t, constants, to, scratch, a
     v3 = data.a * v3
     for a in range(at.nn):
         t_a = to + 8 + NODE_TABLE * a
+        add_node_forces(constants, t_a, scratch, at.forces + 32 * a, forces)
         n = vld(constants, t_a + 8, 0); dn = vld(constants, t_a + 16, 0)
         z = perp(vld2(scratch, 64 * a + 16, 8)); ze = perp(vld2(scratch, 64 * a + 48, 8))
         r1 = n * cross2(z, f)
@@ -251,31 +303,31 @@ def simo_stiffness(strains, data, middle, end, law, t, constants, to, scratch, a
                         p0 * f + p1 * n2)
 
 
-@planar_sum_pair.register(SimoReissner)
+@planar_no_sums.register(SimoReissner)
 @inlined
-def simo_sums(strains, constants, scratch, at, a, b):
-    """Shear, curvature and its factor."""
-    h = vzero(); g = vzero(); e3 = vzero(); e4 = vzero()
-    for p in range(at.nq):
-        t = at.point + at.point_size * p + 8
-        po = at.points + at.point_stride * p
-        pa = vld(constants, t + 24 * a, 0); na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
-        pb = vld(constants, t + 24 * b, 0); nb = vld(constants, t + 24 * b + 8, 0); db = vld(constants, t + 24 * b + 16, 0)
-        s2 = vld(scratch, po + 8, 0)
-        h += (pa * nb) * s2
-        g += (na * pb) * s2
-        e3 += (na * db - da * nb) * vld(scratch, po + 16, 0)
-        e4 += (na * nb) * vld(scratch, po + 24, 0)
-    o = at.pairs + at.pair_size * (at.nn * a + b)
-    vst(scratch, o, 0, g); vst(scratch, o + 8, 0, e3); vst(scratch, o + 16, 0, e4)
-    o = at.pairs + at.pair_size * (at.nn * b + a)
-    vst(scratch, o, 0, h); vst(scratch, o + 8, 0, vzero() - e3); vst(scratch, o + 16, 0, e4)
+def simo_no_sums(strains):
+    return SimoSums(vzero(), vzero(), vzero(), vzero())
+
+
+@planar_sums.register(SimoReissner)
+@inlined
+def simo_sums(strains, sums, scratch, po, a, b):
+    s2 = vld(scratch, po + 8, 0)
+    return SimoSums(sums.shear + (a.director * b.position) * s2, sums.shear_reversed + (a.position * b.director) * s2,
+                    sums.curvature + (a.director * b.slope - a.slope * b.director) * vld(scratch, po + 16, 0),
+                    sums.factor + (a.director * b.director) * vld(scratch, po + 24, 0))
+
+
+@planar_reversed.register(SimoReissner)
+@inlined
+def simo_reversed(strains, sums):
+    return SimoSums(sums.shear_reversed, sums.shear, vzero() - sums.curvature, sums.factor)
 
 
 @planar_geometric.register(SimoReissner)
 @inlined
-def simo_geometric(strains, scratch, sums, ua, ub):
-    return (0.5 * vld(scratch, sums + 8, 0)) * cross2(ua, ub) + (0.5 * vld(scratch, sums + 16, 0)) * dot(ua, ub)
+def simo_geometric(strains, sums, ua, ub):
+    return (0.5 * sums.curvature) * cross2(ua, ub) + (0.5 * sums.factor) * dot(ua, ub)
 
 
 # --- strain set (2.1) ---------------------------------------------------------------------------------------------------
@@ -320,7 +372,7 @@ def green_director_forces(strains, data, middle, s):
 
 @planar_point_stiffness.register(GreenLagrange)
 @kernel
-def green_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
+def green_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
     """Rows are derivatives of the strains (2.1) of theory.md."""
     f = middle.f; n2 = perp(middle.u); n2e = perp(end.u)
     n3 = vzero2() - perp(middle.k); n3e = vzero2() - perp(end.k)
@@ -332,6 +384,7 @@ def green_stiffness(strains, data, middle, end, law, t, constants, to, scratch, 
     vst2(scratch, po + PLANAR_MATRIX + 16, 8, component1(v1) * f + component1(v2) * n2 + component1(v3) * n3)
     for a in range(at.nn):
         t_a = to + 8 + NODE_TABLE * a
+        add_node_forces(constants, t_a, scratch, at.forces + 32 * a, forces)
         n = vld(constants, t_a + 8, 0); dn = vld(constants, t_a + 16, 0)
         z = perp(vld2(scratch, 64 * a + 16, 8)); ze = perp(vld2(scratch, 64 * a + 48, 8))
         r1 = n * cross2(z, f)
@@ -345,27 +398,29 @@ def green_stiffness(strains, data, middle, end, law, t, constants, to, scratch, 
                         r1 * v2 + r2 * v3, p0 * f + p1 * n2 + p2 * n3)
 
 
-@kernel
-def green_sum(constants, scratch, at, a, b):
-    g = vzero()
-    for p in range(at.nq):
-        t = at.point + at.point_size * p + 8
-        po = at.points + at.point_stride * p
-        na = vld(constants, t + 24 * a + 8, 0); da = vld(constants, t + 24 * a + 16, 0)
-        g += vld(constants, t + 24 * b, 0) * (na * vld(scratch, po + 8, 0) - da * vld(scratch, po + 16, 0))
-    return g
+@planar_no_sums.register(GreenLagrange)
+@inlined
+def green_no_sums(strains):
+    return GreenSums(vzero(), vzero())
 
 
-@planar_sum_pair.register(GreenLagrange)
-@kernel
-def green_sums(strains, constants, scratch, at, a, b):
-    vst(scratch, at.pairs + at.pair_size * (at.nn * a + b), 0, green_sum(constants, scratch, at, a, b))
-    vst(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0, green_sum(constants, scratch, at, b, a))
+@planar_sums.register(GreenLagrange)
+@inlined
+def green_sums(strains, sums, scratch, po, a, b):
+    s2 = vld(scratch, po + 8, 0); s3 = vld(scratch, po + 16, 0)
+    return GreenSums(sums.shear + b.position * (a.director * s2 - a.slope * s3),
+                     sums.shear_reversed + a.position * (b.director * s2 - b.slope * s3))
+
+
+@planar_reversed.register(GreenLagrange)
+@inlined
+def green_reversed(strains, sums):
+    return GreenSums(sums.shear_reversed, sums.shear)
 
 
 @planar_geometric.register(GreenLagrange)
 @inlined
-def green_geometric(strains, scratch, sums, ua, ub):
+def green_geometric(strains, sums, ua, ub):
     return vzero()
 
 
@@ -373,43 +428,60 @@ def green_geometric(strains, scratch, sums, ua, ub):
 @put_pairs.register(Plane)
 @inlined
 def put_planar_pairs(dofs, strains, constants, scratch, at, mass_factor):
+    """Blocks (a, b) and (b, a) share sums of stresses and the part of the positions."""
     for a in range(at.nn):
         for b in range(a, at.nn):
-            planar_sum_pair.call(strains, constants, scratch, at, a, b)
-    for a in range(at.nn):
-        for b in range(at.nn):
-            planar_pair(strains, constants, scratch, at, a, b, mass_factor)
+            shared, sums = planar_pair(strains, constants, scratch, at, a, b)
+            put_planar_block(strains, constants, scratch, at, a, b, mass_factor, shared, sums)
+            if b > a:
+                put_planar_block(strains, constants, scratch, at, b, a, mass_factor, shared, planar_reversed.call(strains, sums))
 
 
 @inlined
-def planar_pair(strains, constants, scratch, at, a, b, mass_factor):
-    """The 3 x 3 block of nodes a, b."""
+def basis_of_node(constants, t, a):
+    t_a = t + NODE_TABLE * a
+    return Basis(vld(constants, t_a, 0), vld(constants, t_a + 8, 0), vld(constants, t_a + 16, 0))
+
+
+@inlined
+def planar_pair(strains, constants, scratch, at, a, b):
+    """What the blocks of nodes a, b and b, a share, and sums of stresses."""
     t00 = vzero(); t10 = vzero(); t01 = vzero(); t11 = vzero()
-    rr = vzero(); rt = vzero2(); tr = vzero2()
+    sums = planar_no_sums.call(strains)
     for g in range(at.nq):
         t = at.point + at.point_size * g + 8
         po = at.points + at.point_stride * g
-        ba = po + PLANAR_NODES + PLANAR_NODE * a
-        bb = po + PLANAR_NODES + PLANAR_NODE * b
-        pa = vld(constants, t + 24 * a, 0); pb = vld(constants, t + 24 * b, 0)
-        pp = pa * pb
+        at_a = basis_of_node(constants, t, a); at_b = basis_of_node(constants, t, b)
+        pp = at_a.position * at_b.position
         iso = (0.5 * pp) * vld(scratch, po, 0)
         m = po + PLANAR_MATRIX
         t00 += pp * vld(scratch, m, 0) + iso; t10 += pp * vld(scratch, m + 8, 0)
         t01 += pp * vld(scratch, m + 16, 0); t11 += pp * vld(scratch, m + 24, 0) + iso
-        rt += pb * vld2(scratch, ba + PLANAR_ROTATION_POSITION, 8)
-        tr += pa * vld2(scratch, bb + PLANAR_POSITION_ROTATION, 8)
+        sums = planar_sums.call(strains, sums, scratch, po, at_a, at_b)
+    return Shared(t00, t10, t01, t11), sums
+
+
+@inlined
+def put_planar_block(strains, constants, scratch, at, a, b, mass_factor, shared, sums):
+    """The 3 x 3 block of nodes a, b."""
+    rr = vzero(); rt = vzero2(); tr = vzero2()
+    for g in range(at.nq):
+        t = at.point + at.point_size * g + 8
+        po = at.points + at.point_stride * g + PLANAR_NODES
+        ba = po + PLANAR_NODE * a
+        bb = po + PLANAR_NODE * b
+        rt += vld(constants, t + NODE_TABLE * b, 0) * vld2(scratch, ba + PLANAR_ROTATION_POSITION, 8)
+        tr += vld(constants, t + NODE_TABLE * a, 0) * vld2(scratch, bb + PLANAR_POSITION_ROTATION, 8)
         for i in range(0, 24, 8):
             rr += vld(scratch, ba + PLANAR_ROWS + i, 0) * vld(scratch, bb + PLANAR_PRODUCTS + i, 0)
     ua = vld2(scratch, 64 * a + 16, 8)
     ub = vld2(scratch, 64 * b + 48, 8)
-    sums = at.pairs + at.pair_size * (at.nn * a + b)
-    rt -= (0.5 * vld(scratch, sums, 0)) * ua
-    tr -= (0.5 * vld(scratch, at.pairs + at.pair_size * (at.nn * b + a), 0)) * ub
+    rt -= (0.5 * sums.shear) * ua
+    tr -= (0.5 * sums.shear_reversed) * ub
     m = mass_factor * vld(constants, at.masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia, 0)
     md = mass_factor * vld(constants, at.director_masses + 8 * (at.nn * a + b), 0) * vld(constants, at.inertia + 8, 0)
-    rr += planar_geometric.call(strains, scratch, sums, ua, ub) + md * dot(ua, ub)
+    rr += planar_geometric.call(strains, sums, ua, ub) + md * dot(ua, ub)
     ko = at.blocks + 72 * (at.nn * a + b)
-    vst(scratch, ko, 0, t00 + m); vst(scratch, ko + 8, 0, t01); vst2(scratch, ko + 16, 24, tr)
-    vst(scratch, ko + 24, 0, t10); vst(scratch, ko + 32, 0, t11 + m)
+    vst(scratch, ko, 0, shared.t00 + m); vst(scratch, ko + 8, 0, shared.t01); vst2(scratch, ko + 16, 24, tr)
+    vst(scratch, ko + 24, 0, shared.t10); vst(scratch, ko + 32, 0, shared.t11 + m)
     vst2(scratch, ko + 48, 8, rt); vst(scratch, ko + 64, 0, rr)

@@ -133,15 +133,25 @@ def planar_position_force(strains, data, middle, s):
 
 
 @generic
-def planar_point_stiffness(strains, data, middle, end, law, t, constants, to, scratch, at, po):
-    """What pairs of nodes share of the stiffness of a point, at po."""
+def planar_point_stiffness(strains, data, middle, end, law, t, forces, constants, to, scratch, at, po):
+    """What pairs of nodes share of the stiffness of a point, at po, from stresses t; and add the forces of the point."""
 
 
 @generic
-def planar_sum_pair(strains, constants, scratch, at, a, b):
-    """Sums of stresses times basis products over the points, for nodes a and b and for b and a, at at.pairs."""
+def planar_no_sums(strains):
+    """What sums of stresses times basis products begin with."""
 
 
 @generic
-def planar_geometric(strains, scratch, sums, ua, ub):
+def planar_sums(strains, sums, scratch, po, a, b):
+    """Sums of stresses times basis products of two nodes, with those of one point more."""
+
+
+@generic
+def planar_reversed(strains, sums):
+    """The same for these nodes in the other order."""
+
+
+@generic
+def planar_geometric(strains, sums, ua, ub):
     """Rotation against rotation from the sums of a pair."""

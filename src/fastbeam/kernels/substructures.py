@@ -26,7 +26,6 @@ from .blocks import ONE, lu_lanes, solve_lanes, subtract_lanes
 from .inner import IN_ROWS, PIVOT, Condensed, eliminate_inner, recover_group, short_store, store_size, subtract_loads, take_scaled
 from .lanes import clear_lanes, copy_lanes, gather_lanes, put_rows
 from .layout import POINTS, layout
-from .motions import motion
 from .nodes import larger
 from .terms import move_nodes, spread_nodes
 
@@ -119,12 +118,11 @@ def spread_listed(nodes, first, last, dofs, method, state, work, h):
 
 
 @kernel
-def condense(subs, tables, strains, first, last, dofs, method, state, work, h, scratch):
-    """Evaluate and condense the groups of beams from `first` to before `last`, under the loads in work.f_ext. Rows of interior
-    nodes in increment.x take their y at once: no later element reads the increments there."""
-    increment = work.increment
-    keep = Condensed(work.f_ext, increment.x)
-    move = motion.call(method, state, work, h)
+def condense(subs, tables, strains, first, last, move, loads, scratch, dofs):
+    """Evaluate and condense the groups of beams from `first` to before `last`. move: of motions.py; loads [8 (rows + 1)]. Rows of
+    interior nodes in the last increment take their y at once: no later element reads the increments there."""
+    x = move.increment.x
+    keep = Condensed(loads, x)
     n = len(dofs)
     column = 8 * n
     block = column * n
@@ -158,7 +156,7 @@ def condense(subs, tables, strains, first, last, dofs, method, state, work, h, s
                 for c in range(0, column, 8):
                     vst(scratch, ro + c, 0, vld(scratch, ro + c, 0) + vld(scratch, r + column + c, 0))
                 subtract_loads(keep.loads, tables, no, scratch, ro, so + 6 * block, dofs)
-                good = good and condense_node(scratch, so, present, nn, tables, no, ro, ko, subs.store, d, increment.x, dofs)
+                good = good and condense_node(scratch, so, present, nn, tables, no, ro, ko, subs.store, d, x, dofs)
                 present = 3 - present
             d += per_node + inner
             if not good:
