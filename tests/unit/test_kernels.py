@@ -28,6 +28,7 @@ from fastbeam.kernels.work import LastIncrement
 from fastbeam.model import Model
 from fastbeam.scene import BallJoint, Beam, RigidBody, RigidConnection, Scene, Section
 from fastbeam.tables import pack_curves
+from fastbeam.tracks import Track
 from fastbeam.workspace import scratch_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -586,6 +587,9 @@ CURVES = {"lagrange1": ("own", {"degree": 1}), "lagrange3": ("own", {"degree": 3
           "lagrange2 c1": ("c1", {"degree": 2}), "bspline3": ("own", {"interpolation": "bspline", "degree": 3})}
 
 
+NO_SLEEVES = np.zeros((0, 2), np.int64), np.zeros((0, 2, 8))
+
+
 class Rail:
     """Curve tables of one beam with unequal elements."""
 
@@ -595,12 +599,13 @@ class Rail:
         self.curve = self.beam.basis.curve(kind)
         # a second curve in front: offsets must count
         other = Beam.straight("other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2, degree=4)
-        self.curves: Curves = pack_curves([(50, other, other.basis.curve("own")), (7, self.beam, self.curve)])
+        self.curves: Curves = pack_curves([Track(50 + np.arange(other.n_nodes), other.basis.curve("own")),
+                                             Track(7 + np.arange(self.beam.n_nodes), self.curve)])
         n = max(self.beam.n_nodes, other.n_nodes)
         none, empty = np.zeros(1, np.int64), np.zeros((1, 48))
         self.contact = Contact(np.full((5, n), np.nan), np.zeros((3, int(self.curves.shape[:, 1].max()))), none,
                                np.zeros((1, 1), np.int64), empty, empty, np.zeros((1, 64)), np.zeros((1, 8)), none, none, none,
-                               none, np.zeros(1), np.zeros(1), np.zeros(1, np.int64), np.zeros(4))
+                               none, np.zeros(1), np.zeros(1), np.zeros(1, np.int64), np.zeros(4), *NO_SLEEVES)
 
     def rows(self, s0: float, s1: float) -> Array:
         """All five rows of shape functions [5, n_nodes] for a step from s0 to s1."""
