@@ -122,7 +122,7 @@ class Table(NamedTuple):
 """
 CODE = """
 from fastbeam._generic import generic
-from fastbeam._jit import beside, kernel
+from fastbeam._jit import compile_in_background, kernel
 import factors
 import table
 
@@ -143,7 +143,7 @@ def twice(terms):
 def whole(terms):
     return twice(terms)
 
-beside(whole, lambda terms: [(twice, (terms,))])
+compile_in_background(whole, lambda terms: [(twice, (terms,))])
 """
 FACTORS = """
 from fastbeam._jit import kernel
@@ -296,7 +296,7 @@ def test_implementation_after_the_first_compilation_is_refused(monkeypatch: pyte
 
     monkeypatch.setattr(_outside, "_IMPLEMENTATIONS", {})
     assert extend.potential_energy.find((_Typed(Late),)) is None
-    compiled = extend.kernel(lambda term, q, size, out: None)
+    compiled = extend.kernel(lambda term, q, dofs, out: None)
     with pytest.raises(TypeError, match="kernels for Late have been compiled without it"):
         extend.potential_energy.register(Late)(compiled)
     extend.potential_energy._asked.discard(Late)
