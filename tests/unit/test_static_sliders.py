@@ -269,7 +269,10 @@ def test_blocks_and_constraints_are_put_together_as_they_stand_in_the_equations(
         gradient, slide = (sparse.random(k, 15, density, random_state=rng, format="csr") for k in (m, s))
         bent = sparse.random(15, 15, 0.1, random_state=rng, format="csr")
         tangent, bend = rng.standard_normal((s, 2)), rng.standard_normal(s)
-        border = Border(np.zeros((s, 2)), tangent, np.zeros(s), bend, gradient, slide, np.zeros(1), bent)
+        # a direction in a sleeve that depends on s of the second slider
+        turns = sparse.csr_matrix((rng.standard_normal(1), ([m - 1], [1])), shape=(m, s))
+        border = Border(np.zeros((s, 2)), tangent, np.zeros(s), bend, gradient, slide, np.zeros(1), bent, turns,
+                        np.zeros(0, np.int64))
         for sliding in (np.array([True, False]), np.array([False, False]), np.array([True, True])):
             nodes = np.zeros((15, 15))
             for k, (i, j) in enumerate(zip(pattern.rows, pattern.columns)):
@@ -281,6 +284,7 @@ def test_blocks_and_constraints_are_put_together_as_they_stand_in_the_equations(
             whole[15:17, 15:17] = np.diag(np.where(sliding, bend + 0.5, 1.0))
             for k in range(s):
                 whole[15 + k, 17 + 2 * k:19 + 2 * k] = whole[17 + 2 * k:19 + 2 * k, 15 + k] = tangent[k] * sliding[k]
+            whole[16, 21] = whole[21, 16] = turns[m - 1, 1] * sliding[1]
             found = assembled.of(blocks.reshape(-1), border, sliding, 0.5)
             np.testing.assert_allclose(found.toarray(), whole, rtol=1e-14, atol=1e-15)
             assert found.has_sorted_indices
