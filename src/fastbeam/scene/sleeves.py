@@ -79,9 +79,14 @@ class Sleeve(Slider):
         """Where the holder has to lie at t = 0, (3,) m: of a curved beam the mean over the bore, which is off the beam."""
         beam = self.beam
         first, values, _ = self.contact_curve.evaluate(self.at)
-        nodes = beam.basis.fit_positions(beam.reference(beam.node_s)[0])
         keep = np.flatnonzero(values[0])
-        return values[0, keep] @ nodes[int(first[0]) + keep]
+        near = int(first[0]) + keep
+        if beam.interpolation == "lagrange":
+            # nodes lie on the reference: those under the bore are enough
+            nodes = beam.reference(beam.node_s[near])[0]
+        else:
+            nodes = beam.basis.fit_positions(beam.reference(beam.node_s)[0])[near]
+        return values[0, keep] @ nodes
 
     def _put_on_curve(self, who: str) -> None:
         """Let the bore of a holder that lies on a curved beam lie around the beam's mean."""
