@@ -102,8 +102,14 @@ def begin_joint(contact, k, forces):
 @kernel
 def take_forces(joints, system):
     """Add the increments of all forces of joints of one kind."""
+    take_forces_of(joints.first[0], joints.node.shape[0], system)
+
+
+@kernel
+def take_forces_of(first, count, system):
+    """Add the increments of the forces of so many constraints from `first` on."""
     contact, y, force = system.contact, system.work.y, system.state.force
-    for k in range(joints.first[0], joints.first[0] + joints.node.shape[0]):
+    for k in range(first, first + count):
         for a in range(contact.forces[k]):
             force[contact.first_force[k] + a] += y[contact.first[k] + a]
 

@@ -24,6 +24,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
 from .curves import node_of, slot
+from .joint_entries import take_forces_of
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
 from .slider import entry_of, hold_section, push_of_moments
 from .terms import is_settled, take_unknowns
@@ -140,7 +141,7 @@ def put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, 
     """Moments of pair p of constraint c on the nodes under slider k, and the entries of their spins."""
     work, contact, dofs = system.work, system.contact, system.dofs
     d = dim(dofs)
-    copy = 3 if d == 3 else 1
+    copy = len(dofs) - d
     for a in range(lo, hi):
         i = slot.call(nodes, a)
         node = node_of.call(nodes, a)
@@ -165,7 +166,7 @@ def put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_e
     """The same on the holder of slider k."""
     work, contact, dofs = system.work, system.contact, system.dofs
     d = dim(dofs)
-    copy = 3 if d == 3 else 1
+    copy = len(dofs) - d
     row = system.row_of[term.sliders.spin_root[term.sliders.point[k]]]
     turning = cross_product.call(holder_mid, sums.mean)
     add_to(work.r, 8 * row + d, 1, -moment * turning)
@@ -198,7 +199,7 @@ def begin_moments(term, system, k, c):
     """Clear the entries of constraint c, the moments of slider k; the copy of the holder's spin is that of the increment."""
     contact, dofs = system.contact, system.dofs
     d = dim(dofs)
-    copy = 3 if d == 3 else 1
+    copy = len(dofs) - d
     contact.entries[c] = 0
     for i in range(64):
         contact.corner[c, i] = 0.0
@@ -248,8 +249,7 @@ def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, share):
     for i in range(8):
         contact.cross[o, 0, i] = 0.0
         contact.cross[o, 1, i] = 0.0
-    pairs = 3 if d == 3 else 1
-    for p in range(pairs):
+    for p in range(contact.forces[c]):
         moment = state.force[contact.first_force[c] + p]
         if p == 2 and not sleeves.keyed[o]:
             # a multiplier that stays zero
@@ -277,10 +277,7 @@ def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, share):
 @kernel
 def take_moments(sleeves, system):
     """Add the increments of all moments."""
-    contact, y, force = system.contact, system.work.y, system.state.force
-    for c in range(sleeves.first[0], sleeves.first[0] + sleeves.keyed.shape[0]):
-        for p in range(contact.forces[c]):
-            force[contact.first_force[c] + p] += y[contact.first[c] + p]
+    take_forces_of(sleeves.first[0], sleeves.keyed.shape[0], system)
 
 
 @is_settled.register(Sleeves)
