@@ -19,6 +19,7 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "result": ["Result"],
+    "resultants": ["section_forces"],
     "reading": ["load_result"],
     "plot": ["plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
 }

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
 from .errors import SceneError
+from .holding import Holding, trees
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -32,7 +34,7 @@ from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
-from .scene import Beam, Path, Scene
+from .scene import Beam, Path, RigidBody, Scene
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
 from .tables import pack_curves, pack_inner, pack_paths, pack_substructures
@@ -94,6 +96,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_compiled.parts = list(scene.parts)
     model = replace(
         model, plane=plane, not_planar=not_planar, asked_for_plane=planar is True,
+        find_holding=partial(_holding, as_compiled, numbered.nodes, numbered.joints),
         massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam)),
         uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
         uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))
@@ -248,6 +251,30 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
     curve = np.array([index[id(track)] for track in tracks], np.int64)
     pack = pack_paths if any(isinstance(slider.beam, Path) for slider in scene.sliders) else pack_curves
     return pack(list({id(track): track for track in tracks}.values())), Sliders(curve, point, joints.spin_root.astype(np.int64))
+
+
+def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
+    """Supports, and joints that are eliminated."""
+    names, supports, turning = [], [], []
+    for support in [*scene.pins, *scene.clamps]:
+        owner = support.at.owner
+        names.append(str(support.name))
+        supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
+    for net in scene.nets:
+        at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
+        for kind, held in (("pin", net.pins), ("clamp", net.clamps)):
+            for i in held.tolist():
+                if kind == "clamp" and net.ball[i]:
+                    turning += [(len(names), k) for k in at[node == i].tolist() if k != nodes.start(net) + net.junction[i]]
+                names.append(f"{kind} of {net.label} node {i}")
+                supports.append(int(nodes.start(net) + net.junction[i]))
+    named = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
+    closing = set(joints.loops.tolist())
+    named += [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for k, j in enumerate(scene.balls) if k not in closing]
+    pairs = np.array([x[:2] for x in named] + list(nodes.arm_owner), np.int64).reshape(-1, 2)
+    place = np.array(supports, np.int64)
+    return Holding(names, place, np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named], pairs[:len(named)],
+                   *trees(len(nodes), pairs, place))
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

@@ -50,6 +50,10 @@ class StaticSolver:
         if self.core.loads.shape[0]:
             kernels.external_forces(self.core.loads, factors, self.work.f_ext)
 
+    def load_all(self, factors: Array) -> None:
+        """All that acts on nodes at the present shape, under load factors [K], into `work.f_ext`."""
+        self._load(factors)
+
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure or interrupt the state is the last equilibrium."""
         before = self.stepper.core_state.q.copy()

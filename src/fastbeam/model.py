@@ -11,6 +11,7 @@ import numpy as np
 
 from .arguments import Count, checked, shown
 from .errors import SceneError
+from .holding import Holding
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
 from .kernels.curves import Curves, Paths
@@ -91,6 +92,8 @@ class Model:
     accounts_loads : bool
         Whether loads have no potential: they change in time, or are moments. In a plane as in space, because states of both hold
         the same numbers of the steps before.
+    find_holding : callable
+        Makes `holding` when it is first asked for.
     """
 
     scene_name: str
@@ -141,6 +144,13 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     accounts_loads: bool = False
+    find_holding: Callable[[], Holding] | None = None
+
+    @cached_property
+    def holding(self) -> Holding:
+        """Supports, and joints that are eliminated."""
+        assert self.find_holding is not None
+        return self.find_holding()
 
     @property
     def held_mask(self) -> Array:
@@ -149,6 +159,11 @@ class Model:
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
         return of_row[self.pattern.row_of]
+
+    @property
+    def reaction_names(self) -> list[str]:
+        """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
+        return [*self.holding.support_names, *self.holding.joint_names, *(link.name for link in self.kept)]
 
     @property
     def n_sliders(self) -> int:

@@ -197,6 +197,11 @@ class Stepper:
         return self.core_state if self.plane is None else self.plane.expand(self.core_state)
 
     @property
+    def recorded(self) -> int:
+        """Number of forces in an outcome."""
+        return self.model.n_forces
+
+    @property
     def memory(self) -> Array:
         """A copy of what a run carries besides the state: rates of the method, mean rates of the last two steps, the newest as
         increments, and the state as a planar run keeps it."""

@@ -14,29 +14,13 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
+from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, Readings
 
 Rows = Mapping[str, Any]
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
-# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
 # rows of Result.table: series, label, unit
-# one row of the series that pictures and tables read; words: as many as there are names of that kind
-ROWS: dict[str, tuple[int | str, ...]] = {
-    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
-                     "iterations", "step_size"), ()),
-    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
-    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
-    **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
-# what the entries of names hold: numbers of nodes, or of nodes from 'first' on
-PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
-# what to write for series that are not there
-HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
-         "momentum": "momenta are 'lin_mom' and 'ang_mom'",
-         **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
-         **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("balance", "energy balance", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
@@ -233,7 +217,7 @@ SERIES, NAMED = Series(), Word()
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
          phi=SERIES, directors=SERIES, events=Items(dict))
-class Result:
+class Result(Readings):
     """A finished or aborted run.
 
     Parameters
@@ -439,7 +423,7 @@ class Result:
         known = self.names.get(kind, [])
         if name not in known:
             raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {_listing(known)}")
-        k, columns = known.index(name), self._series("s_slide" if kind == "sliders" else "points").shape[1]
+        k, columns = known.index(name), self._series(COLUMNS[kind]).shape[1]
         if k >= columns:
             raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(known)}")
         return k
@@ -462,7 +446,7 @@ class Result:
 
     def _check_names(self, n_nodes: int | None) -> None:
         """What `names` says about nodes fits their number (None: no shapes are there)."""
-        for kind in ("sliders", "points"):
+        for kind in COLUMNS:
             if not all(isinstance(name, str) for name in self.names.get(kind, [])):
                 raise SceneError(f"names: '{kind}' must hold texts, got {shown(self.names[kind])}")
         nodes = self.names.get("slider_nodes", [])

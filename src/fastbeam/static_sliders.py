@@ -119,6 +119,11 @@ class SlidingSolver(StaticSolver):
             sizes += more
         return status, sizes
 
+    def load_all(self, factors: Array) -> None:
+        self._load(factors)
+        self._border()
+        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force)
+
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
             other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self.sliding, in_plane,

@@ -20,6 +20,7 @@ from .model import Model, check_model
 from .newton import BACKENDS, Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
+from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
@@ -33,6 +34,8 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
+# of `simulate`'s what there is at rest
+RECORDED = ("energy", "section", "reaction")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -79,7 +82,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
-        As in `simulate`; rows are load steps, `result.t` the load factor.
+        As in `simulate`, of 'energy', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -137,7 +140,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
-    observer = Observer(model, ("energy", "slider") if "energy" in observe else ("slider",), points)
+    observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+    reactions = StaticReactions(solver) if observer.reactions else None
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                             **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
     buffer = ResultBuffer(observer.header(info))
@@ -145,8 +149,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
-        if model.n_sliders:
-            observer.add_forces(row, solver.state.force)
+        if observer.needs_forces:
+            observer.add_forces(row, np.concatenate((solver.state.force, reactions.at(factor * factors) if reactions else ())))
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])

@@ -101,19 +101,23 @@ def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> E
 
 def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
     nodes = elements.nodes[some]
-    f = np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes])
-    d_g = np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes])
-    k_g = np.einsum("egn,enkc->egkc", elements.dir_s[some], d[nodes])
-    d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
-    k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
-    twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
-    if elements.strain == "simo_reissner":
-        stretch = np.sqrt(_dot(f, f) - _dot(f, d2)**2 - _dot(f, d3)**2)
+    return strains_of(elements.strain, np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes]),
+                      np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes]),
+                      np.einsum("egn,enkc->egkc", elements.dir_s[some], d[nodes]))
+
+
+def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
+    """The six strains of a strain set but for the constant 1 or 1/2 of the first [..., 6], from phi' [..., 3], directors and
+    their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
+    d1, d2, d3 = (d[..., i, :] for i in range(3))
+    k1, k2, k3 = (k[..., i, :] for i in range(3))
+    shear2, shear3, twist = _dot(f, d2), _dot(f, d3), 0.5 * (_dot(k2, d3) - _dot(k3, d2))
+    if name == "simo_reissner":
         c = 1.75 - 0.25 * (_dot(d1, d1) + _dot(d2, d2) + _dot(d3, d3))
-        e = [stretch, _dot(f, d2), _dot(f, d3), c * twist, 0.5 * c * (_dot(k3, d1) - _dot(k1, d3)),
+        e = [np.sqrt(_dot(f, f) - shear2**2 - shear3**2), shear2, shear3, c * twist, 0.5 * c * (_dot(k3, d1) - _dot(k1, d3)),
              0.5 * c * (_dot(k1, d2) - _dot(k2, d1))]
     else:
-        e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
+        e = [0.5 * _dot(f, f), shear2, shear3, twist, _dot(f, k3), -_dot(f, k2)]
     return np.stack(e, axis=-1)
 
 
@@ -149,7 +153,7 @@ def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffne
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("egc,egc->eg", a, b)
+    return np.einsum("...c,...c->...", a, b)
 
 
 class TablePool:

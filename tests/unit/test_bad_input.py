@@ -316,7 +316,10 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "deviation", "drift", "is_conserved")},
+           for name in ("point", "slider", "deviation", "drift", "is_conserved", "velocity", "section")},
+        "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
+        "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
+            model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
