@@ -12,7 +12,7 @@ __version__ = "0.1.0"
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "InitialVelocity",
               "Load", "Net", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
-              "Section", "Sleeve", "Slider", "Spring", "Stops"],
+              "Section", "Sleeve", "Slider", "Spring", "Stops", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],

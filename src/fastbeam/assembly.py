@@ -3,17 +3,23 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
+from .kernels.user_force import UserForces
 from .kernels.work import State, Work
 from .model import Model
 
+Array = np.ndarray
 
-def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None) -> tuple[Any, ...]:
+
+def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None,
+             law_work: Array | None = None) -> tuple[Any, ...]:
     """All that acts in a model, in the order of kernels/terms.py.
 
     Parameters
@@ -25,6 +31,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         Only what has a part in statics.
     along : Along, optional
         Forces along the beam on sliders, with the work arrays of this run.
+    law_work : float64, optional
+        The work array of user forces in this run.
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
@@ -40,7 +48,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
             terms.append(Beams(strains, tables, NoInner() if inner is None else inner))
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
-    return (*terms, *(x for x in (loads, bodies, *model.links, model.ties, held) if x is not None))
+    links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
+    return (*terms, *(x for x in (loads, bodies, *links, model.ties, held) if x is not None))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

@@ -166,7 +166,10 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
-        accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:])))
+        user_forces=tuple(force.name for force in links.loaded.forces),
+        needs_forward_steps=tuple(force.name for force in links.loaded.forces if force.dissipates),
+        accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]))
+        or bool(links.loaded.forces))
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

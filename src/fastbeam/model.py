@@ -90,8 +90,10 @@ class Model:
     sleeves : Sleeves or None
         The sliders that are sleeves.
     accounts_loads : bool
-        Whether loads have no potential: they change in time, or are moments. In a plane as in space, because states of both hold
-        the same numbers of the steps before.
+        Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
+        of both hold the same numbers of the steps before.
+    user_forces, needs_forward_steps : tuple of str
+        Names of the forces that follow laws of the user's own, and of those among them that dissipate.
     find_holding : callable
         Makes `holding` when it is first asked for.
     """
@@ -144,6 +146,8 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     accounts_loads: bool = False
+    user_forces: tuple[str, ...] = ()
+    needs_forward_steps: tuple[str, ...] = ()
     find_holding: Callable[[], Holding] | None = None
 
     @cached_property

@@ -21,13 +21,14 @@ from .kernels.constraints import Constraints
 from .kernels.observe import slider_motion
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
+from .kernels.user_force import UserForceTimes, put_time
 from .kernels.work import State
 from .linsolve import LinearSystem
 from .load_times import load_factors
 from .methods import Method, empty_rates, start_rates
 from .model import Model
 from .starting import own_state
-from .workspace import check_border, contact_of, entries_of, inner_of, work_of
+from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -41,6 +42,8 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 _announce = cache(announce_first_use)
 # doubles of a dense border beyond which a failed step is not repeated with one
 LARGEST_BORDER = 250_000_000
+# what schedules put into a substep
+PUT: dict[type, Any] = {DriveSchedule: put_drives, UserForceTimes: put_time}
 BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
@@ -144,7 +147,9 @@ class Stepper:
         self._static = static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self._check_forces(compared)
-        self.terms = terms_of(core, self.inner, static, self.along)
+        # of user forces: the time in the middle of a step, and the load factor in statics
+        self.law_work = law_work()
+        self.terms = terms_of(core, self.inner, static, self.along, self.law_work)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -171,7 +176,12 @@ class Stepper:
             self._start_sliding()
 
     def _check_forces(self, compared: bool) -> None:
-        """Refuse what forces along beams on sliders do not go together with."""
+        """Refuse what forces along beams on sliders, and user forces, do not go together with."""
+        if compared and self.model.user_forces:
+            raise SceneError(f"method {self.method.name!r} has no user forces ({self.model.user_forces[0]!r}); leave it out")
+        if self.weights.size > 1 and self.model.needs_forward_steps:
+            raise SceneError(f"order=4 has a step backward in time, in which user force {self.model.needs_forward_steps[0]!r} "
+                             "would put in energy; use order=2, or dissipates=False for a law of time and place alone")
         if self.along is None:
             return
         if compared:
@@ -370,10 +380,21 @@ class Stepper:
         return pivoting.after(result)
 
     def _drives(self, t: float, h: float, n: int, done: int) -> tuple[Array, ...]:
-        """What drives are given in n steps, as `SliderForces.schedule`; empty where nothing depends on time."""
-        if self.along is None or not self.core.slider_forces.timed:
-            return ()
-        return self.core.slider_forces.schedule(*self._substeps(t, h, n, done))
+        """What drives are given in n steps, as `SliderForces.schedule`, and for user forces the times in the middle of substeps;
+        empty where nothing depends on time."""
+        given: tuple[Array, ...] = ()
+        if self.along is not None and self.core.slider_forces.timed:
+            given = self.core.slider_forces.schedule(*self._substeps(t, h, n, done))
+        if self.model.user_forces:
+            starts, sizes = self._substeps(t, h, n, done)
+            given = (*given, starts + 0.5 * sizes)
+        return given
+
+    def _schedules(self, given: tuple[Array, ...]) -> tuple[Any, ...]:
+        """Terms that put what `_drives` found into a step."""
+        laws = (UserForceTimes(self.law_work, given[-1]),) if self.model.user_forces else ()
+        drives = given[:-1] if laws else given
+        return (*((DriveSchedule(self.along, *drives),) if drives else ()), *laws)
 
     def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
         """Times at which the substeps of n steps begin, and their sizes."""
@@ -385,9 +406,7 @@ class Stepper:
               force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
         terms = self.terms if loads is None else (Loads(loads, factors), *self.terms)
-        if drives:
-            terms = (DriveSchedule(self.along, *drives), *terms)
-        return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
+        return (*self._schedules(drives), *terms), self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
@@ -410,7 +429,7 @@ class Stepper:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, state.force.size))
-        iterations = 0
+        iterations, schedules = 0, self._schedules(drives)
         sizes = np.zeros(0)
         for k in range(n):
             parts.keep()
@@ -419,8 +438,8 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                if drives:
-                    put_drives(DriveSchedule(self.along, *drives), None, k * self.weights.size + m)
+                for schedule in schedules:
+                    PUT[type(schedule)](schedule, None, k * self.weights.size + m)
                 status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
                 if status == LEFT:

@@ -37,7 +37,7 @@ class Reactions:
         core = self.own.core
         self.holding = holding = stepper.model.holding
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
-        terms = terms_of(core, None, static, None if static else stepper.along)
+        terms = terms_of(core, None, static, None if static else stepper.along, self.own.law_work if static else stepper.law_work)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         self.links = stepper.model.kept
@@ -135,11 +135,13 @@ class StaticReactions:
     """Those of the equilibria of a solver."""
 
     def __init__(self, solver: StaticSolver) -> None:
+        self.main = solver
         self.solver = solver if solver.stepper.pivots_everywhere else solver.fallback
         self.reactions = Reactions(self.solver.stepper, static=True)
 
     def at(self, factors: Array) -> Array:
         """At the last equilibrium, that of load factors [K]: [6 R]."""
+        self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
         return self.reactions.of_equilibrium(self.solver.state.q.reshape(-1, 4, 3)[:, 0])
 

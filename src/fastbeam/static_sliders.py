@@ -128,6 +128,7 @@ class SlidingSolver(StaticSolver):
         if in_plane != (self.stepper.plane is not None):
             other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self.sliding, in_plane,
                                   "superlu")
+            other.set_time(*self.stepper.law_work[:2])
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext

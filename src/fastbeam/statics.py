@@ -181,6 +181,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
             stop = next(level for level in stops if level > reached)
             size = min(step, stop - reached)
             target = stop if reached + size > stop - 1e-12 else reached + size
+            solver.set_time(at_time or 0.0, target)
             status, sizes = solver.equilibrium(target * factors)
             if status == OK:
                 solver.history.append(len(sizes))

@@ -318,6 +318,9 @@ def calls(folder: Path) -> dict[str, Call]:
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
            for name in ("point", "slider", "deviation", "drift", "is_conserved", "velocity", "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
+        "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
+            name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
+            dissipates=is_flag)),
         "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
             model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
@@ -338,6 +341,10 @@ REFUSED = (fb.SceneError, fb.ResultFileError, fb.ConvergenceError)
 
 class TooLong(BaseException):
     """A call took longer than anyone waits."""
+
+
+def law(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+    """Of a user force."""
 
 
 def _ring(*_: Any) -> None:

@@ -15,9 +15,10 @@ from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
+from fastbeam.scene.user_force import UserForce
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
     "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection",
-    "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine", "UserForce",
 ]

@@ -21,11 +21,12 @@ from fastbeam.scene.parts import (
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link)
+        | RigidMotion | Slider | Link | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -166,6 +167,11 @@ class Scene:
     def distributed(self) -> list[DistributedLoad]:
         """All loads along beams."""
         return self._of(DistributedLoad)
+
+    @property
+    def user_forces(self) -> list[UserForce]:
+        """All forces by functions of the user's own."""
+        return self._of(UserForce)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -353,8 +359,8 @@ class Scene:
     def _check_control_points(self) -> None:
         """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
         for part in self.parts:
-            for node in [part.at] if isinstance(part, Load) else _held_nodes(part):
-                beam = node.owner
+            for node in [part.at] if isinstance(part, (Load, UserForce)) else _held_nodes(part):
+                beam = None if isinstance(node, Beam) else node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
                     raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
                                      "end, split the beam there, or interpolation='lagrange'")
@@ -427,7 +433,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, UserForce, Slider, Sleeve)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -456,8 +462,8 @@ def _held_nodes(part: Part) -> list[NodeRef]:
 def _owners(part: Part) -> list[Any]:
     """The beams, bodies and masses that a part refers to."""
     owners = [node.owner for node in _held_nodes(part)]
-    if isinstance(part, Load):
-        owners.append(part.at.owner)
+    if isinstance(part, (Load, UserForce)):
+        owners.append(part.at if isinstance(part.at, Beam) else part.at.owner)
     if isinstance(part, Slider):
         owners.extend(part.beams)
     if isinstance(part, (DistributedLoad, InitialVelocity)):
