@@ -20,6 +20,7 @@ _WHERE = {
     "statics": ["solve_static"],
     "result": ["Result"],
     "reading": ["load_result"],
+    "sweeping": ["Sweep", "load_sweep", "sweep"],
     "plot": ["plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}

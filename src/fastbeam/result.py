@@ -14,6 +14,7 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
+from .exports import Exports
 
 Rows = Mapping[str, Any]
 
@@ -233,7 +234,7 @@ SERIES, NAMED = Series(), Word()
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
          phi=SERIES, directors=SERIES, events=Items(dict))
-class Result:
+class Result(Exports):
     """A finished or aborted run.
 
     Parameters
