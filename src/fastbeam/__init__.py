@@ -21,7 +21,8 @@ _WHERE = {
     "result": ["Result"],
     "reading": ["load_result"],
     "sweeping": ["Sweep", "load_sweep", "sweep"],
-    "plot": ["plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
+    "animation": ["animate"],
+    "plot": ["plot_balance", "plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]

@@ -124,24 +124,24 @@ def _samples(entry: Mapping[str, Any], refine: int) -> tuple[Array, Array, Array
     first, count = int(entry["first"]), int(entry["count"])
     found = numbers(entry.get("s"))
     node_s = found if found is not None and found.shape == (count,) else np.full(count, np.nan)
-    plain = node_s, first + np.arange(count), np.ones(count), np.ones(count, np.int64)
+    at_nodes = node_s, first + np.arange(count), np.ones(count), np.ones(count, np.int64)
     spline = "spline_ends" in entry
     if not np.all(np.diff(node_s, prepend=-1.0) > 0.0) or count < 2 or not (spline or refine > 1):
-        return plain
+        return at_nodes
     try:
         ends = entry["spline_ends"] if spline else node_s[np.asarray(entry["element_ends"]) - first]
         basis = build_basis("bspline" if spline else "lagrange", entry.get("degree", (count - 1) // max(len(ends) - 1, 1)),
                             np.asarray(ends, float), float(ends[-1]))
         if basis.n_nodes != count:
-            return plain
+            return at_nodes
         between = node_s[:-1, None] + np.arange(refine) / refine * np.diff(node_s)[:, None]
         at = np.append(between.reshape(-1), node_s[-1])
         node, values, _ = basis.curve("own").evaluate(np.clip(at, 0.0, ends[-1]))
     except (SceneError, ValueError, TypeError, KeyError, IndexError):
-        return plain
+        return at_nodes
     columns = first + node[:, None] + np.arange(values.shape[1])
     if columns.max() >= first + count:
-        return plain
+        return at_nodes
     return at, columns.reshape(-1), values.reshape(-1), np.full(len(at), values.shape[1])
 
 

@@ -328,6 +328,9 @@ def calls(folder: Path) -> dict[str, Call]:
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
             overwrite=is_flag, retry=is_flag, progress=is_flag)),
         "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
+        "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
+        "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
+            result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
         "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
                                                                         cmap=is_text)),
