@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Count, FilePath, Flag, Number, checked
+from .arguments import FilePath, Flag, Number, checked
 from .drawing import A_RESULT, PLANE, STYLE, Shapes, new_figure, put_title, space_axes
 from .errors import BackendError, ResultFileError, SceneError
 from .places import check_new
