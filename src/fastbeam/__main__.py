@@ -1,5 +1,5 @@
-"""Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels, `doctor` tests
-what is installed."""
+"""Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels, `doctor`
+tells and tests what is installed."""
 from __future__ import annotations
 
 import argparse

@@ -4,12 +4,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import Count, FilePath, Flag, checked
 from .errors import BackendError
+
+if TYPE_CHECKING:
+    from .checkpoint import Checkpoint
+    from .kernels.work import State
 
 XYZ = ("x", "y", "z")
 
@@ -21,6 +25,9 @@ class Exports:
     series: dict[str, np.ndarray]
     names: dict[str, list[Any]]
     info: dict[str, Any]
+    # of runs; files hold neither
+    state: State
+    checkpoint: Checkpoint
 
     @checked(path=FilePath(), overwrite=Flag(), surface=Flag(), refine=Count(most=64), double=Flag())
     def to_vtk(self, path: str | PathLike[str], *, overwrite: bool = False, surface: bool = False, refine: int | None = None,
