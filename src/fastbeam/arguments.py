@@ -409,6 +409,14 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
     return call
 
 
+def spell_out(function: Any, of: Any) -> None:
+    """Let the signature of a function that hands on `**more` to a constructor name what stands for it, for help and editors."""
+    own = [p for p in signature(function).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    have = {p.name for p in own}
+    more = [p for p in signature(of).parameters.values() if p.kind is Parameter.KEYWORD_ONLY and p.name not in have]
+    function.__signature__ = signature(function).replace(parameters=[*own, *more])
+
+
 def _subject(function: Any, own: tuple[Any, ...], given: dict[str, Any]) -> str:
     """What a message is about: a noun by its kind and name, else the function."""
     if not own:

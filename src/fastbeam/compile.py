@@ -299,9 +299,12 @@ def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:
         ends = first + (b.basis.element_nodes[:, 0] if b.interpolation == "lagrange" else np.array([], int))
         last = first + b.n_nodes - 1
         beams.append({"name": b.name, "first": first, "count": b.n_nodes, "element_ends": [*ends.tolist(), last],
-                      "s": b.node_s.tolist(), "length": float(b.length)})
+                      "s": b.node_s.tolist(), "length": float(b.length), "degree": b.degree,
+                      **dict(zip(("half_2", "half_3", "round"), b.section.outline)),
+                      **({"spline_ends": b.basis.element_ends.tolist()} if b.interpolation == "bspline" else {})})
     nets = [{"name": net.name, "first": nodes.start(net), "count": net.n_nodes, "starts": net.node_start[:-1].tolist(),
-             "junctions": net.junction.tolist()} for net in scene.nets]
+             "junctions": net.junction.tolist(), "outlines": [x for section in net.sections for x in section.outline],
+             "outline_of": net.section_of.tolist() if len(net.sections) > 1 else []} for net in scene.nets]
     return {"beams": beams, **({"nets": nets} if nets else {}),
             "bodies": [{"name": p.name, "node": nodes.start(p)} for p in scene.bodies],
             "masses": [{"name": p.name, "node": nodes.start(p)} for p in scene.masses],

@@ -14,6 +14,7 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
+from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, Readings
 
 Rows = Mapping[str, Any]
@@ -217,7 +218,7 @@ SERIES, NAMED = Series(), Word()
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
          phi=SERIES, directors=SERIES, events=Items(dict))
-class Result(Readings):
+class Result(Readings, Exports):
     """A finished or aborted run.
 
     Parameters

@@ -7,6 +7,7 @@ import random
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
@@ -104,7 +105,7 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
         "generator": lambda: (x for x in (1.0, 2.0, 3.0)), "generator of texts": lambda: (x for x in "abc"), "pipe": lambda: pipe,
         "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
         "model": model, "result": result, "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
-        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)), 
+        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)),
         "state of texts": lambda: State("q", "v", "s", "f"),
         "state of Nones": lambda: State(None, None, None, None)}
     (folder / "text").write_text("no result")
@@ -326,6 +327,16 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
+        "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
+            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
+        "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
+            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping)), lambda x: np.size(x) == 0),
+            run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
+            overwrite=is_flag, retry=is_flag, progress=is_flag)),
+        "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
+        "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
+        "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
+            result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
         "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
                                                                         cmap=is_text)),
@@ -438,8 +449,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 
 
 # --- nothing public is left out --------------------------------------------------------------------------------------------
-# of the errors the arguments are texts and facts of the package's own; a net's lists serve the compiler
-OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
+# of errors and tables the arguments are texts and facts of the package's own; a net's lists serve the compiler
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "Sweep", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 
 

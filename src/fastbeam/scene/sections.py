@@ -59,6 +59,7 @@ class Section:
     rhoI3: float
     name: str = ""
     _matrix: Array | None = field(default=None, repr=False)
+    _outline: tuple[float, float, bool] | None = field(default=None, repr=False)
 
     @property
     def C(self) -> Array:
@@ -77,6 +78,14 @@ class Section:
         """True when turning the section about the axis of a beam changes none of its stiffness."""
         return self.is_diagonal and math.isclose(self.GA2, self.GA3, rel_tol=1e-12) and math.isclose(self.EI2, self.EI3,
                                                                                                      rel_tol=1e-12)
+
+    @property
+    def outline(self) -> tuple[float, float, bool]:
+        """What pictures draw: half the size along d2 and along d3, m, and whether it is round (an ellipse) or a rectangle. Of a
+        section given by stiffnesses that of the ellipse with the same radii of gyration, sqrt(EI/EA)."""
+        if self._outline is not None:
+            return self._outline
+        return 2.0 * math.sqrt(self.EI3 / self.EA), 2.0 * math.sqrt(self.EI2 / self.EA), True
 
     @property
     def inertia(self) -> tuple[float, float, float]:
@@ -109,7 +118,7 @@ class Section:
         twist = G * _rectangle_torsion(h, w) if GJ is None else GJ
         area, i22, i33 = h * w, w * h**3 / 12.0, h * w**3 / 12.0       # int X2^2 dA, int X3^2 dA
         return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=twist, EI2=E * i33, EI3=E * i22,
-                   rhoA=rho * area, rhoI2=rho * i22, rhoI3=rho * i33, name=name)
+                   rhoA=rho * area, rhoI2=rho * i22, rhoI3=rho * i33, name=name, _outline=(0.5 * h, 0.5 * w, False))
 
     @classmethod
     @checked(radius=LENGTH, **MATERIAL)
@@ -165,7 +174,7 @@ class Section:
         area = math.pi * (outer - inner) * (outer + inner)
         second = area * (outer**2 + inner**2) / 4.0
         return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=2 * G * second, EI2=E * second, EI3=E * second,
-                   rhoA=rho * area, rhoI2=rho * second, rhoI3=rho * second, name=name)
+                   rhoA=rho * area, rhoI2=rho * second, rhoI3=rho * second, name=name, _outline=(outer, outer, True))
 
     @classmethod
     @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, name=Word())
