@@ -18,9 +18,11 @@ _WHERE = {
     "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
+    "vibration": ["modes"],
+    "mode_shapes": ["Modes"],
     "result": ["Result"],
     "reading": ["load_result"],
-    "plot": ["plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
+    "plot": ["plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]

@@ -4,14 +4,15 @@ No window is opened and no display is needed; matplotlib is imported when the fi
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
-from .arguments import Count, Instance, Word, checked
+from .arguments import Count, Instance, Number, Word, checked
 from .errors import BackendError, SceneError
+from .mode_shapes import Modes
 from .result import Result
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ STYLE = {"font.size": 10.0, "axes.titlesize": 11.0, "axes.labelsize": 10.0, "leg
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
             ("total", "black"))
+SOME_MODES = Instance(Modes, "Modes", "what modes returns")
 A_RESULT = Instance(Result, "a Result", "what simulate, solve_static and load_result return")
 PLANE, SHAPES = Word(("auto", *PLANES)), Count(most=1000)
 DRIFTS = (("total", "total energy", "black"), ("balance", "energy balance", COLOURS[3]),
@@ -180,6 +182,48 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     return figure
 
 
+@checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=Number(above=0.0, most=10.0))
+@_styled
+def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
+    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey.
+
+    Parameters
+    ----------
+    modes : Modes
+    plane : str
+        'xy', 'xz', 'yz', '3d', or 'auto': the plane that scene and drawn modes lie in, else '3d'.
+    n, first : int
+        How many modes, and the first of them, counted from 0.
+    amplitude : float
+        Largest displacement drawn, as a share of the size of the scene.
+
+    Raises
+    ------
+    SceneError
+        There is no mode `first`.
+    """
+    picks = range(first, min(first + n, len(modes)))
+    if not picks:
+        raise SceneError(f"first: mode {first} does not exist, there are {len(modes)}, counted from 0")
+    low, high = _bounds(modes.positions)
+    size = amplitude * (float(np.max(high - low)) or 1.0)
+    shapes = [modes.positions + sign * size * modes.displacements[k] for k in picks for sign in (1.0, -1.0)]
+    columns = min(3, len(picks))
+    rows = -(-len(picks) // columns)
+    figure = _figure((4.2 * columns, 3.4 * rows))
+    lines = _Lines(modes.names)
+    everything = np.concatenate([modes.positions, *shapes])
+    for j, k in enumerate(picks):
+        axes = _space_axes(figure, (rows, columns, j + 1), everything, plane)
+        lines.draw(axes, modes.positions, "0.75", zorder=1)
+        colour = COLOURS[1] if modes.growth[k] else COLOURS[0]
+        lines.draw(axes, shapes[2 * j + 1], colour, ls="--", alpha=0.4, zorder=2)
+        lines.draw(axes, shapes[2 * j], colour, zorder=3)
+        what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
+        _title(axes, f"{k}: {what if modes.squared[k] else 'free'}")
+    return figure
+
+
 def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int, cmap: str) -> None:
     import matplotlib as mpl
     if cmap not in mpl.colormaps:
@@ -194,28 +238,39 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
     scale = mpl.colors.Normalize(result.t_snap[picks[0]], max(result.t_snap[picks[-1]], result.t_snap[picks[0]] + 1e-300))
     # the bright end of the map is hard to see on white
     colours = mpl.colors.LinearSegmentedColormap.from_list("time", mpl.colormaps[cmap](np.linspace(0.0, 0.92, 256)))
-    lumps = [entry["node"] for kind in ("bodies", "masses") for entry in result.names.get(kind, [])]
-    beams = [(entry["first"], entry["first"] + entry["count"], _sampling(entry)) for entry in result.names.get("beams", [])]
-    nets = result.names.get("nets", [])
+    lines = _Lines(result.names)
     for _, path in sliders.values():
         if len(path):
             axes.plot(*path[:, space].T, color="0.65", lw=0.9, ls="--", zorder=1)
     for k in picks:
         colour, shape = colours(scale(result.t_snap[k])), result.phi[k]
-        for net in nets:
-            # one line for all beams, with gaps
-            points = np.insert(shape[net["first"]:net["first"] + net["count"]], net["starts"][1:], np.nan, axis=0)
-            axes.plot(*points[:, space].T, color=colour, lw=1.0)
-        for first, last, sampling in beams or [(0, len(shape), None)] * (not nets):
-            points = shape[first:last] if sampling is None else sampling @ shape[first:last]
-            axes.plot(*points[:, space].T, color=colour, lw=1.8, solid_capstyle="round")
-        dots = [shape[node] for node in lumps]
-        dots += [_position_at(times, path, result.t_snap[k]) for times, path in sliders.values() if len(path)]
-        for dot in dots:
-            axes.plot(*dot[space, None], "o", color=colour, ms=7, mec="white", mew=0.8, zorder=4)
+        more = [_position_at(times, path, result.t_snap[k]) for times, path in sliders.values() if len(path)]
+        lines.draw(axes, shape, colour, more)
     mappable = mpl.cm.ScalarMappable(norm=scale, cmap=colours)
     _time_bar(figure, axes, mappable, "load factor [-]" if result.info.get("method") == "static" else "time [s]")
     _title(axes, "Deformed shapes")
+
+
+class _Lines:
+    """Draws shapes of a scene: beams as the curves that they are, nets through their nodes, bodies and masses as dots."""
+
+    def __init__(self, names: Mapping[str, Any]) -> None:
+        self._lumps = [entry["node"] for kind in ("bodies", "masses") for entry in names.get(kind, [])]
+        self._beams = [(entry["first"], entry["first"] + entry["count"], _sampling(entry)) for entry in names.get("beams", [])]
+        self._nets = names.get("nets", [])
+
+    def draw(self, axes: Any, shape: np.ndarray, colour: Any, more: Sequence[np.ndarray] = (), **style: Any) -> None:
+        """One shape [N, 3]; more: points [3] that are drawn as dots, too."""
+        space = axes.axes_of_space
+        for net in self._nets:
+            # one line for all beams, with gaps
+            points = np.insert(shape[net["first"]:net["first"] + net["count"]], net["starts"][1:], np.nan, axis=0)
+            axes.plot(*points[:, space].T, color=colour, lw=1.0, **style)
+        for first, last, sampling in self._beams or [(0, len(shape), None)] * (not self._nets):
+            points = shape[first:last] if sampling is None else sampling @ shape[first:last]
+            axes.plot(*points[:, space].T, color=colour, lw=1.8, solid_capstyle="round", **style)
+        for dot in [*(shape[node] for node in self._lumps), *more]:
+            axes.plot(*dot[space, None], "o", color=colour, ms=7, mec="white", mew=0.8, **{"zorder": 4, **style})
 
 
 def _sampling(beam: dict[str, Any]) -> np.ndarray | None:
@@ -325,7 +380,8 @@ def _space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> A
     low, high = _bounds(points)
     extent = high - low
     space = list(PLANES[_flat_plane(extent) if plane == "auto" else plane])
-    axes = figure.add_subplot(place, **({"projection": "3d"} if len(space) == 3 else {}))
+    place = place if isinstance(place, tuple) else (place,)
+    axes = figure.add_subplot(*place, **({"projection": "3d"} if len(space) == 3 else {}))
     axes.axes_of_space = space
     axes.set_xlabel(f"{'xyz'[space[0]]} [m]")
     axes.set_ylabel(f"{'xyz'[space[1]]} [m]")
