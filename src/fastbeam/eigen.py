@@ -25,10 +25,13 @@ GOOD, FAIR = 1e-13, 1e-6
 LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
 CLOSE = 1e3
+MOVES = 3
 # on the diagonal of the multipliers of the scaled matrix: constraints that say the same twice share the force
 GIVE = 1e-13
 # on that of what has neither mass nor stiffness, where the matrix is singular
 IDLE = 1e-10
+# gap of constraints next to the largest component, scaled
+OPEN = 1e-6
 # round-off of x . K x, next to |x| . |K| |x|
 NOISE = 8.0 * np.finfo(float).eps
 # neighbours differ by more than this share where eigenvalues are counted
@@ -173,9 +176,9 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
         K - shift M is singular for every shift, or Krylov vectors do not converge.
     """
     shift = -LEAST_SHIFT * _stiffest(pencil)
-    for _ in range(4):
+    for moves in range(MOVES + 1):
         factors = Shifted(pencil, shift, backend)
-        values, vectors, better = _krylov(factors, n)
+        values, vectors, better = _krylov(factors, n, moves < MOVES)
         if better is None:
             break
         shift = better
@@ -183,7 +186,7 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
     return found._replace(is_complete=found.values.size < n or _counted(found, backend))
 
 
-def _krylov(factors: Shifted, n: int) -> tuple[Array, Array, float | None]:
+def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
     """Eigenvalues next to the shift with vectors [k, m], or a better shift."""
     pencil = factors.pencil
     mass, k = pencil.mass, pencil.mass.shape[0]
@@ -227,7 +230,7 @@ def _krylov(factors: Shifted, n: int) -> tuple[Array, Array, float | None]:
             h[m:m + len(rest), m - b:m] = rest
         good = error <= CONVERGED * np.abs(values)
         picks, done, better = _enough(values, good, factors, n)
-        if better is not None:
+        if better is not None and may_move:
             return values, basis, better
         if done or m >= most:
             break
@@ -268,16 +271,12 @@ def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array
     done &= wanted.size + low.size >= n
     picks = np.concatenate((low, wanted))[:max(n, 0)]
     shift = abs(factors.shift)
-    settled = above[good[above]]
-    other = real[settled]
-    zero, elastic = other[np.abs(other) < 0.1 * shift], other[other > shift]
+    every = np.abs(real[order[good[order]]])
+    zero, elastic = every[every < 0.1 * shift], every[every > shift]
     better = None
-    if zero.size and elastic.size and elastic[0] > CLOSE * shift:
+    if zero.size and elastic.size and np.min(elastic) > CLOSE * shift:
         # zero eigenvalues drown the others
-        better = -float(elastic[0])
-    elif not done and other.size >= BLOCK and 0.0 < other[-1] < shift / CLOSE:
-        # from far away all look the same
-        better = -float(other[-1])
+        better = -0.5 * float(np.min(elastic))
     return picks, done, better
 
 
@@ -322,11 +321,23 @@ def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array)
     size = np.sqrt(np.maximum(np.sum(whole[:k] * (pencil.mass @ whole[:k]), axis=0), TINY))
     whole /= size
     absolute = abs(pencil.stiffness)
+    live = _allowed(pencil, factors, whole)
+    values, whole = values[live], whole[:, live]
     free = np.where(pencil.multiplier[:, None], 0.0, np.abs(whole))
-    noise = NOISE * np.sum(free * (absolute @ free), axis=0)
+    noise = NOISE * (np.sum(free * (absolute @ free), axis=0) + 2.0 * abs(factors.shift))
     if pencil.is_symmetric:
         values = np.where(np.abs(values) <= noise, 0.0, values)
     return Eigen(values, whole, noise, False, factors)
+
+
+def _allowed(pencil: Pencil, factors: Shifted, whole: Array) -> Array:
+    """Which vectors satisfy the constraints; GIVE makes eigenvalues of its own behind all others."""
+    rows = np.flatnonzero(pencil.multiplier)
+    if not rows.size:
+        return np.arange(whole.shape[1])
+    gap = np.abs(factors.scale[rows, None] * (pencil.stiffness[rows] @ whole)).max(axis=0)
+    size = np.abs(whole[~pencil.multiplier] / factors.scale[~pencil.multiplier, None]).max(axis=0)
+    return np.flatnonzero(gap <= OPEN * size)
 
 
 def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:

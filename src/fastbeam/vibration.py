@@ -143,8 +143,15 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     product = pencil.stiffness @ vectors
     inertia = np.zeros_like(product)
     inertia[:k] = (pencil.mass @ vectors[:k]) * np.real(values)
-    scale = found.factors.scale[:, None]
-    terms = np.linalg.norm(scale * (abs(pencil.stiffness) @ np.abs(vectors)), axis=0) + np.linalg.norm(scale * inertia, axis=0)
+    diagonal = np.abs(pencil.stiffness.diagonal())[:, None] + np.zeros(len(values))
+    size = np.abs(values) + abs(found.factors.shift)
+    diagonal[:k] += pencil.mass.diagonal()[:, None] * size
+    # of multipliers the entries of their rows
+    diagonal[diagonal == 0.0] = 1.0
+    diagonal[pencil.multiplier] = (1.0 / found.factors.scale[pencil.multiplier, None])**2
+    scale = 1.0 / np.sqrt(diagonal)
+    terms = np.linalg.norm(scale * (abs(pencil.stiffness) @ np.abs(vectors)), axis=0) + np.linalg.norm(
+        scale[:k] * (pencil.mass @ vectors[:k]) * size, axis=0)
     residuals = np.linalg.norm(scale * (product - inertia), axis=0) / np.maximum(terms, 1e-300)
     moved, spins = about.spread(vectors[:k])
     size = np.linalg.norm(moved, axis=2).max(axis=1, initial=0.0)
