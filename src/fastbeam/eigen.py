@@ -53,7 +53,7 @@ class Eigen(NamedTuple):
     """Eigenvalues by their size, the negative ones first."""
 
     values: Array         # [m], complex where the matrix is not symmetric
-    vectors: Array        # [n, m]: all coordinates and multipliers; of unit mass
+    vectors: Array        # [n, m]: all coordinates and multipliers; of unit mass; of complex pairs the real and imaginary part
     noise: Array          # [m]: what round-off of the stiffness may make of a zero
     is_complete: bool     # whether there are no more, or the number of pivots confirms that none below the last is missing
     factors: Shifted
@@ -319,6 +319,7 @@ def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array)
         weights = np.asarray((pencil.mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
         whole[:k] -= pencil.still @ ((pencil.still.T @ (pencil.mass @ whole[:k])) / weights[:, None])
     size = np.sqrt(np.maximum(np.sum(whole[:k] * (pencil.mass @ whole[:k]), axis=0), TINY))
+    size[_others(values)] = size[np.flatnonzero(np.imag(values) > 0.0)]
     whole /= size
     absolute = abs(pencil.stiffness)
     live = _allowed(pencil, factors, whole)
@@ -341,10 +342,20 @@ def _allowed(pencil: Pencil, factors: Shifted, whole: Array) -> Array:
 
 
 def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:
-    """Real vectors: of a complex pair its real and its imaginary part."""
+    """Real vectors: of a complex pair x, y with K (x + i y) = w M (x + i y), where w has a positive imaginary part and comes
+    first."""
     order = np.lexsort((-np.imag(values), np.abs(np.imag(values)), np.round(np.real(values), 12)))
     values, vectors = values[order], vectors[:, order]
-    return values, np.where(np.imag(values) >= 0.0, np.real(vectors), np.imag(vectors))
+    alone = np.flatnonzero(np.imag(values) != 0.0)
+    if alone.size % 2:
+        # a pair that was cut
+        values, vectors = (np.delete(x, alone[-1], axis=-1) for x in (values, vectors))
+    return values, np.where(np.imag(values) >= 0.0, np.real(vectors), -np.imag(vectors))
+
+
+def _others(values: Array) -> Array:
+    """Of complex pairs the second ones."""
+    return np.flatnonzero(np.imag(values) < 0.0)
 
 
 def _counted(found: Eigen, backend: str) -> bool:

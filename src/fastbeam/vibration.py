@@ -142,7 +142,11 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     values, vectors = found.values, found.vectors
     product = pencil.stiffness @ vectors
     inertia = np.zeros_like(product)
-    inertia[:k] = (pencil.mass @ vectors[:k]) * np.real(values)
+    first, second = (np.flatnonzero(sign * np.imag(values) > 0.0) for sign in (1.0, -1.0))
+    of_mass = pencil.mass @ vectors[:k]
+    inertia[:k] = of_mass * np.real(values)
+    inertia[:k, first] -= of_mass[:, second] * np.imag(values[first])
+    inertia[:k, second] += of_mass[:, first] * np.imag(values[first])
     diagonal = np.abs(pencil.stiffness.diagonal())[:, None] + np.zeros(len(values))
     size = np.abs(values) + abs(found.factors.shift)
     diagonal[:k] += pencil.mass.diagonal()[:, None] * size
@@ -151,18 +155,19 @@ def _modes_of(about: Linearisation, found: Eigen) -> Modes:
     diagonal[pencil.multiplier] = (1.0 / found.factors.scale[pencil.multiplier, None])**2
     scale = 1.0 / np.sqrt(diagonal)
     terms = np.linalg.norm(scale * (abs(pencil.stiffness) @ np.abs(vectors)), axis=0) + np.linalg.norm(
-        scale[:k] * (pencil.mass @ vectors[:k]) * size, axis=0)
+        scale[:k] * of_mass * size, axis=0)
     residuals = np.linalg.norm(scale * (product - inertia), axis=0) / np.maximum(terms, 1e-300)
     moved, spins = about.spread(vectors[:k])
     size = np.linalg.norm(moved, axis=2).max(axis=1, initial=0.0)
     turns = np.linalg.norm(spins, axis=2).max(axis=1, initial=0.0)
     size = np.where(size > 1e-6 * turns * about.model.length, size, turns)
     size[size == 0.0] = 1.0
+    size[first] = size[second] = np.maximum(size[first], size[second])
     # the sign that makes the largest component positive
     flat = moved.reshape(len(size), -1)
     if flat.size:
         peak = flat[np.arange(len(size)), np.argmax(np.abs(flat) > (1.0 - 1e-6) * np.abs(flat).max(axis=1)[:, None], axis=1)]
-        size = np.where(peak < 0.0, -size, size)
+        size = np.where((peak < 0.0) & (np.imag(values) == 0.0), -size, size)
     part = about.base_motion().T @ vectors[:k]
     by = 1.0 / size[:, None, None]
     info: dict[str, Any] = {"scene": about.model.scene_name, "method": "modes", "solver": found.factors.name,
