@@ -18,7 +18,7 @@ Array = np.ndarray
 # right-hand sides of a solution
 BLOCK = 4
 # residual of a Ritz pair next to its value, up to which it counts
-CONVERGED = 1e-10
+CONVERGED = 1e-9
 # relative residual of a solution: wanted, and accepted
 GOOD, FAIR = 1e-13, 1e-6
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
@@ -224,10 +224,12 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             h[:m + b, m:m + b] += part
         m += b
         block, rest = _orthonormal(image, known, mass)
-        values, y = _ritz(h[:m, :m], pencil.is_symmetric)
-        error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
         if rest.size:
             h[m:m + len(rest), m - b:m] = rest
+        if m < min(n, most) and block.shape[1]:
+            continue
+        values, y = _ritz(h[:m, :m], pencil.is_symmetric)
+        error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
         good = error <= CONVERGED * np.abs(values)
         picks, done, better = _enough(values, good, factors, n)
         if better is not None and may_move:
@@ -236,7 +238,12 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             break
         if not block.shape[1]:
             # closed under the operator: what is left, if anything, has equal eigenvalues
-            block, _ = _orthonormal(applied(mass @ draw.standard_normal((k, BLOCK))), known, mass)
+            block = applied(mass @ draw.standard_normal((k, BLOCK)))
+            size = np.sum(block * (mass @ block), axis=0)
+            for _ in range(2):
+                block -= known @ (known.T @ (mass @ block))
+            block = block[:, np.sum(block * (mass @ block), axis=0) > 1e-20 * size]
+            block, _ = _orthonormal(block, known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
     if not done and block.shape[1]:
@@ -281,23 +288,26 @@ def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array
 
 
 def _orthonormal(x: Array, known: Array, mass: Any) -> tuple[Array, Array]:
-    """Columns orthonormal in the mass to each other and to known ones, and the triangle R [j, m] with x = Q R, j <= m: those
-    that depend on others, or have no mass, are left out."""
+    """Columns of x, which are orthogonal in the mass to known ones, made orthonormal to each other, and the triangle R [j, m] with
+    x = Q R, j <= m: those that depend on others, or have no mass, are left out."""
     m = x.shape[1]
     q = np.zeros_like(x)
     r = np.zeros((m, m))
+    sizes = np.sqrt(np.maximum(np.sum(x * (mass @ x), axis=0), 0.0))
     kept = 0
     for j in range(m):
-        column = x[:, j].copy()
-        before = np.sqrt(max(float(column @ (mass @ column)), 0.0))
-        if known.shape[1]:
-            column -= known @ (known.T @ (mass @ column))
-        for _ in range(2):
+        column, last = x[:, j].copy(), float(sizes[j])
+        while True:
             part = q[:, :kept].T @ (mass @ column)
             column -= q[:, :kept] @ part
             r[:kept, j] += part
-        size = np.sqrt(max(float(column @ (mass @ column)), 0.0))
-        if not size > 1e-12 * max(before, float(np.max(np.abs(r[:kept, j]), initial=0.0)), TINY):
+            size = np.sqrt(max(float(column @ (mass @ column)), 0.0))
+            if size > 0.5 * last or not size > 1e-12 * sizes[j]:
+                break
+            # what is left of a difference is orthogonal to no more than a few digits
+            column -= known @ (known.T @ (mass @ column))
+            last = size
+        if not size > max(1e-12 * float(sizes[j]), TINY):
             continue
         q[:, kept] = column / size
         r[kept, j] = size
