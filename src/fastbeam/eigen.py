@@ -36,6 +36,8 @@ OPEN = 1e-6
 NOISE = 8.0 * np.finfo(float).eps
 # neighbours differ by more than this share where eigenvalues are counted
 APART = 1e-6
+# what is left of a vector once others are taken out of it, and is round-off
+NOTHING = 1e-12
 TINY = 1e-300
 
 
@@ -207,7 +209,8 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
     h = np.zeros((basis.shape[1],) * 2)
     m = 0
-    block, _ = _orthonormal(applied(mass @ draw.standard_normal((k, BLOCK))), basis[:, :0], mass)
+    first = applied(mass @ draw.standard_normal((k, BLOCK)))
+    block, _ = _orthonormal(first, _sizes(first, mass), basis[:, :0], mass)
     values, y = np.zeros(0, complex), np.zeros((0, 0))
     while block.shape[1]:
         b = block.shape[1]
@@ -218,12 +221,13 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         basis[:, m:m + b] = block
         known = basis[:, :m + b]
         image = applied(mass @ block)
+        sizes = _sizes(image, mass)
         for _ in range(2):
             part = known.T @ (mass @ image)
             image -= known @ part
             h[:m + b, m:m + b] += part
         m += b
-        block, rest = _orthonormal(image, known, mass)
+        block, rest = _orthonormal(image, sizes, known, mass)
         if rest.size:
             h[m:m + len(rest), m - b:m] = rest
         if m < min(n, most) and block.shape[1]:
@@ -239,14 +243,13 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         if not block.shape[1]:
             # closed under the operator: what is left, if anything, has equal eigenvalues
             block = applied(mass @ draw.standard_normal((k, BLOCK)))
-            size = np.sum(block * (mass @ block), axis=0)
+            sizes = _sizes(block, mass)
             for _ in range(2):
                 block -= known @ (known.T @ (mass @ block))
-            block = block[:, np.sum(block * (mass @ block), axis=0) > 1e-20 * size]
-            block, _ = _orthonormal(block, known, mass)
+            block, _ = _orthonormal(block, sizes, known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
-    if not done and block.shape[1]:
+    if not done and block.shape[1] and m < k:
         raise SingularError
     return factors.shift + 1.0 / values[picks], basis[:, :m] @ y[:, picks], None
 
@@ -287,27 +290,32 @@ def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array
     return picks, done, better
 
 
-def _orthonormal(x: Array, known: Array, mass: Any) -> tuple[Array, Array]:
-    """Columns of x, which are orthogonal in the mass to known ones, made orthonormal to each other, and the triangle R [j, m] with
-    x = Q R, j <= m: those that depend on others, or have no mass, are left out."""
+def _sizes(x: Array, mass: Any) -> Array:
+    """Norms of columns in the mass."""
+    return np.sqrt(np.maximum(np.sum(x * (mass @ x), axis=0), 0.0))
+
+
+def _orthonormal(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array, Array]:
+    """Columns of x, which were made orthogonal in the mass to known ones, made orthonormal to each other, and the triangle R
+    [j, m] with x = Q R, j <= m: those of which nothing is left next to their sizes before that are left out."""
     m = x.shape[1]
     q = np.zeros_like(x)
     r = np.zeros((m, m))
-    sizes = np.sqrt(np.maximum(np.sum(x * (mass @ x), axis=0), 0.0))
     kept = 0
     for j in range(m):
-        column, last = x[:, j].copy(), float(sizes[j])
+        column = x[:, j].copy()
+        last = float(_sizes(column[:, None], mass)[0])
         while True:
             part = q[:, :kept].T @ (mass @ column)
             column -= q[:, :kept] @ part
             r[:kept, j] += part
-            size = np.sqrt(max(float(column @ (mass @ column)), 0.0))
-            if size > 0.5 * last or not size > 1e-12 * sizes[j]:
+            size = float(_sizes(column[:, None], mass)[0])
+            if size > 0.5 * last or not size > NOTHING * sizes[j]:
                 break
             # what is left of a difference is orthogonal to no more than a few digits
             column -= known @ (known.T @ (mass @ column))
             last = size
-        if not size > max(1e-12 * float(sizes[j]), TINY):
+        if not size > max(NOTHING * float(sizes[j]), TINY):
             continue
         q[:, kept] = column / size
         r[kept, j] = size
