@@ -51,10 +51,11 @@ def main(unknowns: int = 100_000, n: int = 20) -> None:
     found = fb.modes(model, n=n)
     whole = time.perf_counter() - begin
     one = min(spent["factor"]) + min(spent["solve"]) / eigen.BLOCK
-    print(f"{found.info['unknowns']} unknowns, {len(found)} modes: {whole:.1f} s, of which eigenvalues {spent['krylov'][0]:.1f} s: "
+    first = spent["krylov"][0]
+    print(f"{found.info['unknowns']} unknowns, {len(found)} modes: {whole:.1f} s, of which eigenvalues {first:.1f} s: "
           f"{len(spent['factor'])} factorisations of {np.mean(spent['factor']):.2f} s, {len(spent['solve'])} solutions of "
           f"{eigen.BLOCK} of {np.mean(spent['solve']):.2f} s ({found.info['solver']})")
-    print(f"one factorisation with solution: {one:.2f} s; all of it {whole / one:.1f}, eigenvalues {spent['krylov'][0] / one:.1f} "
+    print(f"one factorisation with solution: {one:.2f} s; all of it {whole / one:.1f}, eigenvalues {first / one:.1f} "
           f"times that; complete: {found.is_complete}, largest residual {found.residuals.max():.1e}")
     print(f"memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.1f} GB; first frequencies "
           f"{', '.join(f'{x:.5g}' for x in found.frequencies[:6])} Hz")

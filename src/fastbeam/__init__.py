@@ -19,7 +19,6 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
-    "mode_shapes": ["Modes"],
     "result": ["Result"],
     "reading": ["load_result"],
     "plot": ["plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],

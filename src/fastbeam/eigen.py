@@ -1,9 +1,9 @@
 """The lowest eigenvalues of K x - B^T m = w M x, B x = 0: stiffness, constraints and masses as sparse matrices.
 
 Krylov vectors of (K - shift M)^-1 M, in blocks, so that double and triple eigenvalues come together, orthonormal in the masses
-and all of them kept (block Lanczos with full orthogonalisation; block Arnoldi where K is not symmetric). What has no mass (sliding
-coordinates, multipliers, triads without inertia) never enters: it follows from one more solution. Pivots of K - shift M tell how
-many eigenvalues lie below a shift (Sylvester), so that none is missed.
+and all of them kept (block Lanczos with full orthogonalisation; block Arnoldi where K is not symmetric). What has no mass
+(sliding coordinates, multipliers, triads without inertia) never enters: it follows from one more solution. Pivots of
+K - shift M tell how many eigenvalues lie below a shift (Sylvester), so that none is missed.
 """
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OPEN = 1e-6
 # round-off of x . K x, next to |x| . |K| |x|
 NOISE = 8.0 * np.finfo(float).eps
 # neighbours differ by more than this share where eigenvalues are counted
-APART = 1e-6
+DISTINCT = 1e-6
 # what is left of a vector once others are taken out of it, and is round-off
 NOTHING = 1e-12
 TINY = 1e-300
@@ -383,7 +383,7 @@ def _counted(found: Eigen, backend: str) -> bool:
     if not pencil.is_symmetric or values.size < 2:
         return False
     size = np.maximum(np.abs(values), np.maximum(found.noise, abs(found.factors.shift)))
-    gaps = np.flatnonzero(np.diff(values) > APART * size[1:] + 2.0 * found.noise[1:])
+    gaps = np.flatnonzero(np.diff(values) > DISTINCT * size[1:] + 2.0 * found.noise[1:])
     if not gaps.size:
         return False
     last = int(gaps[-1])

@@ -28,7 +28,8 @@ from .supports import check_supports
 
 Array = np.ndarray
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
-                    "passed on the way; a larger imperfection or a run in time finds a stable one",
+                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a run in "
+                    "time finds a stable one",
         "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
@@ -97,7 +98,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
         (`Result.slider`). `info["unstable_directions"]` and `info["free_directions"]` count the negative and the zero eigenvalues
         of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
-        or something is held by nothing. `info["counted_in"]` is "space" or "plane": a planar
+        or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
         negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8).

@@ -9,6 +9,7 @@ import scipy.linalg as dense
 from scipy.optimize import brentq
 
 import fastbeam as fb
+from fastbeam.mode_shapes import Modes
 
 Array = np.ndarray
 G = 9.81
@@ -17,7 +18,7 @@ THICK = fb.Section(EA=EA, GA2=GA, GA3=GA, GJ=1e3, EI2=EI, EI3=EI, rhoA=RHO_A, rh
 SUPPORTS = {"c": fb.Clamp, "p": fb.Pin}
 
 
-def nearest(found: fb.Modes, exact: float) -> float:
+def nearest(found: Modes, exact: float) -> float:
     """Relative distance of the nearest frequency."""
     return float(np.min(np.abs(found.angular - exact))) / exact
 
@@ -38,7 +39,7 @@ def exact_beam(ends: str, n: int) -> list[float]:
     return [brentq(determinant, w[k], w[k + 1], args=(ends,), xtol=1e-14, rtol=1e-14) for k in cuts]
 
 
-def beam_modes(ends: str, elements: int, degree: int = 3) -> fb.Modes:
+def beam_modes(ends: str, elements: int, degree: int = 3) -> Modes:
     beam = fb.Beam.straight("beam", (0, 0, 0), (L, 0, 0), section=THICK, elements=elements, degree=degree)
     held = [SUPPORTS[end](node) for end, node in zip(ends, (beam.start, beam.end)) if end != "f"]
     return fb.modes(fb.compile_scene(fb.Scene(beam, *held)))
@@ -80,7 +81,7 @@ def test_ring_of_two_lobes_and_three_converges_with_order_six() -> None:
 
 
 # --- strings, cables and chains -------------------------------------------------------------------------------------------
-def stretched(strain: float, elements: int, degree: int, section: fb.Section = THICK) -> tuple[fb.Modes, fb.Result]:
+def stretched(strain: float, elements: int, degree: int, section: fb.Section = THICK) -> tuple[Modes, fb.Result]:
     """A beam between two pins that stand apart by its length and a strain."""
     beam = fb.Beam.straight("beam", (0, 0, 0), (L, 0, 0), section=section, elements=elements, degree=degree)
     model = fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), fb.Pin(beam.end)))
@@ -120,8 +121,9 @@ def test_beam_pressed_beyond_its_euler_load_grows_in_both_planes() -> None:
     assert np.all(found.frequencies[:2] == 0.0)
 
 
-def hanging(elements: int, stiffness: float) -> fb.Modes:
-    rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1.0, EI2=1e-9, EI3=1e-9, rhoA=1.0, rhoI2=1e-10, rhoI3=1e-10)
+def hanging(elements: int, stiffness: float) -> Modes:
+    rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1.0, EI2=1e-9, EI3=1e-9, rhoA=1.0, rhoI2=1e-10,
+                      rhoI3=1e-10)
     chain = fb.Beam.straight("chain", (0, 0, 0), (0, 0, -1), section=rope, elements=elements, degree=4)
     held = fb.solve_static(fb.compile_scene(fb.Scene(chain, fb.Clamp(chain.start), gravity=(0, 0, -G))))
     model = fb.compile_scene(fb.Scene(chain, fb.Pin(chain.start), gravity=(0, 0, -G)))
@@ -147,9 +149,11 @@ def test_sagging_cable_of_irvine() -> None:
     rows = []
     for sag in (0.02, 0.01, 0.005):
         stiffness = 10.0 / (64.0 * sag**2)
-        rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1e-3, EI2=1e-9, EI3=1e-9, rhoA=1.0, rhoI2=1e-9, rhoI3=1e-9)
+        rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1e-3, EI2=1e-9, EI3=1e-9, rhoA=1.0, rhoI2=1e-9,
+                          rhoI3=1e-9)
         cable = fb.Beam.straight("cable", (0, 0, 0), (1, 0, 0), section=rope, elements=24, degree=4)
-        model = fb.compile_scene(fb.Scene(cable, fb.Pin(cable.start), fb.Pin(cable.end), gravity=(0, 0, -8.0 * sag)), planar=True)
+        scene = fb.Scene(cable, fb.Pin(cable.start), fb.Pin(cable.end), gravity=(0, 0, -8.0 * sag))
+        model = fb.compile_scene(scene, planar=True)
         start = model.state()
         x = start.q.reshape(-1, 4, 3)[:, 0]
         s = x[:, 0].copy()
@@ -173,15 +177,16 @@ def bead_on_string(at: float, gravity: float, elements: int = 15, section: fb.Se
     string = fb.Beam.straight("string", (0, 0, 0), (2, 0, 0), section=section, elements=elements, degree=3)
     bead = fb.PointMass("bead", mass=0.3)
     slider = fb.Slider("ride", bead, string, at=at, curve=curve)
-    model = fb.compile_scene(fb.Scene(string, bead, fb.Pin(string.start), fb.Pin(string.end), slider, gravity=(0, 0, -gravity)))
+    pins = fb.Pin(string.start), fb.Pin(string.end)
+    model = fb.compile_scene(fb.Scene(string, bead, *pins, slider, gravity=(0, 0, -gravity)))
     start = model.state()
     start.q.reshape(-1, 4, 3)[:, 0, 0] *= 1.01
     return model, bead, fb.solve_static(model, start=start, held=gravity == 0.0).state
 
 
 def test_bead_on_a_string_converges_with_order_six() -> None:
-    """Across: sqrt(T rho) (cot(k a) + cot(k (L - a))) = m w; along the string it is free. Where GA (1 + e) is the tension, turns of
-    the sections do not take part (`exact_stretched`), so that the string may have the kink that it has under the bead."""
+    """Across: sqrt(T rho) (cot(k a) + cot(k (L - a))) = m w; along the string it is free. Where GA (1 + e) is the tension, turns
+    of the sections do not take part (`exact_stretched`), so that the string may have the kink that it has under the bead."""
     shear, rho, mass = 1e4 * 0.01 / 1.01, 0.1, 0.3
     string = fb.Section(EA=1e4, GA2=shear, GA3=shear, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=rho, rhoI2=1e-4, rhoI3=1e-4)
 
@@ -203,7 +208,7 @@ def test_bead_on_a_string_converges_with_order_six() -> None:
     assert np.all(np.log2(table[:-1, 1] / table[1:, 1]) > 5.8) and table[-1, 0] < 1e-9 and table[-1, 1] < 1e-8
 
 
-def seen_in_time(model: Any, found: fb.Modes, k: int, point: Any, amplitude: float = 1e-6) -> float:
+def seen_in_time(model: Any, found: Modes, k: int, point: Any, amplitude: float = 1e-6) -> float:
     """Relative distance of a mode's frequency from that of a run: what a step of size h turns by is 2 atan(w h/2)."""
     h = 2.0 * np.pi / found.angular[k] / 60.0
     run = fb.simulate(model, start=found.state(k, amplitude), t_end=180 * h, step=h, every=1, points={"p": point}, snapshots=0,
