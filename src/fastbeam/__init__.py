@@ -19,6 +19,7 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
+    "equilibrium_paths": ["solve_path"],
     "result": ["Result"],
     "reading": ["load_result"],
     "plot": ["plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],

@@ -28,8 +28,8 @@ from .supports import check_supports
 
 Array = np.ndarray
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
-                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a run in "
-                    "time finds a stable one",
+                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a "
+                    "run in time finds a stable one",
         "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
