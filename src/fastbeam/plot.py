@@ -247,7 +247,8 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
         more = [_position_at(times, path, result.t_snap[k]) for times, path in sliders.values() if len(path)]
         lines.draw(axes, shape, colour, more)
     mappable = mpl.cm.ScalarMappable(norm=scale, cmap=colours)
-    _time_bar(figure, axes, mappable, "load factor [-]" if result.info.get("method") == "static" else "time [s]")
+    label = {"static": "load factor [-]", "path": "length of the path [-]"}.get(str(result.info.get("method")), "time [s]")
+    _time_bar(figure, axes, mappable, label)
     _title(axes, "Deformed shapes")
 
 
