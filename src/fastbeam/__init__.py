@@ -18,12 +18,14 @@ _WHERE = {
     "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
+    "vibration": ["modes"],
+    "equilibrium_paths": ["solve_path"],
     "result": ["Result"],
     "resultants": ["section_forces"],
     "reading": ["load_result"],
     "sweeping": ["Sweep", "load_sweep", "sweep"],
     "animation": ["animate"],
-    "plot": ["plot_balance", "plot_invariants", "plot_overview", "plot_shapes", "plot_slider"],
+    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]

@@ -14,7 +14,7 @@ ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_for
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
-                     "iterations", "step_size"), ()),
+                     "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),

@@ -109,7 +109,7 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
             return state, notes
         worst = max(found, key=lambda m: m.size / m.told)
     if mend and worst.size <= worst.mendable:
-        state = _mended(model, state)
+        state = mended(model, state)
         left = _worst(misfits(model, state, step))
         if left is None:
             return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
@@ -223,7 +223,7 @@ def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     return out
 
 
-def _mended(model: Model, state: State) -> State:
+def mended(model: Model, state: State) -> State:
     """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
     give way before beams are bent."""
     from scipy import sparse
@@ -242,7 +242,7 @@ def _mended(model: Model, state: State) -> State:
         step[free] = nearest(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)
         step = (share_map(model) @ step).reshape(-1, 6)
         q[:, 0] += step[:, :3]
-        q[:, 1:] = _turned(q[:, 1:], step[:, 3:])
+        q[:, 1:] = turned(q[:, 1:], step[:, 3:])
         q = follow(model, q)
     across, _ = _across(model, q, s)
     lift, free = _lift(model, q)
@@ -301,7 +301,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             np.concatenate((gaps, *own)))
 
 
-def _turned(triads: Array, spins: Array) -> Array:
+def turned(triads: Array, spins: Array) -> Array:
     """Triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
     w = spins[:, None, :]
     d = np.cross(w, triads)

@@ -147,11 +147,12 @@ class SlidingSolver(StaticSolver):
     def _border(self) -> Border:
         """Equations of the sliders at the present shape; their residuals are kept for messages."""
         state, contact = self.stepper.core_state, self.stepper.contact
-        assert contact is not None
         self._weights = self.contacts.weights(state.s)
         border = self.contacts.border(self._weights, self.state.q, state.force)
         dim = self.core.dim
         sliders = self.sliding.size
+        if contact is None:
+            return border
         contact.residual[:sliders, :dim] = border.gap
         contact.residual[:sliders, dim] = np.where(self.sliding, border.sliding, 0.0)
         of_joints = np.arange(8) < contact.forces[sliders:, None]

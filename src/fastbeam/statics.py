@@ -15,7 +15,7 @@ from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
-from .load_times import factor_at
+from .load_times import load_factors_at
 from .model import Model, check_model
 from .newton import BACKENDS, Outcome
 from .observe import OBSERVED, POINTS, Observer
@@ -29,7 +29,8 @@ from .supports import check_supports
 
 Array = np.ndarray
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
-                    "passed on the way; a larger imperfection or a run in time finds a stable one",
+                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a "
+                    "run in time finds a stable one",
         "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
@@ -100,7 +101,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
         (`Result.slider`). `info["unstable_directions"]` and `info["free_directions"]` count the negative and the zero eigenvalues
         of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
-        or something is held by nothing. `info["counted_in"]` is "space" or "plane": a planar
+        or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
         negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8).
@@ -115,8 +116,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         By Ctrl-C; carries the same.
     """
     check_model("solve_static", model)
-    stays = _held_sliders(model, held)
-    _check_forces(model, stays)
+    stays = held_sliders(model, held)
+    check_slider_forces("solve_static", model, stays)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     load_step = min(load_step, largest_load_step)
@@ -125,10 +126,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     stops = [*([] if levels is None else levels), 1.0]
     if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
-    timed = [t for t in model.load_times if t is not None]
-    if timed and at_time is None:
-        raise SceneError("solve_static: loads have time functions; say with at_time=... where to evaluate them")
-    factors = np.array([1.0 if t is None else factor_at(t, at_time or 0.0) for t in model.load_times])
+    factors = load_factors_at("solve_static", model, at_time)
     notes: list[Any] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
@@ -241,18 +239,18 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
         raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
 
 
-def _check_forces(model: Model, stays: Array) -> None:
+def check_slider_forces(who: str, model: Model, stays: Array) -> None:
     """Refuse sliders that are free and have forces along their beam: with friction there is an interval of equilibria."""
     if model.slider_forces is None:
         return
     forced = np.flatnonzero(model.slider_forces.acts_on & ~stays)
     if forced.size:
         name = model.names["sliders"][forced[0]]
-        raise SceneError(f"solve_static: slider {name!r} has friction, a drive or stops, which equilibria do not know; hold it "
+        raise SceneError(f"{who}: slider {name!r} has friction, a drive or stops, which equilibria do not know; hold it "
                          f"where it stands with held=({name!r},), leave them out for the equilibrium, or run until it rests")
 
 
-def _held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
+def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
     """Whether a slider stays where it is, bool [S].
 
     Raises

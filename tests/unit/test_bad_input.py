@@ -22,6 +22,7 @@ import pytest
 import fastbeam as fb
 from fastbeam import __main__ as front
 from fastbeam.kernels.work import State
+from fastbeam.mode_shapes import Modes
 from fastbeam.model import Model
 
 SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
@@ -50,6 +51,11 @@ def held() -> Model:
 @cache
 def result() -> fb.Result:
     return fb.simulate(model(), t_end=2e-3, step=1e-3, progress=False, points={"tip": BEAM.end})
+
+
+@cache
+def modes() -> Modes:
+    return fb.modes(held(), load_factor=0.0, n=3)
 
 
 class Rude:
@@ -304,6 +310,15 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)))),
+        "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
+            model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
+            smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
+            held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
+        "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
+            model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
+            held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "Modes.state": Call(modes().state, dict(k=0, amplitude=0.01), dict(k=is_count, amplitude=is_real, phase=is_real)),
+        "Modes.shape": Call(modes().shape, dict(k=0), dict(k=is_count)),
         "load_result": Call(fb.load_result, dict(path=folder / "text"), dict(path=PATH)),
         "load_checkpoint": Call(fb.load_checkpoint, dict(path=folder / "text"), dict(path=PATH)),
         "Checkpoint": Call(fb.Checkpoint, dict(state=model().state(), t=0.0, step=1.0, t_start=0.0, steps=0, next_step=None,
@@ -342,6 +357,8 @@ def calls(folder: Path) -> dict[str, Call]:
                                                                         cmap=is_text)),
         "plot_invariants": Call(fb.plot_invariants, dict(result=result()), dict(result=one_of(fb.Result))),
         "plot_slider": Call(fb.plot_slider, dict(result=result()), dict(result=one_of(fb.Result), slider=is_text)),
+        "plot_modes": Call(fb.plot_modes, dict(modes=modes()), dict(
+            modes=one_of(Modes), plane=is_text, n=is_count, first=is_count, amplitude=is_real)),
     }
     return out
 
