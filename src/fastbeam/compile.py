@@ -20,6 +20,7 @@ import numpy as np
 from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
+from .dissipation import damped_of
 from .errors import SceneError
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
@@ -163,6 +164,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
+        damped=damped_of(scene, nodes), prescribed=unpacked.prescribed,
         accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:])))
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import count
+from .assembly import strain_sets
 from .carrying import Group, Shared, Workspace
 from .errors import SceneError
 from .iteration import Iteration, Owner
@@ -25,7 +26,6 @@ from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
 from .kernels.slider import Sliding
-from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
 from .kernels.work import follow_increment, start_increment
 from .workspace import condensed_of, scratch_of
@@ -136,7 +136,8 @@ class CondensedIteration(Iteration):
         rest: list[Any] = []
         self._groups: list[tuple[ElementTables, Any, Chunk]] = []
         done = 0
-        for tables, groups, strains in ((model.simo, parts[0], SIMO_REISSNER), (model.green, parts[1], GREEN_LAGRANGE)):
+        self._at_rest = isinstance(owner.system.method, Equilibrium)
+        for tables, groups, strains in zip((model.simo, model.green), parts, strain_sets(model, self._at_rest)):
             n = 0 if tables is None else model.others(tables, groups)
             if tables is not None and n:
                 inner = NoInner() if owner.inner is None else owner.inner
@@ -157,7 +158,6 @@ class CondensedIteration(Iteration):
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
         self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies)
-        self._at_rest = isinstance(owner.system.method, Equilibrium)
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):

@@ -16,11 +16,12 @@ from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .kernels import step as kernels
-from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule, put_drives
+from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule
 from .kernels.constraints import Constraints
 from .kernels.observe import slider_motion
+from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
-from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
+from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from .kernels.work import State
 from .linsolve import LinearSystem
 from .load_times import load_factors
@@ -143,8 +144,11 @@ class Stepper:
         self.alpha = empty_rates(method, model.n_nodes)
         self._static = static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
+        self.prescribed = None
+        if core.prescribed is not None and not static:
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, len(core.dofs))
         self._check_forces(compared)
-        self.terms = terms_of(core, self.inner, static, self.along)
+        self.terms = terms_of(core, self.inner, static, self.along, self.prescribed)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -171,7 +175,15 @@ class Stepper:
             self._start_sliding()
 
     def _check_forces(self, compared: bool) -> None:
-        """Refuse what forces along beams on sliders do not go together with."""
+        """Refuse what forces along beams on sliders, and damping, do not go together with."""
+        losses = ", ".join(self.core.losses[:3])
+        if compared and self.prescribed is not None:
+            raise SceneError(f"method {self.method.name!r} does not know supports that move; use the default method")
+        if losses and not self._static:
+            if compared:
+                raise SceneError(f"method {self.method.name!r} has no damping ({losses}); use the default method")
+            if self.weights.size > 1:
+                raise SceneError(f"order=4 has a step backward in time, in which {losses} would put energy in; use order=2")
         if self.along is None:
             return
         if compared:
@@ -330,13 +342,13 @@ class Stepper:
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, load_factors(model, starts, lengths)
-        drives = self._drives(t, h, n, done)
+        schedules = self._schedules(t, h, n, done)
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
-                kernels.run(*self._loop(loads, factors, drives, h, n, counts, sizes, force))
+                kernels.run(*self._loop(loads, factors, schedules, h, n, counts, sizes, force))
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
-            result = self._python_run(factors if self._timed else None, h, n, drives)
+            result = self._python_run(factors if self._timed else None, h, n, schedules)
         reached = result.steps
         if self.rows is not None and self.rows.factors.failed[0]:
             # what the step has done does not count: rows of a run do not depend on when there was room
@@ -358,17 +370,24 @@ class Stepper:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size
-        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1, tuple(x[at:] for x in drives))
+        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1,
+                                             self.fallback._schedules(t, h, 1, done + reached))
         if pivoting.status not in (OK, SLIDER_END):
             return result
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
-    def _drives(self, t: float, h: float, n: int, done: int) -> tuple[Array, ...]:
-        """What drives are given in n steps, as `SliderForces.schedule`; empty where nothing depends on time."""
-        if self.along is None or not self.core.slider_forces.timed:
-            return ()
-        return self.core.slider_forces.schedule(*self._substeps(t, h, n, done))
+    def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
+        """What drives and supports that move are given in n steps; empty where nothing depends on time."""
+        out: list[Any] = []
+        if self.along is not None and self.core.slider_forces.timed:
+            out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
+        if self.prescribed is not None:
+            # a substep ends, to the last bit, where the next begins
+            times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
+            axes = None if self.plane is None else self.plane.axes
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, axes)))
+        return tuple(out)
 
     def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
         """Times at which the substeps of n steps begin, and their sizes."""
@@ -376,12 +395,10 @@ class Stepper:
         starts = t + h * (np.arange(done, done + n)[:, None] + begins)
         return starts.reshape(-1), np.tile(self.weights * h, n)
 
-    def _loop(self, loads: Array | None, factors: Array, drives: tuple[Array, ...], h: float, n: int, counts: Array, sizes: Array,
-              force: Array) -> tuple[Any, ...]:
+    def _loop(self, loads: Array | None, factors: Array, schedules: tuple[Any, ...], h: float, n: int, counts: Array,
+              sizes: Array, force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
-        terms = self.terms if loads is None else (Loads(loads, factors), *self.terms)
-        if drives:
-            terms = (DriveSchedule(self.along, *drives), *terms)
+        terms = (*schedules, *(() if loads is None else (Loads(loads, factors),)), *self.terms)
         return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
@@ -389,7 +406,7 @@ class Stepper:
         if self.linear.is_compiled and self.core.substructures is None:
             empty = np.zeros(0)
             begin_background(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
-                                                     self._drives(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
+                                                     self._schedules(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
                                                      np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
@@ -401,7 +418,7 @@ class Stepper:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
-    def _python_run(self, factors: Array | None, h: float, n: int, drives: tuple[Array, ...] = ()) -> Outcome:
+    def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, state.force.size))
@@ -414,8 +431,8 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                if drives:
-                    put_drives(DriveSchedule(self.along, *drives), None, k * self.weights.size + m)
+                for schedule in schedules:
+                    put_loads(schedule, None, k * self.weights.size + m)
                 status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
                 if status == LEFT:
