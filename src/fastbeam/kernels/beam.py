@@ -36,6 +36,7 @@ from .algebra import pzerom as vzerom
 from .inner import eliminate_group
 from .kinds import Plane, Space, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_moment
 from .lanes import scatter_rows
+from .laws import tangent_law
 from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINTS, POINT_MATRIX, POINT_NODE, POINT_NODES,
                      POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2, SHEAR_3, STEP, STRAINS,
                      TEMPORARY, layout)
@@ -44,7 +45,7 @@ from .motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, 
 from . import gather  # noqa: F401  of all motions
 from .strain_sets import (add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness, prepare_points,
                           set_over, sum_pair)
-from .strains import excess_strains, interpolate, mean_strains, put_half_changes, stresses
+from .strains import excess_strains, interpolate, mean_strains, stresses
 from .terms import Equilibrium
 
 
@@ -180,15 +181,14 @@ def evaluate_point_in_space(dofs, method, strains, constants, reference, g, scra
     interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
     interpolate(constants, to, at.nn, at.node, scratch, 96, zo + END)
     mean_strains(method, strains, reference, 48 * g, scratch, zo, ao)
-    put_half_changes.call(strains.law, strains, reference, 48 * g, scratch, zo, ao)
-    stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, po, ao)
+    stresses(strains.law, strains, constants, to, case.coupled, scratch, zo + STRAINS, po, ao)
     add_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, po, at.forces)
     if case.mixed:
         if case.gathered:
             interpolate(constants, to, at.nn, at.node, scratch, at.increment, zo + BEFORE)
             interpolate(constants, to, at.nn, at.node, scratch, at.increment + 96, zo + STEP)
         excess_strains(method, strains, reference, 48 * g, scratch, zo, case.gathered, ao)
-        stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + TEMPORARY, ao)
+        stresses(tangent_law.call(strains.law), strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + TEMPORARY, ao)
         add_director_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, zo + TEMPORARY, at.tangent_forces)
         add_stresses.call(strains, scratch, zo + TEMPORARY, po)
     point_stiffness.call(strains, constants, to, case.coupled, scratch, at, columns.call(method), po)

@@ -18,12 +18,12 @@ from .algebra import pzero as vzero
 from .beam import ElementTables, gather_group
 from .kinds import Plane, Space
 from .laws import apply_law, matrix_at
-from .layout import (CONSTANTS, END, HALF_CHANGE, LIST, MIDDLE, NODES, POINTS, REFERENCE, SHAPES_AT, STRAINS, VISCOSITY,
+from .layout import (CONSTANTS, COUPLED, END, HALF_CHANGE, LIST, MIDDLE, NODES, POINTS, REFERENCE, SHAPES_AT, STRAINS, VISCOSITY,
                      VISCOSITY_IN_PLANE, layout)
 from .motions import motion
 from .planar_beam import Shape, planar_shapes
 from .strain_sets import planar_strains, set_over
-from .strains import interpolate, mean_strains, put_half_changes
+from .strains import interpolate, mean_strains
 from .terms import account
 
 
@@ -36,25 +36,26 @@ class Dissipation(NamedTuple):
 
 
 @generic
-def dissipated(dofs, method, strains, constants, reference, g, scratch, at):
+def dissipated(dofs, method, strains, constants, reference, g, scratch, at, coupled):
     """Energy that point g takes in the step."""
 
 
 @dissipated.register(Space)
 @kernel
-def dissipated_in_space(dofs, method, strains, constants, reference, g, scratch, at):
+def dissipated_in_space(dofs, method, strains, constants, reference, g, scratch, at, coupled):
     to = at.point + at.point_size * g
     ao = at.points + at.point_stride * g + SHAPES_AT
     zo = at.blocks
     interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
     interpolate(constants, to, at.nn, at.node, scratch, 96, zo + END)
     mean_strains(method, strains, reference, 48 * g, scratch, zo, ao)
-    put_half_changes.call(strains.law, strains, reference, 48 * g, scratch, zo, ao)
     eo = zo + STRAINS + HALF_CHANGE
     total = vzero()
     for i in range(6):
+        j0 = 0 if coupled else i
+        j1 = 6 if coupled else i + 1
         x = vzero()
-        for j in range(6):
+        for j in range(j0, j1):
             x += vld(constants, VISCOSITY + 48 * i + 8 * j, 0) * vld(scratch, eo + 8 * j, 0)
         total += x * vld(scratch, eo + 8 * i, 0)
     return (2.0 * strains.law.rate) * (vld(constants, to, 0) * total)
@@ -62,7 +63,7 @@ def dissipated_in_space(dofs, method, strains, constants, reference, g, scratch,
 
 @dissipated.register(Plane)
 @kernel
-def dissipated_in_plane(dofs, method, strains, constants, reference, g, scratch, at):
+def dissipated_in_plane(dofs, method, strains, constants, reference, g, scratch, at, coupled):
     to = at.point + at.point_size * g
     middle, end = planar_shapes(constants, to, at.nn, scratch, 0)
     start = Shape(2.0 * middle.f - end.f, 2.0 * middle.u - end.u, 2.0 * middle.k - end.k)
@@ -84,6 +85,7 @@ def account_dissipation(term, system, h):
         if not damped:
             continue
         at = layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS])
+        coupled = tables.meta[k, COUPLED] != 0
         gather_group(tables, tables.meta[k, LIST], at, move, scratch, dofs)
         for lane in range(0, 8, WIDTH):
             constants = address(tables.tab, tables.meta[k, CONSTANTS] + lane)
@@ -91,7 +93,7 @@ def account_dissipation(term, system, h):
             lanes = address(scratch, lane)
             total = vzero()
             for g in range(at.nq):
-                total += dissipated.call(dofs, system.method, strains, constants, reference, g, lanes, at)
+                total += dissipated.call(dofs, system.method, strains, constants, reference, g, lanes, at, coupled)
             vst(lanes, at.rows, 0, total)
         for lane in range(8):
             place = term.place[8 * k + lane]

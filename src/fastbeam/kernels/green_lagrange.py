@@ -18,7 +18,7 @@ from .algebra import pstm as vstm
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
-from .laws import modulus
+from .laws import modulus, put_half_change
 from .layout import (MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES, POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS,
                      ROTATION_POSITION, SHEAR_2, SHEAR_3, TWIST)
 from .strain_sets import (GreenLagrange, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
@@ -54,7 +54,9 @@ def form_changes(scratch, z, x, eo):
 @kernel
 def mean(strains, scratch, eo, end, ao):
     for i in range(0, 48, 8):
-        vst(scratch, eo + i, 0, 0.5 * (vld(scratch, eo + i, 0) + vld(scratch, end + i, 0)))
+        e_start = vld(scratch, eo + i, 0); e_end = vld(scratch, end + i, 0)
+        vst(scratch, eo + i, 0, 0.5 * (e_start + e_end))
+        put_half_change.call(strains.law, scratch, eo + i, e_start, e_end)
 
 
 @present_strains.register(GreenLagrange)

@@ -11,6 +11,7 @@ from .._generic import generic
 from .._jit import inlined
 from .algebra import component0, component1, component2, triple
 from .algebra import pld as vld
+from .algebra import pst as vst
 from .layout import HALF_CHANGE, VISCOSITY, VISCOSITY_IN_PLANE
 from .motions import OverStep
 
@@ -23,6 +24,12 @@ class KelvinVoigt(NamedTuple):
     """S = C E + D E_t."""
 
     rate: float     # 2/h of the step that is evaluated: D E_t is rate D (E_n+1 - E_n)/2
+
+
+class TangentOfKelvinVoigt(NamedTuple):
+    """Twice the change of the mean stress with the strain at the end of the step, S = (C + 2 D/h) E."""
+
+    rate: float
 
 
 ELASTIC, KELVIN_VOIGT = Elastic(), KelvinVoigt(0.0)
@@ -56,7 +63,41 @@ def viscous_law(law, motion):
     return KelvinVoigt(2.0 / motion.h)
 
 
+@generic
+def tangent_law(law):
+    """The law of stresses that only the tangent takes, theory.md (4.6), half of whose strains are at the end of the step."""
+
+
+@tangent_law.register(Elastic)
+@inlined
+def elastic_tangent(law):
+    return law
+
+
+@tangent_law.register(KelvinVoigt)
+@inlined
+def viscous_tangent(law):
+    return TangentOfKelvinVoigt(law.rate)
+
+
 # --- in space -----------------------------------------------------------------------------------------------------------
+@generic
+def put_half_change(law, scratch, e, start, end):
+    """Half the change of a strain behind its mean at e, where the law asks for it."""
+
+
+@put_half_change.register(Elastic)
+@inlined
+def put_no_change(law, scratch, e, start, end):
+    pass
+
+
+@put_half_change.register(KelvinVoigt)
+@inlined
+def put_change(law, scratch, e, start, end):
+    vst(scratch, e + HALF_CHANGE, 0, 0.5 * (end - start))
+
+
 @generic
 def stress_of(law, constants, k, scratch, e):
     """What a strain at e, and half its change in the step at e + HALF_CHANGE, add to a stress; k: offset in C."""
@@ -73,6 +114,12 @@ def elastic_stress(law, constants, k, scratch, e):
 def viscous_stress(law, constants, k, scratch, e):
     return vld(constants, k, 0) * vld(scratch, e, 0) + (
         law.rate * vld(constants, VISCOSITY + k, 0)) * vld(scratch, e + HALF_CHANGE, 0)
+
+
+@stress_of.register(TangentOfKelvinVoigt)
+@inlined
+def viscous_tangent_stress(law, constants, k, scratch, e):
+    return (vld(constants, k, 0) + law.rate * vld(constants, VISCOSITY + k, 0)) * vld(scratch, e, 0)
 
 
 @generic

@@ -20,7 +20,7 @@ from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
 from .kinds import Space
-from .laws import modulus
+from .laws import modulus, put_half_change
 from .layout import (CURVATURE_2, CURVATURE_3, END, LENGTHS, MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES,
                      POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS, ROTATION_POSITION, SHAPE, SHAPES_AT, SHEAR_2, SHEAR_3, STRESSES,
                      TWIST, TWISTS)
@@ -78,7 +78,8 @@ def put_shape(scratch, eo, over_stretch, ao):
 @kernel
 def mean(strains, scratch, eo, end, ao):
     r_end = stretch(scratch, end)
-    r = 0.5 * (stretch(scratch, eo) + r_end)
+    r_start = stretch(scratch, eo)
+    r = 0.5 * (r_start + r_end)
     over = 1.0 / (r * r_end)
     c = 1.75 + vld(scratch, eo + 48, 0)
     c_end = 1.75 + vld(scratch, end + 48, 0)
@@ -87,12 +88,16 @@ def mean(strains, scratch, eo, end, ao):
     mean_c = 0.5 * (c + c_end)
     vst(scratch, ao + 16, 0, r_end * over); vst(scratch, ao + 48, 0, mean_c)
     vst(scratch, eo, 0, r)
+    put_half_change.call(strains.law, scratch, eo, r_start, r_end)
     for i in range(8, 24, 8):
-        g = 0.5 * (vld(scratch, eo + i, 0) + vld(scratch, end + i, 0))
+        g_start = vld(scratch, eo + i, 0); g_end = vld(scratch, end + i, 0)
+        g = 0.5 * (g_start + g_end)
         vst(scratch, eo + i, 0, g); vst(scratch, ao + i - 8, 0, g)
+        put_half_change.call(strains.law, scratch, eo + i, g_start, g_end)
     for i in range(24, 48, 8):
         k = vld(scratch, eo + i, 0); k_end = vld(scratch, end + i, 0)
         vst(scratch, eo + i, 0, 0.5 * (c * k + c_end * k_end)); vst(scratch, ao + i, 0, 0.5 * (k + k_end))
+        put_half_change.call(strains.law, scratch, eo + i, c * k, c_end * k_end)
 
 
 @present_strains.register(SimoReissner)

@@ -8,7 +8,6 @@ lanes: layout.py has their places.
 """
 from __future__ import annotations
 
-from .._generic import generic
 from .._jit import kernel
 from .algebra import pld as vld
 from .algebra import pld3 as vld3
@@ -16,8 +15,8 @@ from .algebra import pst as vst
 from .algebra import pst3 as vst3
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
-from .laws import Elastic, KelvinVoigt, stress_of
-from .layout import BEFORE, END, HALF_CHANGE, MIDDLE, NODE_TABLE, STEP, STRAINS, TEMPORARY, Z
+from .laws import stress_of
+from .layout import BEFORE, END, MIDDLE, NODE_TABLE, STEP, STRAINS, TEMPORARY, Z
 from .motions import columns, increment_of_tangent, put_forms, share_of_end
 from .strain_sets import extrapolated_strains, form_stresses, mean_of_forms, present_strains, quadratic_forms
 from .terms import Conserving, Midpoint
@@ -105,52 +104,14 @@ def increment_of_middle(method, scratch, zo, gathered):
 # --- strains of stresses, and of the tangent ----------------------------------------------------------------------------
 @kernel
 def mean_strains(method, strains, reference, e0, scratch, zo, ao):
-    """(E_n + E_n+1)/2 - E0 at STRAINS, for the midpoint rule E(z_mid) - E0, from the shapes in the middle and at the end of the
-    step; e0: offset of E0; ao: offset of what derivatives of the strains need, `layout.SHAPES_AT`."""
+    """(E_n + E_n+1)/2 - E0 at STRAINS, with damping half of E_n+1 - E_n behind them; for the midpoint rule E(z_mid) - E0. From
+    the shapes in the middle and at the end of the step; e0: offset of E0; ao: offset of what derivatives of the strains need,
+    `layout.SHAPES_AT`."""
     eo = zo + STRAINS
     end = put_forms.call(method, strains, scratch, zo)
     mean_of_forms.call(strains, scratch, eo, zo + end, ao)
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) - vld(reference, e0 + i, 0))
-
-
-@generic
-def put_half_changes(law, strains, reference, e0, scratch, zo, ao):
-    """Half the change of the strains in the step behind the mean strains at STRAINS, where the law asks for it."""
-
-
-@put_half_changes.register(Elastic)
-@kernel
-def put_no_changes(law, strains, reference, e0, scratch, zo, ao):
-    pass
-
-
-@put_half_changes.register(KelvinVoigt)
-@kernel
-def put_changes_to_end(law, strains, reference, e0, scratch, zo, ao):
-    eo = zo + STRAINS
-    present_strains.call(strains, scratch, zo + END, ao, eo + HALF_CHANGE)
-    for i in range(0, 48, 8):
-        mean = vld(scratch, eo + i, 0) + vld(reference, e0 + i, 0)
-        vst(scratch, eo + HALF_CHANGE + i, 0, vld(scratch, eo + HALF_CHANGE + i, 0) - mean)
-
-
-@generic
-def repeat_strains(law, scratch, eo):
-    """Where stresses are changes by strains at the end of the step: such a strain is half a change, too."""
-
-
-@repeat_strains.register(Elastic)
-@kernel
-def repeat_nothing(law, scratch, eo):
-    pass
-
-
-@repeat_strains.register(KelvinVoigt)
-@kernel
-def repeat_for_rates(law, scratch, eo):
-    for i in range(0, 48, 8):
-        vst(scratch, eo + HALF_CHANGE + i, 0, vld(scratch, eo + i, 0))
 
 
 @kernel
@@ -172,13 +133,12 @@ def excess_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
     share = share_of_end.call(method)
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, share * (vld(scratch, eo + i, 0) - vld(scratch, present + i, 0)))
-    repeat_strains.call(strains.law, scratch, eo)
 
 
 @kernel
-def stresses(strains, constants, to, coupled, scratch, eo, so, ao):
-    """sbar of theory.md (4.7), times the weight of the point, into the lanes at `so`, from the strains at `eo`, and with damping
-    from half their changes behind them."""
+def stresses(law, strains, constants, to, coupled, scratch, eo, so, ao):
+    """sbar of theory.md (4.7), times the weight of the point, into the lanes at `so`, from the strains at `eo`; law:
+    that of the strain set, or for the stresses of the tangent its `tangent_law`."""
     w = vld(constants, to, 0)
     for i in range(6):
         # C of a section without coupling is diagonal
@@ -186,6 +146,6 @@ def stresses(strains, constants, to, coupled, scratch, eo, so, ao):
         j1 = 6 if coupled else i + 1
         s = vzero()
         for j in range(j0, j1):
-            s += stress_of.call(strains.law, constants, 48 * i + 8 * j, scratch, eo + 8 * j)
+            s += stress_of.call(law, constants, 48 * i + 8 * j, scratch, eo + 8 * j)
         vst(scratch, so + 8 * i, 0, w * s)
     form_stresses.call(strains, scratch, ao, so)
