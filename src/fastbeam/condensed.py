@@ -25,6 +25,7 @@ from .kernels.inner import Inner, NoInner
 from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
+from .kernels.prescribed import Reactions
 from .kernels.slider import Sliding
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
 from .kernels.work import follow_increment, start_increment
@@ -145,7 +146,8 @@ class CondensedIteration(Iteration):
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), 2, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
-        self._held = tuple(x for x in owner.terms if isinstance(x, Held))
+        # reactions are what stands in rows before they are held
+        self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (Reactions, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         self._ties = model.ties
@@ -154,7 +156,7 @@ class CondensedIteration(Iteration):
             shared = Shared(model)
             self._carriers = [Group(owner, shared, g) for g in range(len(shared.groups))]
             self._spaces = [Workspace(scratch) for scratch in self._scratch]
-            self._held = tuple(_held_of_solver(x, model.pattern.n) for x in self._held)
+            self._held = tuple(_held_of_solver(x, model.pattern.n) if isinstance(x, Held) else x for x in self._held)
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
         self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies)

@@ -34,7 +34,7 @@ def decayed(tau: float, w: float, t: float) -> float:
 @pytest.mark.parametrize("tau", [0.02, 0.2])
 @pytest.mark.parametrize("planar", ["auto", False])
 def test_a_bar_decays_as_that_of_kelvin_and_voigt(tau: float, planar: bool | str) -> None:
-    """Simo-Reissner strains are linear in the stretch, so the mode is linear at any amplitude; overdamped with the longer time."""
+    """Simo-Reissner strains are linear in the stretch, so the mode is linear at any amplitude; the longer time overdamps it."""
     runs = [bar(tau, steps, planar=planar) for steps in (200, 400, 800)]
     u = np.array([run.point("tip")[-1, 0] - 1.0 for run, _ in runs])
     exact = decayed(tau, runs[0][1], 1.0)

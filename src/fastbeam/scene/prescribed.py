@@ -27,6 +27,14 @@ def _three(value: Any) -> Array:
     return found
 
 
+def _rate(x: Array, size: float) -> Array:
+    """Derivatives at 0 of the columns of x [5, 3], numbers of this size; 0 where they are round-off, or next to nothing of what the
+    column does."""
+    rate = FORWARD @ x / SHORT
+    noise = (20.0 * float(np.finfo(float).eps) * size + 1e-9 * np.max(np.abs(x - x[0]), axis=0)) / SHORT
+    return np.where(np.abs(rate) > noise, rate, 0.0)
+
+
 def _turn(value: Any) -> Array:
     """A rotation matrix (3, 3) from a rotation vector or from itself."""
     found = numbers(value)
@@ -153,10 +161,7 @@ class PrescribedMotion:
         spins = np.stack((relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
                           relative[:, 1, 0] - relative[:, 0, 1]), axis=1) / 2.0
         # of sin(angle) times the axis, whose first four derivatives at 0 give that of the angle
-        found = [FORWARD @ x / SHORT for x in (places, spins)]
-        noise = [20.0 * float(np.finfo(float).eps) * max(float(np.max(np.abs(x))), least) / SHORT
-                 for x, least in ((places, 0.0), (spins, 1.0))]
-        velocity, spin = (np.where(np.abs(x) > level, x, 0.0) for x, level in zip(found, noise))
+        velocity, spin = (_rate(x, size) for x, size in ((places, float(np.max(np.abs(places)))), (spins, 1.0)))
         return velocity, spin
 
 
