@@ -192,8 +192,8 @@ def twice() -> fb.Scene:
 
 
 @pytest.mark.parametrize(("make", "says"), [
-    (lambda: scene_of(position=lambda t: (1, 0, 0)), "lies 1 m from"), (twice, "moves the same node"), (tied, "move that instead"),
-    (scene_of, "give position or displacement"), (lambda: scene_of(position=still, displacement=still), "not both"),
+    (lambda: scene_of(position=lambda t: (1, 0, 0)), "lies 1 m from"), (twice, "moves the same node"),
+    (tied, "move that instead"), (scene_of, "give position or displacement"), (lambda: scene_of(position=still, displacement=still), "not both"),
     (lambda: scene_of(displacement=lambda t: (t, 0)), "3 finite numbers"),
     (lambda: scene_of(displacement=lambda t: 1 / t), "must not fail"),
     (lambda: scene_of(rotation=lambda t: np.ones((3, 3))), "orthonormal")])
@@ -204,10 +204,11 @@ def test_motions_that_make_no_sense_are_refused(make: Callable[[], fb.Scene], sa
 
 def test_motions_that_go_wrong_on_the_way_are_refused() -> None:
     with pytest.raises(fb.SceneError, match="finite numbers.*nan|must return 3 finite numbers"):
-        fb.simulate(fb.compile_scene(scene_of(displacement=lambda t: (0, 0, 0) if t < 0.5 else (np.nan, 0, 0))), t_end=1.0,
-                    step=0.1, progress=False)
+        fb.simulate(fb.compile_scene(scene_of(displacement=lambda t: (0, 0, 0) if t < 0.5 else (np.nan, 0, 0))),
+                    t_end=1.0, step=0.1, progress=False)
     # out of the plane at a time at which nobody has looked
-    model = fb.compile_scene(scene_of(displacement=lambda t: (0, 0.1 * t * t, 1e-3 if 0.2345 < t < 0.2355 else 0.0)))
+    jump = scene_of(displacement=lambda t: (0, 0.1 * t * t, 1e-3 if 0.2345 < t < 0.2355 else 0.0))
+    model = fb.compile_scene(jump)
     assert model.plane is not None
     with pytest.raises(fb.SceneError, match="planar=False"):
         fb.simulate(model, t_end=1.0, step=0.005, progress=False)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import LARGEST, Flag, Name, Numbers, Refusal, Vector, checked, numbers, shown, take
+from fastbeam.arguments import LARGEST, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import NodeRef
@@ -17,6 +17,7 @@ from fastbeam.scene.sliding import FORWARD, SHORT
 
 # a signal needs so many values
 FEWEST = 4
+TIME = Number(unit="s")
 
 
 def _three(value: Any) -> Array:
@@ -28,8 +29,8 @@ def _three(value: Any) -> Array:
 
 
 def _rate(x: Array, size: float) -> Array:
-    """Derivatives at 0 of the columns of x [5, 3], numbers of this size; 0 where they are round-off, or next to nothing of what the
-    column does."""
+    """Derivatives at 0 of the columns of x [5, 3], numbers of this size; 0 where they are round-off, or next to nothing of what
+    the column does."""
     rate = FORWARD @ x / SHORT
     noise = (20.0 * float(np.finfo(float).eps) * size + 1e-9 * np.max(np.abs(x - x[0]), axis=0)) / SHORT
     return np.where(np.abs(rate) > noise, rate, 0.0)
@@ -127,6 +128,7 @@ class PrescribedMotion:
         """What it holds: 7 the position, 63 the rotation, too."""
         return 63 if self.rotation is not None else 7
 
+    @checked(t=TIME)
     def place(self, t: float) -> Array:
         """Position, or displacement, at time t: (3,) m.
 
@@ -141,6 +143,7 @@ class PrescribedMotion:
         what = "displacement" if self.position is None else "position"
         return take(_three, f"{self.label}: {what}(t) at t = {t:.6g} s", called(self.label, what, function, t))
 
+    @checked(t=TIME)
     def turn(self, t: float) -> Array:
         """Rotation from the triad at t = 0 at time t: (3, 3).
 
@@ -227,6 +230,7 @@ class Signal:
         if not good:
             raise SceneError("Signal: no spline goes through this table, its numbers are too large or its times too close")
 
+    @checked(t=TIME)
     def __call__(self, t: float) -> Any:
         """Value at time t, s: a number, or (3,)."""
         if not self.rest and not self.begin <= t <= self.end:
