@@ -21,6 +21,7 @@ import numpy as np
 from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
+from .dissipation import damped_of
 from .errors import SceneError
 from .holding import Holding, trees
 from .kernels.nodes import Bodies, Held
@@ -166,6 +167,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
+        damped=damped_of(scene, nodes), prescribed=unpacked.prescribed,
         user_forces=tuple(force.name for force in links.loaded.forces),
         needs_forward_steps=tuple(force.name for force in links.loaded.forces if force.dissipates),
         accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]))
@@ -263,6 +265,8 @@ def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
         owner = support.at.owner
         names.append(str(support.name))
         supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
+    names += [str(motion.name) for motion in scene.prescribed]
+    supports += [nodes.number(motion.at) for motion in scene.prescribed]
     for net in scene.nets:
         at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
         for kind, held in (("pin", net.pins), ("clamp", net.clamps)):

@@ -88,6 +88,8 @@ class Observer:
             out |= dict.fromkeys(ALONG, (s,))
         if self.energy and self.model.slider_forces is not None:
             out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
+        if self.energy:
+            out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.points:
@@ -170,6 +172,10 @@ class Observer:
         """What is stored and was dissipated, less what was put in."""
         model = self.model
         stored, sizes = out["total"], [self.scale["total"]]
+        lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
+            (model.loss_place, model.losses), (model.drive_place, model.works)))
+        out |= {name: x for name, x in (("losses", lost), ("works", put_in)) if x.size}
+        sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
         if model.accounts_loads:
             out["external_work"] = float(state.history[model.work_place])
             # their potential is in the total as if they were constant
@@ -181,7 +187,7 @@ class Observer:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
             stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
             sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
-        out["balance"] = stored
+        out["balance"] = stored + float(np.sum(lost)) - float(np.sum(put_in))
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any], force: Array) -> None:
@@ -259,6 +265,7 @@ class Observer:
         names = {**model.names, "points": list(self.points)}
         if self.reactions:
             names["reactions"] = self.reactions
+        names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
@@ -284,7 +291,8 @@ def conserved(model: Model) -> list[str]:
     out = ["gap"]
     if model.history_size:
         out.append("balance")
-    if not model.accounts_loads and (model.slider_forces is None or not model.slider_forces.exchanges):
+    along = model.slider_forces is not None and model.slider_forces.exchanges
+    if not (model.accounts_loads or model.losses or model.works or along):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
     if not len(model.loads) and not held:

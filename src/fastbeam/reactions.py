@@ -37,7 +37,8 @@ class Reactions:
         core = self.own.core
         self.holding = holding = stepper.model.holding
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
-        terms = terms_of(core, None, static, None if static else stepper.along, self.own.law_work if static else stepper.law_work)
+        along, laws = (None, self.own.law_work) if static else (stepper.along, stepper.law_work)
+        terms = terms_of(core, None, static, along, law_work=laws)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         self.links = stepper.model.kept

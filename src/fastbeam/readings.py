@@ -16,7 +16,7 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
                      "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
-    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
+    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
 # a series with a column for each name of a kind

@@ -202,9 +202,10 @@ class Call:
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text)
 BAR = dict(section=SECTION, elements=2)
-MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, name=is_text)
+DAMPING = either(is_real, is_array(1, 2))
+MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, damping=DAMPING, name=is_text)
 SIX = dict.fromkeys(("EA", "GA2", "GA3", "GJ", "EI2", "EI3"), is_real)
-INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, name=is_text)
+INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, damping=DAMPING, name=is_text)
 NODES, EDGES = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1), (1, 2)]
 RUN = dict(start=one_of(State, fb.Checkpoint), observe=is_list_of(is_text), points=one_of(Mapping), max_iterations=is_count,
            backend=is_text, threads=is_count, mend_start=is_flag)
@@ -249,6 +250,12 @@ def calls(folder: Path) -> dict[str, Call]:
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
         "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
         "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
+        **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
+                                            dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
+        "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
+            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag)),
         "RigidConnection": Call(fb.RigidConnection, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),

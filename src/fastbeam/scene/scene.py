@@ -19,14 +19,15 @@ from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
+from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link | UserForce)
+        | RigidMotion | Slider | Link | PrescribedMotion | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, UserForce)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -147,6 +148,11 @@ class Scene:
     def pins(self) -> list[Pin]:
         """All pins."""
         return self._of(Pin)
+
+    @property
+    def prescribed(self) -> list[PrescribedMotion]:
+        """All supports that move as functions of time."""
+        return self._of(PrescribedMotion)
 
     @property
     def rigid(self) -> list[RigidConnection]:
@@ -433,7 +439,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, UserForce, Slider, Sleeve)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, UserForce)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -452,7 +458,7 @@ def _who(part: Any) -> str:
 
 def _held_nodes(part: Part) -> list[NodeRef]:
     """The nodes that a support, joint, link or slider takes as points."""
-    if isinstance(part, (Clamp, Pin)):
+    if isinstance(part, (Clamp, Pin, PrescribedMotion)):
         return [part.at]
     if isinstance(part, (RigidConnection, BallJoint, Link)):
         return [part.a, part.b]
