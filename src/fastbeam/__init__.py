@@ -10,9 +10,10 @@ from typing import Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "InitialVelocity",
-              "Load", "Net", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
-              "Section", "Sleeve", "Slider", "Spring", "Stops"],
+    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "GROUND",
+              "InitialVelocity", "Load", "Net", "NodeRef", "Path", "Pin", "PlanarJoint", "PointMass", "PrismaticJoint",
+              "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring",
+              "Stops", "UniversalJoint"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],

@@ -5,6 +5,7 @@ from typing import Any
 
 from .kernels.along import Along
 from .kernels.beams import Beams
+from .kernels.joint_motion import JointForces, JointMotion
 from .kernels.inner import Inner, NoInner
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
@@ -13,7 +14,8 @@ from .kernels.work import State, Work
 from .model import Model
 
 
-def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None) -> tuple[Any, ...]:
+def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None,
+             motion: JointMotion | None = None) -> tuple[Any, ...]:
     """All that acts in a model, in the order of kernels/terms.py.
 
     Parameters
@@ -25,6 +27,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         Only what has a part in statics.
     along : Along, optional
         Forces along the beam on sliders, with the work arrays of this run.
+    motion : JointMotion, optional
+        What joints leave free, with the work arrays of this run.
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
@@ -40,7 +44,9 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
             terms.append(Beams(strains, tables, NoInner() if inner is None else inner))
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
-    return (*terms, *(x for x in (loads, bodies, *model.links, model.ties, held) if x is not None))
+    forces = JointForces(motion) if motion is not None and model.motions.acts else None
+    return (*terms, *(x for x in (loads, bodies, *model.links, forces, None if static else motion, model.ties, held)
+                      if x is not None))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

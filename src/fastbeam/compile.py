@@ -21,6 +21,7 @@ from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
 from .errors import SceneError
+from .joint_motion import motions_of
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -148,6 +149,10 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     state, length = unpacked.state, unpacked.numbered.length
+    slider_forces = slider_forces_of(scene.sliders)
+    accounts = any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]))
+    motions = motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64),
+                         (0 if slider_forces is None else slider_forces.size) + accounts)
     return Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
@@ -162,8 +167,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
-        slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
-        accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:])))
+        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
+        motions=motions)
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

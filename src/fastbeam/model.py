@@ -88,6 +88,8 @@ class Model:
         Friction, drives and stops of sliders.
     sleeves : Sleeves or None
         The sliders that are sleeves.
+    motions : joint_motion.Motions or None
+        What joints with axes leave free.
     accounts_loads : bool
         Whether loads have no potential: they change in time, or are moments. In a plane as in space, because states of both hold
         the same numbers of the steps before.
@@ -141,6 +143,7 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     accounts_loads: bool = False
+    motions: Any = None
 
     @property
     def held_mask(self) -> Array:
@@ -265,6 +268,8 @@ class Model:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
                       self.slider_forces.restitutions]
+        if self.motions is not None:
+            parts += self.motions.table[:-2]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -311,7 +316,17 @@ class Model:
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before."""
+        return self.motion_place + (0 if self.motions is None else self.motions.size)
+
+    @property
+    def motion_place(self) -> int:
+        """Where the numbers of free coordinates of joints begin among them."""
         return self.work_place + self.accounts_loads
+
+    @property
+    def balances(self) -> bool:
+        """Whether the energy has a balance: something takes energy away or puts some in."""
+        return self.motion_place > 0 or (self.motions is not None and self.motions.exchanges)
 
     @property
     def work_place(self) -> int:

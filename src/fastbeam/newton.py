@@ -15,9 +15,11 @@ from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
+from .joint_motion import check_motions
 from .kernels import step as kernels
 from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule, put_drives
 from .kernels.constraints import Constraints
+from .kernels.joint_motion import MotorSchedule, put_motors
 from .kernels.observe import slider_motion
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
@@ -144,7 +146,12 @@ class Stepper:
         self._static = static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self._check_forces(compared)
-        self.terms = terms_of(core, self.inner, static, self.along)
+        check_motions(model.motions, method.name if compared else None, self.weights.size, static)
+        self.motion = None
+        if core.motions is not None and core.motions.rows.size:
+            self.motion = core.motions.work()
+            core.motions.settle(self.core_state, self.state.q.reshape(-1, 4, 3), core.motion_place)
+        self.terms = terms_of(core, self.inner, static, self.along, self.motion)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -358,17 +365,20 @@ class Stepper:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size
-        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1, tuple(x[at:] for x in drives))
+        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1, self.fallback._drives(t, h, 1, done + reached))
         if pivoting.status not in (OK, SLIDER_END):
             return result
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
-    def _drives(self, t: float, h: float, n: int, done: int) -> tuple[Array, ...]:
-        """What drives are given in n steps, as `SliderForces.schedule`; empty where nothing depends on time."""
-        if self.along is None or not self.core.slider_forces.timed:
-            return ()
-        return self.core.slider_forces.schedule(*self._substeps(t, h, n, done))
+    def _drives(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
+        """What drives are given in n steps: terms for the compiled loop, empty where nothing depends on time."""
+        out: list[Any] = []
+        if self.along is not None and self.core.slider_forces.timed:
+            out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
+        if self.motion is not None and self.core.motions.timed:
+            out.append(MotorSchedule(self.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
+        return tuple(out)
 
     def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
         """Times at which the substeps of n steps begin, and their sizes."""
@@ -376,13 +386,11 @@ class Stepper:
         starts = t + h * (np.arange(done, done + n)[:, None] + begins)
         return starts.reshape(-1), np.tile(self.weights * h, n)
 
-    def _loop(self, loads: Array | None, factors: Array, drives: tuple[Array, ...], h: float, n: int, counts: Array, sizes: Array,
+    def _loop(self, loads: Array | None, factors: Array, drives: tuple[Any, ...], h: float, n: int, counts: Array, sizes: Array,
               force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
         terms = self.terms if loads is None else (Loads(loads, factors), *self.terms)
-        if drives:
-            terms = (DriveSchedule(self.along, *drives), *terms)
-        return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
+        return (*drives, *terms), self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
@@ -401,7 +409,7 @@ class Stepper:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
-    def _python_run(self, factors: Array | None, h: float, n: int, drives: tuple[Array, ...] = ()) -> Outcome:
+    def _python_run(self, factors: Array | None, h: float, n: int, drives: tuple[Any, ...] = ()) -> Outcome:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, state.force.size))
@@ -414,8 +422,8 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                if drives:
-                    put_drives(DriveSchedule(self.along, *drives), None, k * self.weights.size + m)
+                for drive in drives:
+                    (put_drives if isinstance(drive, DriveSchedule) else put_motors)(drive, None, k * self.weights.size + m)
                 status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
                 if status == LEFT:

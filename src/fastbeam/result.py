@@ -14,6 +14,7 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
+from .exchanged import balance_of, joint_of
 
 Rows = Mapping[str, Any]
 
@@ -22,14 +23,18 @@ INTEGER_SERIES = ("iterations",)
 # series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
 EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
 ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
+# of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
+FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
 # rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
                      "iterations", "step_size"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
-    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
+    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
+# the series that has a column for every name of a kind
+INDEXED = {"sliders": "s_slide", "points": "points", "joints": "joint_value"}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 # what to write for series that are not there
@@ -305,10 +310,24 @@ class Result:
                 out[key] = self.series[series][:, k]
         return out
 
+    @checked(name=NAMED)
+    def joint(self, name: str) -> dict[str, np.ndarray]:
+        """What a joint with axes leaves free, [n] each: angle (rad) and spin (rad/s), distance (m) and speed (m/s), since t = 0;
+        energy of its spring, loss of its damper and work of its motor (J).
+
+        Raises
+        ------
+        SceneError
+            There is no such joint, or it leaves nothing free.
+        """
+        self._index("joints", "joint", name)
+        return joint_of(self, name)
+
     @checked()
     def balance(self) -> dict[str, np.ndarray]:
         """Energies of all parts over time, [n] each, J: what is stored ('kinetic', 'strain', 'stops', 'gravity'), what was taken
-        away ('friction of slider ...'), and with a minus what was put in ('drive of slider ...', 'loads'); 'sum' is constant.
+        away ('friction of slider ...', 'damper of joint ...'), and with a minus what was put in ('drive of slider ...', 'motor of
+        joint ...', 'loads'); 'sum' is constant.
 
         Where loads change in time or are moments, 'loads' is their work and that of gravity since the start.
 
@@ -317,24 +336,8 @@ class Result:
         SceneError
             The run did not record energies.
         """
-        energies = {name: np.asarray(self._series(name)) for name in ("kinetic", "strain")}
-        stops = self.series["stop_energy"].sum(axis=1) if "stop_energy" in self.series else np.zeros(len(self.t))
-        if np.any(stops):
-            energies["stops"] = stops
-        if "external_work" in self.series:
-            energies["loads"] = -self.series["external_work"]
-        else:
-            energies["gravity"] = self._series("gravity")
-            loads = self._series("potential") - energies["strain"] - energies["gravity"] - stops
-            if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(self._series("potential")), initial=0.0)):
-                energies["loads"] = loads
-        accounts = ("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("drive_work", "drive", -1.0)
-        for series, noun, sign in accounts:
-            for k, name in enumerate(self.names.get("sliders", []) if series in self.series else []):
-                if np.any(self.series[series][:, k]):
-                    energies[f"{noun} of slider {name!r}"] = sign * self.series[series][:, k]
-        energies["sum"] = np.sum(list(energies.values()), axis=0)
-        return energies
+        self._series("kinetic")
+        return balance_of(self)
 
     @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:
@@ -439,7 +442,7 @@ class Result:
         known = self.names.get(kind, [])
         if name not in known:
             raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {_listing(known)}")
-        k, columns = known.index(name), self._series("s_slide" if kind == "sliders" else "points").shape[1]
+        k, columns = known.index(name), self._series(INDEXED[kind]).shape[1]
         if k >= columns:
             raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(known)}")
         return k

@@ -91,7 +91,8 @@ def entries_of(model: Model) -> int:
     fewer at first where constraints are rows, and room for more is made when one has them."""
     # each as often as a tied node passes it on
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
-    ends = 2 * widest if model.kept else 0
+    # and the spins of both ends of a joint
+    ends = 2 * widest + 2 if model.kept else 0
     if model.curves is None:
         return ends
     # of a sleeve the spin of its holder, too
