@@ -120,7 +120,7 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), remaining=np.zeros(n),
                 full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
-                cross=np.zeros((len(model.sleeve_pairs), 2, 8)))
+                cross=np.zeros((len(model.sleeve_pairs), 2, 8)), before=np.zeros(n))
 
 
 def inner_of(model: Model) -> Inner | None:

@@ -18,12 +18,12 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import dot, ld2, ld3, perp
 from .alpha import Alpha
-from .joint_entries import begin_joint, take_forces
+from .joint_entries import begin_joint, forget_gaps, is_closed, take_forces
 from .kinds import Plane, Space, add_cross, add_to, add_turn, cross_product, dim, position
 from .planar_nodes import PlanarTies
 from .sleeve import SETTLED, add_double_cross
 from .slider import entry_of, tied_arm
-from .terms import Conserving, Midpoint, NoTies, assemble, is_settled, take_unknowns
+from .terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns
 from .ties import Ties
 
 
@@ -200,8 +200,9 @@ def assemble_conditions_at_end(joints, method, system, h):
 @is_settled.register(JointConditions)
 @kernel
 def conditions_are_met(joints, system):
-    """Whether the augmented Lagrangian leaves gaps of round-off size only."""
+    """Whether their gaps are closed."""
     contact, q, dofs = system.contact, system.state.q, system.dofs
+    closed = True
     for j in range(joints.node.shape[0]):
         allowed = SETTLED
         if joints.pair[joints.start[j], 1] < 0:
@@ -209,9 +210,9 @@ def conditions_are_met(joints, system):
             for c in range(dim(dofs)):
                 reach = max(reach, system.length + abs(q[(12 if dim(dofs) == 3 else 4) * joints.node[j, 0] + c]))
             allowed = 1e-15 * reach
-        if not contact.remaining[joints.first[0] + j] <= allowed:
-            return False
-    return True
+        closed = is_closed(contact, joints.first[0] + j, allowed) and closed
+    return closed
 
 
+first_guess.register(JointConditions)(forget_gaps)
 take_unknowns.register(JointConditions)(take_forces)
