@@ -215,8 +215,8 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
-        a, b = link.node
-        out.append((float(np.linalg.norm(link.law.lead(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
+        rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
+        out.append((float(np.linalg.norm(rates)) * (size if link.law.is_angle else 1.0), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]

@@ -107,8 +107,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     if core.slider_forces is not None and core.slider_forces.dissipates:
         backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
     if composed and backward:
-        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in; use order=2"
-                         + (", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""))
+        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in; use "
+                         "order=2" + (", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""))
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:

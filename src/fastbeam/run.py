@@ -52,7 +52,7 @@ START = Instance((State, Checkpoint), "a State (result.state, model.state()) or 
          augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
-             observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
+             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Any] | None = None,
              every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
@@ -82,7 +82,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
         sliders do not allow is refused; a support holds its node where the state has it.
-    observe : sequence of {'energy', 'momentum', 'slider', 'inner', 'velocity', 'section', 'reaction'}
+    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'inner', 'velocity', 'section', 'reaction'}
         What is recorded: 'velocity', 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2).
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.

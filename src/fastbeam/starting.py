@@ -174,20 +174,22 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
                           float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
     for link in model.kept:
-        a, b = link.node
-        r, moving = q[b, 0] - q[a, 0], v[b, 0] - v[a, 0]
-        gap, rate = link.law.gap(r, _at_start(model, link)), link.law.lead(r) @ moving
-        out.append(Misfit(f"{link.name}: its points lie", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
-        out.append(Misfit(f"{link.name}: the velocity of its points is", float(np.linalg.norm(rate)), "m/s",
-                          UNTRUE * speed + noise, np.inf))
+        x, moving = q[list(link.node)], v[list(link.node)]
+        gap, rate = link.law.gap(x, _at_start(model, link)), np.einsum("msic,sic->m", link.law.lead(x), moving)
+        # the size of the scene makes a velocity of the rate of an angle
+        place, what, unit = ("its directions are", "the rate of its directions is", "rad") if link.law.is_angle else (
+            "its points lie", "the velocity of its points is", "m")
+        big, wide = (1.0, length) if link.law.is_angle else (reach, 1.0)
+        out.append(Misfit(f"{link.name}: {place}", float(np.linalg.norm(gap)), unit, GAP * big,
+                          MENDABLE * (1.0 if link.law.is_angle else length)))
+        out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
     return out
 
 
 def _at_start(model: Model, link: KeptLink) -> Array:
-    """x_b - x_a of a joint in the reference shape."""
-    a, b = (model.q0.reshape(-1, 12)[k, :3] for k in link.node)
-    return b - a
+    """Coordinates of both nodes of a joint in the reference shape, [2, 4, 3]."""
+    return model.q0.reshape(-1, 4, 3)[list(link.node)]
 
 
 def _follows(model: Model) -> Array:
@@ -292,7 +294,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
                 out[2 * k + j, 12 * nodes + c] = -values * axis[c]
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
     x = q[:, 0]
-    own = [link.law.gap(x[link.node[1]] - x[link.node[0]], _at_start(model, link)) for link in model.kept]
+    own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in model.kept]
     directions = []
     for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q.reshape(-1, 4, 3))):
         # the place of the sleeve follows its point along the beam
@@ -304,7 +306,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             way[0, 12 * int(model.sliders.point[k]) + c] = tangent[c] / (tangent @ tangent)  # type: ignore[union-attr]
         directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
         own.append(section.values())
-    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, x), *directions), format="csr"),
+    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, q), *directions), format="csr"),
             np.concatenate((gaps, *own)))
 
 

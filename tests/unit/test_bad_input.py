@@ -261,6 +261,16 @@ def calls(folder: Path) -> dict[str, Call]:
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real)),
+        **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
+                      dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
+           for name, axes, more in (
+               ("RevoluteJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
+                                                            torque=either(is_real, is_function))),
+               ("PrismaticJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
+                                                             force=either(is_real, is_function))),
+               ("CylindricalJoint", dict(axis=(0, 1, 0)), {}), ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
+               ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
+        "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
                      dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function)),
         "DistributedLoad": Call(fb.DistributedLoad, dict(name="l", beam=BEAM, force=(0, 0, 1)),

@@ -85,6 +85,7 @@ class Contact(NamedTuple):
     pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
     cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
     #                         equations of the moments by s
+    before: np.ndarray = np.zeros(0)  # float64 [S]: of joints the gap that was left when it was last looked at in this step
 
 
 class ContactInRows(Contact):
