@@ -11,8 +11,8 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "InitialVelocity",
-              "Load", "Net", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
-              "Section", "Sleeve", "Slider", "Spring", "Stops"],
+              "Load", "Lock", "Net", "NodeRef", "Path", "Pin", "PointMass", "Release", "RigidBody", "RigidConnection",
+              "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],

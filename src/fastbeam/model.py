@@ -264,7 +264,7 @@ class Model:
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
-                      self.slider_forces.restitutions]
+                      self.slider_forces.restitutions, self.slider_forces.plan]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -288,7 +288,10 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), np.zeros(self.history_size))
+        history = np.zeros(self.history_size)
+        if self.slider_forces is not None:
+            history[:self.work_place] = self.slider_forces.initial_history
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     @property
     def slider_limits(self) -> Array:

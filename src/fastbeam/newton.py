@@ -16,7 +16,7 @@ from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .kernels import step as kernels
-from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule, put_drives
+from .kernels.along import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule, put_drives
 from .kernels.constraints import Constraints
 from .kernels.observe import slider_motion
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
@@ -175,7 +175,8 @@ class Stepper:
         if self.along is None:
             return
         if compared:
-            raise SceneError(f"method {self.method.name!r} has no friction, drives and stops of sliders; use the default method")
+            raise SceneError(f"method {self.method.name!r} has no friction, drives, stops, locks and releases of sliders; use "
+                             "the default method")
         if self.weights.size > 1 and self.core.slider_forces.dissipates:
             raise SceneError("order=4 has a step backward in time, in which friction, damping, forces of (t, s, rate) and rigid "
                              "stops would put energy in; use order=2")
@@ -188,7 +189,7 @@ class Stepper:
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
-        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0)
+        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
 
     @property

@@ -19,9 +19,9 @@ Rows = Mapping[str, Any]
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
-# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
+# series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
+EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
 # rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
@@ -328,7 +328,8 @@ class Result:
             loads = self._series("potential") - energies["strain"] - energies["gravity"] - stops
             if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(self._series("potential")), initial=0.0)):
                 energies["loads"] = loads
-        accounts = ("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("drive_work", "drive", -1.0)
+        accounts = (("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("lock_loss", "lock", 1.0),
+                    ("drive_work", "drive", -1.0))
         for series, noun, sign in accounts:
             for k, name in enumerate(self.names.get("sliders", []) if series in self.series else []):
                 if np.any(self.series[series][:, k]):
