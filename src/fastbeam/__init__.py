@@ -11,7 +11,7 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "InitialVelocity",
-              "Load", "Lock", "Net", "NodeRef", "Path", "Pin", "PointMass", "Release", "RigidBody", "RigidConnection",
+              "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin", "PointMass", "Release", "RigidBody", "RigidConnection",
               "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],

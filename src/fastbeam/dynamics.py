@@ -20,6 +20,7 @@ WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUK
 END_TOLERANCE = 1e-10
 # the time at which a condition begins to hold is met within this share of the step, round-off
 CONDITION = 1e-15
+SHARES = tuple(0.5**k for k in range(1, 7))
 # the error of a step to such an end is judged within this share of it, so that its halves stay inside
 INSIDE = 0.99
 # a step in which a triad turns by more is hard to solve, and beyond the second one does not resolve the rotation, rad
@@ -160,9 +161,12 @@ def run_to_condition(stepper: Stepper, t: float, h: float, parts: int,
             known[x] = 1.0 if done else reached(stepper.copy_state(), t + x * h)[0]
         return known[x]
 
-    if not beyond(0.0) < 0.0:
+    # what bounced at the start of the step may have been away in between
+    low = next((x for x in (0.0, *SHARES) if beyond(x) < 0.0), None)
+    if low is None:
+        stepper.load(start)
         return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces))), reached(stepper.copy_state(), t)[1]
-    at = float(brentq(beyond, 0.0, 1.0, xtol=CONDITION * h, rtol=CONDITION))
+    at = float(brentq(beyond, low, 1.0, xtol=CONDITION, rtol=CONDITION))
     outcome = trial(at)
     return at * h, outcome, reached(stepper.copy_state(), t + at * h)[1]
 

@@ -54,18 +54,21 @@ class Encounters:
         """Locks and releases that are due take effect; whether there are any."""
         if not self.locking.is_present:
             return False
-        state, events = self.locking.behind(self.stepper.copy_state(), t, NEXT_TO_NOTHING * self.step, found)
-        if events:
+        before = self.stepper.copy_state()
+        state, events = self.locking.behind(before, t, NEXT_TO_NOTHING * self.step, found)
+        if state is not before:
             self.stepper.set_state(state)
         for event in events:
             self.event(event)
-        return bool(events)
+        return state is not before
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """As `Calls.advance`, one step at a time where conditions are watched: CONDITION where one holds behind the last."""
+        """As `Calls.advance`, one step at a time where conditions are watched: CONDITION where one holds behind the last, and no
+        more steps where sliders lift off."""
         if not (self.locking.is_present and self.locking.watch(self.stepper.state, t + done * h)):
             return self.calls.advance(t, h, n, done)
         whole: Outcome | None = None
+        before = self.clock.before
         for k in range(done, done + n):
             saved = self.stepper.save()
             try:
@@ -73,11 +76,10 @@ class Encounters:
             except KeyboardInterrupt:
                 self.calls.intact &= k == done
                 raise
-            if part.steps and self.locking.reached(self.stepper.state, t + (k + 1) * h)[0] >= 0.0:
-                self.stepper.load(saved)
-                part = replace(part, status=CONDITION, steps=0)
+            part = self.looked_at(saved, part, t + (k + 1) * h, before)
+            before = part.force[1]
             whole = part if whole is None else part.after(whole)
-            if part.status != OK or not part.steps:
+            if part.status != OK or not part.steps or self.locking.lifting:
                 break
             self.locking.watch(self.stepper.state, t + (k + 1) * h)
         assert whole is not None
@@ -86,12 +88,26 @@ class Encounters:
     def controlled(self, t: float, h: float) -> tuple[float, float, Outcome]:
         """As `Calls.controlled`, with CONDITION as `advance`."""
         assert self.control is not None
-        saved = self.stepper.save() if self.locking.is_present and self.locking.watch(self.stepper.state, t) else None
+        watches = self.locking.is_present and self.locking.watch(self.stepper.state, t)
+        saved = self.stepper.save() if watches else None
         size, proposed, outcome = self.calls.controlled(self.control, t, h, self.steps)
-        if saved is not None and outcome.steps and self.locking.reached(self.stepper.state, t + size)[0] >= 0.0:
-            self.stepper.load(saved)
-            outcome = replace(outcome, status=CONDITION, steps=0)
+        if saved is not None:
+            outcome = self.looked_at(saved, outcome, t + size, self.clock.before)
         return size, proposed, outcome
+
+    def looked_at(self, saved: Any, outcome: Outcome, t: float, before: Any) -> Outcome:
+        """A step that led to time t: back to its saved start, with CONDITION, where a condition holds behind it. before: mean
+        contact force of the step before, N."""
+        if not outcome.steps:
+            return outcome
+        state = self.stepper.state
+        if self.locking.reached(state, t)[0] >= 0.0:
+            self.stepper.load(saved)
+            return replace(outcome, status=CONDITION, steps=0)
+        if self.locking.sided:
+            self.locking.follow(state, self.stepper.core_state)
+            self.locking.find_lifting(state, before, outcome.force[1])
+        return outcome
 
     def to_condition(self, t: float, outcome: Outcome, h: float) -> Any:
         """A step to where a condition of a lock or release begins to hold."""
@@ -103,7 +119,8 @@ class Encounters:
         last, final, found = run_to_condition(self.stepper, t, h, parts, self.locking.reached)
         if final.status != OK:
             raise failure(self.stepper, final, t, self.steps, last)
-        yield from self.behind(t, last, final, found)
+        # what comes back without having been away does not bounce
+        yield from self.behind(t, last, final, [replace(x, rests=last == 0.0) for x in found])
         return True
 
     def behind(self, t: float, last: float, final: Outcome, found: Sequence[Any] = (), strikes: Any = None) -> Any:

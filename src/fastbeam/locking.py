@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,28 +14,33 @@ from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF,
 from .kernels.observe import slider_motion
 from .kernels.work import State
 from .model import Model
+from .one_sided import BESIDE, land, place_of, pull
 from .scene.locks import END, START, STOP, truth
 from .starting import AT_STOP
 from .workspace import contact_of
 
 Array = np.ndarray
-LOCK, UNLOCK, RELEASE = "lock", "unlock", "release"
-KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released"}
+LOCK, UNLOCK, RELEASE, LIFT, LAND = "lock", "unlock", "release", "lift", "land"
+KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
+# events of points that come back, in a run
+MOST_HITS = 100
 
 
 @dataclass(frozen=True)
 class Awaited:
-    """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length."""
+    """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length; or
+    that its point comes back. rests: it came back with no flight between."""
 
     slider: int
     action: str
     when: Any
     at: float | None = None
+    rests: bool = False
 
     @property
     def is_watched(self) -> bool:
         """Whether the state of every step has to be looked at."""
-        return self.at is not None or callable(self.when)
+        return self.at is not None or callable(self.when) or self.action == LAND
 
 
 class Locking:
@@ -50,7 +55,11 @@ class Locking:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.sliders = [] if model.slider_forces is None else model.slider_forces.sliders
-        self.is_present = any(x.lock is not None or x.release is not None for x in self.sliders)
+        self.is_present = any(x.lock is not None or x.release is not None or x.one_sided is not None for x in self.sliders)
+        self.sided = [k for k, x in enumerate(self.sliders) if x.one_sided is not None]
+        # sliders that lift off at the end of the last step
+        self.lifting: list[Awaited] = []
+        self.hits = 0
         self._contact = contact_of(model) if self.is_present else None
         # what `reached` compares with: the awaited that are watched, and their values in the state before the step
         self._watched: list[Awaited] = []
@@ -64,6 +73,7 @@ class Locking:
         own = state.history[:self.model.work_place].reshape(-1, HISTORY)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
+                out += [Awaited(k, LAND, None)] if slider.one_sided is not None else []
                 continue
             turn, locks = int(own[k, TURNS]), slider.lock or ()
             if turn < 2 * len(locks):
@@ -82,10 +92,10 @@ class Locking:
 
     # --- conditions ---------------------------------------------------------------------------------------------------
     def watch(self, state: State, t: float) -> bool:
-        """Remember the values of conditions in a state, before a step; whether there are any."""
+        """Remember the values of conditions in a state, before a step; whether steps have to be looked at one by one."""
         self._watched = [x for x in self.awaited(state) if x.is_watched]
         self._before = self._values(state, t)
-        return bool(self._watched)
+        return bool(self._watched or self.sided)
 
     def reached(self, state: State, t: float) -> tuple[float, list[Awaited]]:
         """How far conditions are reached behind the step, negative before the first of them; which hold."""
@@ -105,8 +115,50 @@ class Locking:
         model = self.model
         rates = np.zeros(model.n_sliders)
         slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
-        return np.array([state.s[x.slider] - x.at if x.at is not None else
+        return np.array([state.s[x.slider] - x.at if x.at is not None else self._nearness(x, state) if x.action == LAND else
                          self._asked(x, t, float(state.s[x.slider]), float(rates[x.slider])) for x in self._watched])
+
+    def _nearness(self, awaited: Awaited, state: State) -> float:
+        """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
+        k = awaited.slider
+        place = place_of(self.model, state, k)
+        is_beside = place.is_beside and state.history[HISTORY * k + TURNS] == 0.0
+        return -place.distance if is_beside else -float(self.model.slider_lengths[k])
+
+    # --- one-sided contact --------------------------------------------------------------------------------------------
+    def follow(self, state: State, into: State) -> None:
+        """s of points away from their beams is that of the nearest point. One that comes from beyond an end counts again when it
+        is beside the beam, on its side."""
+        for k in self.sided:
+            if into.history[HISTORY * k + HELD] == OFF:
+                place = place_of(self.model, state, k)
+                into.s[k] = place.s
+                if not place.is_beside or place.distance > 0.0:
+                    into.history[HISTORY * k + TURNS] = 0.0 if place.is_beside else 1.0
+
+    def find_lifting(self, state: State, before: Array | None, force: Array) -> bool:
+        """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
+        each."""
+        self.lifting = [Awaited(k, LIFT, None) for k in self.sided if before is not None
+                        and state.history[HISTORY * k + HELD] == FREE
+                        and pull(self.model, state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
+        return bool(self.lifting)
+
+    def _comes_back(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
+        """A point that meets its beam again, or passes beside it."""
+        k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
+        place = place_of(self.model, state, k)
+        event = {"time": t, "slider": name, "s": place.s}
+        if place.off > BESIDE * float(self.model.slider_lengths[k]):
+            state = State(*(x.copy() for x in state))
+            state.history[HISTORY * k + TURNS] = 1.0
+            return state, {"kind": "missed", **event, "text": f"slider {name!r} passes {place.off:.3g} m beside its beam at t = "
+                                                              f"{t:.6g} s"}
+        restitution = 0.0 if awaited.rests else self.sliders[k].one_sided.restitution
+        state, loss, stays = land(self.model, state, k, place, restitution)
+        kind, what = ("landed", "is back on") if stays else ("impact", "bounces off")
+        return state, {"kind": kind, **event, "loss": loss, "text": f"slider {name!r} {what} its beam at s = {place.s:.6g} m, "
+                                                                    f"t = {t:.6g} s, {loss:.3g} J are lost"}
 
     def _asked(self, awaited: Awaited, t: float, s: float, rate: float) -> float:
         slider = self.sliders[awaited.slider]
@@ -133,7 +185,9 @@ class Locking:
             Conditions that hold, located by the caller.
         """
         events = []
-        due = list(found)
+        due = [*found, *self.lifting]
+        self.lifting = []
+        self.follow(state, state)
         while self.is_present:
             if not due:
                 self.watch(state, t)
@@ -143,10 +197,13 @@ class Locking:
                        or x.at is not None and holds[x] == 0.0]
                 if not due:
                     break
-            state, event = self.happens(due.pop(0), state, t)
-            events.append(event)
+            now = due.pop(0)
+            state, event = self._comes_back(now, state, t) if now.action == LAND else self.happens(now, state, t)
+            self.hits += now.action in (LIFT, LAND)
+            if now.action not in (LIFT, LAND) or self.hits <= MOST_HITS:
+                events.append(event)
             # what waits next depends on it
-            due = [x for x in due if x in self.awaited(state)]
+            due = [x for x in due if x.action == LIFT or replace(x, rests=False) in self.awaited(state)]
         return state, events
 
     def at_end(self, state: State, k: int, at_end: bool, is_stop: bool) -> list[Awaited]:
@@ -174,8 +231,9 @@ class Locking:
             text = f"slider {name!r} is let go at s = {s:.6g} m at t = {t:.6g} s"
         else:
             own[k, HELD] = OFF
-            text = f"slider {name!r} leaves its {self.model.track} at s = {s:.6g} m at t = {t:.6g} s"
-        own[k, TURNS] += awaited.action != RELEASE
+            verb = "leaves" if awaited.action == RELEASE else "lifts off"
+            text = f"slider {name!r} {verb} its {self.model.track} at s = {s:.6g} m at t = {t:.6g} s"
+        own[k, TURNS] += awaited.action in (LOCK, UNLOCK)
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
 
     def _begin_at_rest(self, own: Array, k: int, s: float) -> None:

@@ -76,6 +76,8 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         lead = link.law.lead(nodes.phi[b] - nodes.phi[a])
         add([(b, 0, lead), (a, 0, -lead)], np.zeros(len(lead)))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:
             # any speed along the tangent: two rows across it

@@ -381,7 +381,7 @@ class _Run(Encounters):
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size, self.impacts.in_a_row = h, 0
-            if t >= end and self.locking.next_time(self.stepper.state) <= t:
+            if self.locking.lifting or t >= end and self.locking.next_time(self.stepper.state) <= t:
                 # the row of this time is behind what happens now
                 self.took(t, outcome, size)
                 outcome = replace(outcome, steps=0, iterations=outcome.iterations // max(outcome.steps, 1))

@@ -105,7 +105,7 @@ class SliderForces:
         """Whether something takes energy away."""
         t = self.tables
         return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, 1] > 0.0) or self._laws
-                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
+                    or any(x.stops is not None and x.stops.is_rigid or x.one_sided is not None for x in self.sliders))
 
     @property
     def exchanges(self) -> bool:
@@ -115,7 +115,7 @@ class SliderForces:
     @property
     def leaves(self) -> bool:
         """Whether a slider may leave its beam."""
-        return any(x.release is not None for x in self.sliders)
+        return any(x.release is not None or x.one_sided is not None for x in self.sliders)
 
     @property
     def initial_history(self) -> Array:
@@ -123,6 +123,7 @@ class SliderForces:
         out = np.zeros((len(self.sliders), HISTORY))
         locked = [x.lock is not None and x.lock[0].from_start for x in self.sliders]
         out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
+        out[[x.starts_off for x in self.sliders], HELD] = OFF
         return out.reshape(-1)
 
     @property
@@ -132,6 +133,7 @@ class SliderForces:
         for slider in self.sliders:
             waits = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
             waits += [] if slider.release is None else [slider.release.when]
+            waits += [] if slider.one_sided is None else [*slider.one_sided.side.tolist(), slider.one_sided.restitution]
             out += [x if isinstance(x, float) else np.nan for x in waits] + [np.inf]
         return np.array(out)
 
@@ -145,6 +147,16 @@ class SliderForces:
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
                                        ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held")})
+
+    @property
+    def sides(self) -> Array:
+        """In which direction of the triads of their beams sliders may lift off, 0 where they may not, float64 [S, 3]."""
+        out = np.zeros((len(self.sliders), 3))
+        for k, slider in enumerate(self.sliders):
+            if slider.one_sided is not None:
+                out[k] = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
+        out[:, 0] = 0.0
+        return out
 
     # --- what drives are given ----------------------------------------------------------------------------------------
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:

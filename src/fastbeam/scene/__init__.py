@@ -4,7 +4,7 @@ from __future__ import annotations
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
-from fastbeam.scene.locks import Lock, Release
+from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -19,6 +19,6 @@ from fastbeam.scene.spring import Spring
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
-    "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "Release", "RigidBody",
-    "RigidConnection", "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PointMass", "Release",
+    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
 ]

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Number, Refusal, checked, real, shown
+from fastbeam.arguments import Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
+from fastbeam.scene.checks import Array
 from fastbeam.scene.sliding import Stops, needed_arguments
 
 TIME, PLACE = Number(unit="s"), Number(unit="m")
@@ -128,6 +129,55 @@ class Release:
     kind: ClassVar[str] = "release"
 
     when: Any
+
+
+@checked(side=Vector, restitution=Number(least=0.0, most=1.0))
+@dataclass(frozen=True, eq=False)
+class OneSided:
+    """Contact that pushes only: the point lies on one side of the beam, lifts off where it would have to be pulled, and comes
+    back. `Slider(..., one_sided=(0, 0, 1))` is the short form of `one_sided=fb.OneSided((0, 0, 1))`.
+
+    A point that comes back hits the beam: across it the velocity jumps to -restitution times what it was, the loss is in
+    `result.balance()`. What does not bounce slides on. A point may also begin away from the beam, on its side: then `at` is where
+    the search for the nearest point begins (theory.md 5.9). `result.slider(name)["gap"]` is the distance.
+
+    In space a point that comes back has to meet the beam itself: one that passes beside it flies on, and an event says so.
+
+    Parameters
+    ----------
+    side : array_like (3,)
+        Direction at t = 0 in which the point may lift off; it turns with the section of the beam.
+    restitution : float
+        From 0 (default: it does not bounce) to 1 (without loss).
+
+    Raises
+    ------
+    SceneError
+        `side` is zero, or a number is out of range.
+    """
+
+    kind: ClassVar[str] = "one-sided contact"
+
+    side: Array
+    _: KW_ONLY
+    restitution: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.linalg.norm(self.side) > 0.0:
+            raise SceneError("one-sided contact: side=(0, 0, 0) is no direction; give that in which the point may lift off")
+
+
+@dataclass(frozen=True)
+class AOneSided:
+    """A OneSided, or its side."""
+
+    def __call__(self, value: Any) -> OneSided:
+        if isinstance(value, OneSided):
+            return value
+        try:
+            return OneSided(Vector(value))
+        except (Refusal, SceneError):
+            raise Refusal(f"must be a direction (3 finite numbers, not all 0) or a OneSided, got {shown(value)}") from None
 
 
 @dataclass(frozen=True)
