@@ -85,7 +85,7 @@ class Model:
     load_names : list of str
         What each time function belongs to.
     slider_forces : slider_forces.SliderForces or None
-        Friction, drives and stops of sliders.
+        Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
         The sliders that are sleeves.
     accounts_loads : bool

@@ -105,12 +105,17 @@ class SliderForces:
         """Whether something takes energy away."""
         t = self.tables
         return bool(np.any(t.friction > 0.0) or np.any(t.viscous > 0.0) or np.any(t.gains[:, 1] > 0.0) or self._laws
-                    or any(x.stops is not None and x.stops.is_rigid or x.one_sided is not None for x in self.sliders))
+                    or any(x.stops is not None and x.stops.is_rigid for x in self.sliders))
 
     @property
     def exchanges(self) -> bool:
         """Whether the total energy changes: there is more than elastic stops."""
-        return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE)) or any(x.lock is not None for x in self.sliders)
+        return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE)) or self.lets_go
+
+    @property
+    def lets_go(self) -> bool:
+        """Whether sliders are locked or leave their beams."""
+        return self.leaves or any(x.lock is not None for x in self.sliders)
 
     @property
     def leaves(self) -> bool:

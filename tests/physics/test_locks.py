@@ -166,12 +166,18 @@ def test_a_bead_on_a_pendulum_lets_go_and_keeps_energy() -> None:
     assert 3.0 < errors[0] / errors[1] < 6.0
 
 
-def test_order_is_two_through_a_lock_and_its_end() -> None:
-    model = pendulum(lock=fb.Lock(lambda t, s, rate: s - 0.6, until=0.55))
-    ends = [run(model, 0.8, step).state.q for step in (8e-3, 4e-3, 2e-3, 1e-3, 5e-4)]
+EVENTS: dict[str, dict[str, Any]] = {
+    "lock": dict(lock=fb.Lock(lambda t, s, rate: s - 0.6, until=0.55)), "until": dict(lock=fb.Lock(until=0.2)),
+    "release": dict(release=fb.Release(0.4)), "off a place": dict(release=fb.Release(lambda t, s, rate: s - 0.6))}
+
+
+@pytest.mark.parametrize("name", EVENTS)
+def test_order_is_two_through_locks_and_releases(name: str) -> None:
+    model = pendulum(**EVENTS[name])
+    ends = [run(model, 0.8, step).state.q for step in (0.02, 0.01, 0.005, 6.25e-4)]
     errors = [np.max(np.abs(x - ends[-1])) for x in ends[:-1]]
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert np.all(rates > 1.7), rates
+    assert np.all(rates > 1.7), (rates, errors)
 
 
 # --- one-sided contact --------------------------------------------------------------------------------------------------
