@@ -20,7 +20,6 @@ WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUK
 END_TOLERANCE = 1e-10
 # the time at which a condition begins to hold is met within this share of the step, round-off
 CONDITION = 1e-15
-SHARES = tuple(0.5**k for k in range(1, 7))
 # the error of a step to such an end is judged within this share of it, so that its halves stay inside
 INSIDE = 0.99
 # a step in which a triad turns by more is hard to solve, and beyond the second one does not resolve the rotation, rad
@@ -130,7 +129,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     return *best, way(reached[0].s)[1]
 
 
-def run_to_condition(stepper: Stepper, t: float, h: float, parts: int,
+def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: float,
                      reached: Callable[[State, float], tuple[float, list[Any]]]) -> tuple[float, Outcome, list[Any]]:
     """Shorten a step from t, after which a condition holds, so that it ends where the first of them begins to.
 
@@ -138,6 +137,8 @@ def run_to_condition(stepper: Stepper, t: float, h: float, parts: int,
     ----------
     parts : int
         The step consists of so many of the same size.
+    least : float
+        Share of the step: what holds by then holds now.
     reached : callable
         (state, t) -> how far the first condition is reached, negative before that, and which conditions hold.
 
@@ -148,25 +149,20 @@ def run_to_condition(stepper: Stepper, t: float, h: float, parts: int,
     """
     from scipy.optimize import brentq
     start = stepper.save()
-    known: dict[float, float] = {}
 
     def trial(x: float) -> Outcome:
         stepper.load(start)
         return stepper.advance(t, x * h / parts, parts)
 
     def beyond(x: float) -> float:
-        if x not in known:
-            done = x > 0.0 and trial(x).status != OK
-            # a step that fails, or ends elsewhere, is too long
-            known[x] = 1.0 if done else reached(stepper.copy_state(), t + x * h)[0]
-        return known[x]
+        # a step that fails, or ends elsewhere, is too long
+        return reached(stepper.copy_state(), t + x * h)[0] if trial(x).status == OK else 1.0
 
-    # what bounced at the start of the step may have been away in between
-    low = next((x for x in (0.0, *SHARES) if beyond(x) < 0.0), None)
-    if low is None:
+    if not beyond(least) < 0.0:
+        found = reached(stepper.copy_state(), t + least * h)[1]
         stepper.load(start)
-        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces))), reached(stepper.copy_state(), t)[1]
-    at = float(brentq(beyond, low, 1.0, xtol=CONDITION, rtol=CONDITION))
+        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces))), found
+    at = float(brentq(beyond, least, 1.0, xtol=CONDITION, rtol=CONDITION))
     outcome = trial(at)
     return at * h, outcome, reached(stepper.copy_state(), t + at * h)[1]
 

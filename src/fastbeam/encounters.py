@@ -20,6 +20,8 @@ from .watching import MOST_NAMED
 
 # what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
+# a point that is back on its beam after this share of a step has not been away
+SHORT_FLIGHT = 1.0 / 64.0
 # status of steps before one in which a condition of a lock or release begins to hold
 CONDITION = 100
 
@@ -105,7 +107,7 @@ class Encounters:
             self.stepper.load(saved)
             return replace(outcome, status=CONDITION, steps=0)
         if self.locking.sided:
-            self.locking.follow(state, self.stepper.core_state)
+            self.locking.follow(state, t, self.stepper.core_state)
             self.locking.find_lifting(state, before, outcome.force[1])
         return outcome
 
@@ -116,7 +118,8 @@ class Encounters:
         self.between, self.calls.intact = True, False
         self.locking.watch(self.stepper.state, t)
         parts = 1 if self.control is None else 2
-        last, final, found = run_to_condition(self.stepper, t, h, parts, self.locking.reached)
+        least = SHORT_FLIGHT if self.locking.touches else NEXT_TO_NOTHING
+        last, final, found = run_to_condition(self.stepper, t, h, parts, least, self.locking.reached)
         if final.status != OK:
             raise failure(self.stepper, final, t, self.steps, last)
         # what comes back without having been away does not bounce

@@ -14,7 +14,7 @@ from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF,
 from .kernels.observe import slider_motion
 from .kernels.work import State
 from .model import Model
-from .one_sided import BESIDE, land, place_of, pull
+from .one_sided import BESIDE, Place, land, place_of, pull
 from .scene.locks import END, START, STOP, truth
 from .starting import AT_STOP
 from .workspace import contact_of
@@ -22,6 +22,8 @@ from .workspace import contact_of
 Array = np.ndarray
 LOCK, UNLOCK, RELEASE, LIFT, LAND = "lock", "unlock", "release", "lift", "land"
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
+# distance, as a share of the length of the beam
+TOUCHING = 1e-12
 # events of points that come back, in a run
 MOST_HITS = 100
 
@@ -60,6 +62,8 @@ class Locking:
         # sliders that lift off at the end of the last step
         self.lifting: list[Awaited] = []
         self.hits = 0
+        # where points away from their beams are, at one time
+        self._places: dict[tuple[int, float], Place] = {}
         self._contact = contact_of(model) if self.is_present else None
         # what `reached` compares with: the awaited that are watched, and their values in the state before the step
         self._watched: list[Awaited] = []
@@ -99,6 +103,7 @@ class Locking:
 
     def reached(self, state: State, t: float) -> tuple[float, list[Awaited]]:
         """How far conditions are reached behind the step, negative before the first of them; which hold."""
+        self._places.clear()
         found = self._values(state, t)
         for i, x in enumerate(self._watched):
             if x.at is not None:
@@ -108,6 +113,12 @@ class Locking:
         first = float(np.max(found, initial=-np.inf))
         return first, [x for x, value in zip(self._watched, found) if value >= 0.0 or value == first]
 
+    @property
+    def touches(self) -> bool:
+        """Whether a point that is away from its beam was at it before the step."""
+        return any(x.action == LAND and abs(value) <= TOUCHING * float(self.model.slider_lengths[x.slider])
+                   for x, value in zip(self._watched, self._before))
+
     def _values(self, state: State, t: float) -> Array:
         """Of all that is watched, [n]."""
         if not self._watched:
@@ -115,23 +126,30 @@ class Locking:
         model = self.model
         rates = np.zeros(model.n_sliders)
         slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
-        return np.array([state.s[x.slider] - x.at if x.at is not None else self._nearness(x, state) if x.action == LAND else
+        return np.array([state.s[x.slider] - x.at if x.at is not None else self._nearness(x, state, t) if x.action == LAND else
                          self._asked(x, t, float(state.s[x.slider]), float(rates[x.slider])) for x in self._watched])
 
-    def _nearness(self, awaited: Awaited, state: State) -> float:
+    def _place(self, state: State, t: float, k: int) -> Place:
+        """Of the point of slider k in the state at time t, the one that was looked at last there."""
+        if (k, t) not in self._places:
+            self._places = {at: place for at, place in self._places.items() if at[1] == t}
+            self._places[k, t] = place_of(self.model, state, k)
+        return self._places[k, t]
+
+    def _nearness(self, awaited: Awaited, state: State, t: float) -> float:
         """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
         k = awaited.slider
-        place = place_of(self.model, state, k)
+        place = self._place(state, t, k)
         is_beside = place.is_beside and state.history[HISTORY * k + TURNS] == 0.0
         return -place.distance if is_beside else -float(self.model.slider_lengths[k])
 
     # --- one-sided contact --------------------------------------------------------------------------------------------
-    def follow(self, state: State, into: State) -> None:
+    def follow(self, state: State, t: float, into: State) -> None:
         """s of points away from their beams is that of the nearest point. One that comes from beyond an end counts again when it
         is beside the beam, on its side."""
         for k in self.sided:
             if into.history[HISTORY * k + HELD] == OFF:
-                place = place_of(self.model, state, k)
+                place = self._place(state, t, k)
                 into.s[k] = place.s
                 if not place.is_beside or place.distance > 0.0:
                     into.history[HISTORY * k + TURNS] = 0.0 if place.is_beside else 1.0
@@ -187,7 +205,7 @@ class Locking:
         events = []
         due = [*found, *self.lifting]
         self.lifting = []
-        self.follow(state, state)
+        self.follow(state, t, state)
         while self.is_present:
             if not due:
                 self.watch(state, t)

@@ -181,8 +181,8 @@ class Stepper:
             raise SceneError("order=4 has a step backward in time, in which friction, damping, forces of (t, s, rate) and rigid "
                              "stops would put energy in; use order=2")
         if self.weights.size > 1 and self.core.slider_forces.lets_go:
-            raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
-                             "follows; use order=2")
+            raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is "
+                             "what follows; use order=2")
 
     def _start_sliding(self) -> None:
         """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a

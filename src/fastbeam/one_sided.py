@@ -15,6 +15,8 @@ from .model import Model
 Array = np.ndarray
 # a point is beside the beam, not beyond its ends, and meets it, within this share of its length
 BESIDE = 1e-9
+# the last step of the search for the nearest point is as short, as a share of the length
+NEAR = 1e-8
 
 
 @dataclass
@@ -42,23 +44,29 @@ def place_of(model: Model, state: State, k: int) -> Place:
         slope = tangent @ tangent - gap @ bend
         way = float(gap @ tangent / (slope if slope > 0.5 * (tangent @ tangent) else tangent @ tangent))
         before, s = s, float(np.clip(s + way, low, high))
-        if abs(s - before) <= 1e-16 * length:
+        # Newton's method squares what is left
+        if abs(s - before) <= NEAR * length:
             break
-    nodes, shapes = shapes_at(model, k, s)
-    at, tangent, _ = shapes @ q[nodes, 0]
-    gap, tangent = point - at, tangent / np.linalg.norm(tangent)
-    side = model.slider_forces.sides[k] @ np.einsum("n,nic->ic", shapes[0], q[nodes, 1:])
-    normal = side - (side @ tangent) * tangent
-    normal /= np.linalg.norm(normal)
+    at, tangent, normal = frame_at(model, q, k, s)
+    gap = point - at
     distance, beyond = float(normal @ gap), float(gap @ tangent)
     rest = gap - distance * normal - beyond * tangent
     return Place(s, distance, abs(beyond) <= BESIDE * length, normal, float(np.linalg.norm(rest)))
 
 
+def frame_at(model: Model, q: Array, k: int, s: float) -> tuple[Array, Array, Array]:
+    """Place, unit tangent and normal of the curve of slider k at s, on the side where it may lift off; q [N, 4, 3]."""
+    nodes, shapes = shapes_at(model, k, s)
+    at, tangent, _ = shapes @ q[nodes, 0]
+    tangent = tangent / np.linalg.norm(tangent)
+    side = model.slider_forces.sides[k] @ np.einsum("n,nic->ic", shapes[0], q[nodes, 1:])
+    normal = side - (side @ tangent) * tangent
+    return at, tangent, normal / np.linalg.norm(normal)
+
+
 def pull(model: Model, state: State, k: int, force: Array) -> float:
     """How much the contact force [3] on the point of slider k pulls it towards the beam, N."""
-    place = place_of(model, state, k)
-    return -float(place.normal @ force)
+    return -float(frame_at(model, state.q.reshape(-1, 4, 3), k, float(state.s[k]))[2] @ force)
 
 
 def land(model: Model, state: State, k: int, place: Place, restitution: float) -> tuple[State, float, bool]:

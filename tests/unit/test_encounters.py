@@ -69,7 +69,8 @@ def test_a_run_goes_on_bit_for_bit_from_every_row_around_an_event(name: str, tol
 
 
 def test_rows_do_not_change_what_happens() -> None:
-    results = [fb.simulate(flying("auto", lock=LOCKS), t_end=0.15, step=2e-3, every=every, progress=False) for every in (1, 7, 1000)]
+    results = [fb.simulate(flying("auto", lock=LOCKS), t_end=0.15, step=2e-3, every=every, progress=False)
+               for every in (1, 7, 1000)]
     for result in results[1:]:
         assert all(np.array_equal(x, y) for x, y in zip(result.state, results[0].state))
 
@@ -83,7 +84,7 @@ def test_events_have_no_order_four(model: fb.Model) -> None:
 
 
 REFUSED: dict[str, tuple[Any, str]] = {
-    "drive": (lambda: slider(drive=fb.Drive(speed=1.0), lock=fb.Lock(1.0)), "its drive prescribes the motion, so it cannot be locked"),
+    "drive": (lambda: slider(drive=fb.Drive(speed=1.0), lock=fb.Lock(1.0)), "prescribes the motion, so it cannot be locked"),
     "rate": (lambda: slider(rate=1.0, lock=fb.Lock(until=1.0)), "locked from the start; leave rate out"),
     "order of locks": (lambda: slider(lock=[fb.Lock(1.0), fb.Lock(2.0)]), "must be the last"),
     "times": (lambda: slider(lock=[fb.Lock(1.0, until=2.0), fb.Lock(1.5)]), "times must grow"),
