@@ -14,7 +14,7 @@ from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF,
 from .kernels.observe import slider_motion
 from .kernels.work import State
 from .model import Model
-from .one_sided import BESIDE, Place, land, place_of, pull
+from .one_sided import ON_AXIS, Place, land, place_of, pull
 from .scene.locks import END, START, STOP, truth
 from .starting import AT_STOP
 from .workspace import contact_of
@@ -140,8 +140,8 @@ class Locking:
         """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
         k = awaited.slider
         place = self._place(state, t, k)
-        is_beside = place.is_beside and state.history[HISTORY * k + TURNS] == 0.0
-        return -place.distance if is_beside else -float(self.model.slider_lengths[k])
+        is_between_ends = place.is_between_ends and state.history[HISTORY * k + TURNS] == 0.0
+        return -place.distance if is_between_ends else -float(self.model.slider_lengths[k])
 
     # --- one-sided contact --------------------------------------------------------------------------------------------
     def follow(self, state: State, t: float, into: State) -> None:
@@ -151,8 +151,8 @@ class Locking:
             if into.history[HISTORY * k + HELD] == OFF:
                 place = self._place(state, t, k)
                 into.s[k] = place.s
-                if not place.is_beside or place.distance > 0.0:
-                    into.history[HISTORY * k + TURNS] = 0.0 if place.is_beside else 1.0
+                if not place.is_between_ends or place.distance > 0.0:
+                    into.history[HISTORY * k + TURNS] = 0.0 if place.is_between_ends else 1.0
 
     def find_lifting(self, state: State, before: Array | None, force: Array) -> bool:
         """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
@@ -167,7 +167,7 @@ class Locking:
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
         place = place_of(self.model, state, k)
         event = {"time": t, "slider": name, "s": place.s}
-        if place.off > BESIDE * float(self.model.slider_lengths[k]):
+        if place.off > ON_AXIS * float(self.model.slider_lengths[k]):
             state = State(*(x.copy() for x in state))
             state.history[HISTORY * k + TURNS] = 1.0
             return state, {"kind": "missed", **event, "text": f"slider {name!r} passes {place.off:.3g} m beside its beam at t = "

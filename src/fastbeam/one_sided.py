@@ -14,7 +14,7 @@ from .model import Model
 
 Array = np.ndarray
 # a point is beside the beam, not beyond its ends, and meets it, within this share of its length
-BESIDE = 1e-9
+ON_AXIS = 1e-9
 # the last step of the search for the nearest point is as short, as a share of the length
 NEAR = 1e-8
 
@@ -26,7 +26,7 @@ class Place:
 
     s: float
     distance: float
-    is_beside: bool
+    is_between_ends: bool
     normal: Array
     off: float
 
@@ -51,7 +51,7 @@ def place_of(model: Model, state: State, k: int) -> Place:
     gap = point - at
     distance, beyond = float(normal @ gap), float(gap @ tangent)
     rest = gap - distance * normal - beyond * tangent
-    return Place(s, distance, abs(beyond) <= BESIDE * length, normal, float(np.linalg.norm(rest)))
+    return Place(s, distance, abs(beyond) <= ON_AXIS * length, normal, float(np.linalg.norm(rest)))
 
 
 def frame_at(model: Model, q: Array, k: int, s: float) -> tuple[Array, Array, Array]:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -123,12 +124,22 @@ class SliderForces:
         return any(x.release is not None or x.one_sided is not None for x in self.sliders)
 
     @property
+    def locked_at_start(self) -> Array:
+        """Whether sliders are locked from the start, bool [S]."""
+        return np.array([x.lock is not None and x.lock[0].from_start for x in self.sliders])
+
+    @property
+    def off_at_start(self) -> Array:
+        """Whether points are away from their beams at the start, bool [S]."""
+        return np.array([x.starts_off for x in self.sliders])
+
+    @property
     def initial_history(self) -> Array:
         """`State.history` at the start, float64 [9 S]."""
         out = np.zeros((len(self.sliders), HISTORY))
-        locked = [x.lock is not None and x.lock[0].from_start for x in self.sliders]
+        locked = self.locked_at_start
         out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
-        out[[x.starts_off for x in self.sliders], HELD] = OFF
+        out[self.off_at_start, HELD] = OFF
         return out.reshape(-1)
 
     @property
@@ -153,7 +164,7 @@ class SliderForces:
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
                                        ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held")})
 
-    @property
+    @cached_property
     def sides(self) -> Array:
         """In which direction of the triads of their beams sliders may lift off, 0 where they may not, float64 [S, 3]."""
         out = np.zeros((len(self.sliders), 3))

@@ -135,3 +135,44 @@ def test_a_point_that_passes_beside_its_beam_flies_on() -> None:
     ((kind, t),) = [(x["kind"], x["time"]) for x in result.events]
     assert kind == "missed" and abs(t - np.sqrt(0.04 / 9.81)) < 1e-12
     np.testing.assert_allclose(result.series["slider_position"][:, 0, 2], 0.02 - 0.5 * 9.81 * result.t**2, atol=1e-13)
+
+
+def test_equilibria_hold_what_is_locked_from_the_start() -> None:
+    beam = fb.Beam.straight("arm", (0, 0, 0), (1, 0, 0), section=RAIL, elements=4)
+    mass = fb.PointMass("m", mass=5.0)
+
+    def model(**forces: Any) -> fb.Model:
+        return fb.compile_scene(fb.Scene(beam, mass, fb.Clamp(beam.start), fb.Slider("s", mass, beam, at=0.7, **forces),
+                                         gravity=(0, 0, -9.81)))
+
+    locked = model(lock=fb.Lock(until=0.1))
+    rest = fb.solve_static(locked)
+    assert rest.state.s[0] == 0.7 and rest.slider("s")["gap"][-1] < 1e-12
+    result = fb.simulate(locked, start=rest.state, t_end=0.2, step=1e-3, every=1, progress=False)
+    z = result.series["slider_position"][:, 0, 2]
+    assert np.ptp(z[result.t < 0.1]) < 1e-12 and result.slider("s")["s"][-1] > 0.7 and result.drift("balance") < 1e-12
+    with pytest.raises(fb.SceneError, match="a lock or may leave its beam"):
+        fb.solve_static(model(lock=fb.Lock(1.0)))
+
+
+def test_a_point_away_from_its_beam_has_no_equilibrium() -> None:
+    with pytest.raises(fb.SceneError, match="begins away from its beam"):
+        fb.solve_static(bouncing(0.0), held=True)
+
+
+def test_sliders_of_a_net_are_locked_and_released_in_both_solvers() -> None:
+    points = [(x, y, 0) for x in range(3) for y in range(3)]
+    edges = [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8), (0, 3), (3, 6), (1, 4), (4, 7), (2, 5), (5, 8)]
+    net = fb.Net("net", points, edges, section=SOFT, clamps=[0, 2, 6, 8], elements=2)
+    masses = [fb.PointMass(f"m{i}", mass=0.05) for i in range(4)]
+    kinds: list[dict[str, Any]] = [dict(lock=fb.Lock(until=0.011)), dict(release=fb.Release(0.013), rate=1.0),
+                                   dict(lock=fb.Lock(at=0.51), rate=1.0), dict(one_sided=(0, 0, 1), rate=0.3)]
+    sliders = [fb.Slider(f"s{i}", mass, net.beam(2 * i + 1), at=0.5, **kind) for i, (mass, kind) in enumerate(zip(masses, kinds))]
+    scene = fb.Scene(net, *masses, *sliders, gravity=(0, 0, -9.81))
+    results = [fb.simulate(fb.compile_scene(scene, solver=solver), t_end=0.03, step=1e-3, every=1, progress=False)
+               for solver in ("auto", "sparse")]
+    for result in results:
+        found = {x["slider"]: x["kind"] for x in result.events if x["kind"] != "missed"}
+        assert found["s0"] == "unlocked" and found["s1"] == "released" and found["s2"] == "locked"
+        assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
+    np.testing.assert_allclose(results[0].state.q, results[1].state.q, rtol=0.0, atol=1e-10)

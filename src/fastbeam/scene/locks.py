@@ -1,7 +1,6 @@
 """Sliders that are locked on their beam, or leave it, at a time or where a condition holds."""
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -185,8 +184,7 @@ class SomeLocks:
     """A Lock, or several that act one after the other, as a tuple."""
 
     def __call__(self, value: Any) -> tuple[Lock, ...]:
-        several = isinstance(value, Iterable) and not isinstance(value, (str, bytes, type, np.ndarray, dict))
-        locks = tuple(value) if several else (value,)
+        locks = tuple(value) if isinstance(value, (list, tuple)) else (value,)
         if not locks or not all(isinstance(lock, Lock) for lock in locks):
             raise Refusal(f"must be a Lock or a list of them, as in lock=fb.Lock(until=1.0), got {shown(value)}")
         return locks
