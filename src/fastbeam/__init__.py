@@ -11,8 +11,8 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "GROUND",
-              "InitialVelocity", "Load", "Net", "NodeRef", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
-              "PrismaticJoint", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
+              "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
+              "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
               "Signal", "Sleeve", "Slider", "Spring", "Stops", "UniversalJoint", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],

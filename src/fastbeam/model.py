@@ -86,7 +86,7 @@ class Model:
     load_names : list of str
         What each time function belongs to.
     slider_forces : slider_forces.SliderForces or None
-        Friction, drives and stops of sliders.
+        Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
         The sliders that are sleeves.
     damped : dissipation.Damped or None
@@ -297,7 +297,7 @@ class Model:
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
-                      self.slider_forces.restitutions]
+                      self.slider_forces.restitutions, self.slider_forces.plan]
         if self.prescribed is not None:
             parts += [self.prescribed.own]
         if self.motions is not None:
@@ -325,7 +325,10 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), np.zeros(self.history_size))
+        history = np.zeros(self.history_size)
+        if self.slider_forces is not None:
+            history[:self.work_place] = self.slider_forces.initial_history
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     @property
     def slider_limits(self) -> Array:

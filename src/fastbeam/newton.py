@@ -17,7 +17,7 @@ from .errors import SceneError
 from .iteration import LEFT, Iteration
 from .joint_motion import check_motions
 from .kernels import step as kernels
-from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule
+from .kernels.along import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
 from .kernels.constraints import Constraints
 from .kernels.joint_motion import MotorSchedule
 from .kernels.observe import slider_motion
@@ -193,7 +193,7 @@ class Stepper:
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
-        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0)
+        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
 
     @property

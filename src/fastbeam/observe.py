@@ -9,7 +9,7 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
-from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, STOP_LOSS
+from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
@@ -25,6 +25,7 @@ from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "inner", "joint", "velocity", "section", "reaction")
+LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
@@ -150,11 +151,12 @@ class Observer:
                                   rate)
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
-            out["slide_rate"] = rate
+            out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
         if (self.slider or self.energy) and model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
-                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s)}
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s),
+                    "lock_loss": history[:, LOCK_LOSS]}
         if self.joint:
             out |= model.motions.row(state, model.motion_place)
         if self.balance:
@@ -195,8 +197,8 @@ class Observer:
             history = state.history[:model.work_place].reshape(-1, HISTORY)
             if model.accounts_loads:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
-            stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
-            sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
+            stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
+            sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
         stored += float(np.sum(lost)) - float(np.sum(put_in))
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
@@ -226,7 +228,7 @@ class Observer:
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"], push)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
-                    "stop_force": found.stop}
+                    "stop_force": found.stop, "lock_force": found.lock}
 
     def scales(self, step: float) -> dict[str, float]:
         """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
@@ -305,7 +307,7 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
 
 def conserved(model: Model) -> list[str]:
     """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
-    out = ["gap"]
+    out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
     if model.balances:
         out.append("balance")
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))

@@ -75,6 +75,8 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         parts = [(node, which, lead) for node, *both in link.by_motion(nodes.coordinates(link.node)) for which, lead in enumerate(both)]
         add(parts, np.zeros(len(parts[0][2])))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:
             # any speed along the tangent: two rows across it

@@ -8,9 +8,9 @@ import numpy as np
 from .arguments import Anything, Word, checked, shown
 from .errors import SceneError
 
-# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
+# series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
+EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
 # of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
 FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
 # one row of the series that pictures and tables read; words: as many as there are names of that kind

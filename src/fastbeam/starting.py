@@ -8,6 +8,7 @@ import numpy as np
 
 from .arguments import shown
 from .errors import SceneError
+from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
@@ -157,7 +158,10 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
         add(what, v[still, part] * (1.0 if bits == 7 else length), still, "m/s", 1e-12 * speed, MENDABLE * speed)
+    away = off_beam(model, state)
     for k, name in enumerate(model.names["sliders"]):
+        if away[k]:
+            continue
         gap, tangent, relative = contact(model, k, state.s[k], q, v)
         across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
         out.append(Misfit(f"slider {name!r}: its point lies", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
@@ -185,6 +189,13 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
         out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
     return out
+
+
+def off_beam(model: Model, state: State) -> Array:
+    """Whether sliders have left their beams, bool [S]."""
+    if model.slider_forces is None:
+        return np.zeros(model.n_sliders, bool)
+    return np.asarray(state.history[:model.work_place].reshape(-1, HISTORY)[:, HELD] == OFF)
 
 
 def _at_start(model: Model, link: KeptLink) -> Array:
@@ -236,6 +247,8 @@ def mended(model: Model, state: State) -> State:
     """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
     give way before beams are bent."""
     from scipy import sparse
+    if off_beam(model, state).any():
+        raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
     q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
     s = state.s.copy()
     q = follow(model, q)

@@ -93,7 +93,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         As in `simulate`.
     held : bool, str or sequence of str
         Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have
-        a part along the beam.
+        a part along the beam. Sliders that are locked from the start stay as well.
 
     Returns
     -------
@@ -117,6 +117,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     """
     check_model("solve_static", model)
     stays = held_sliders(model, held)
+    if model.slider_forces is not None:
+        stays |= model.slider_forces.locked_at_start
     check_slider_forces("solve_static", model, stays)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
@@ -243,11 +245,16 @@ def check_slider_forces(who: str, model: Model, stays: Array) -> None:
     """Refuse sliders that are free and have forces along their beam: with friction there is an interval of equilibria."""
     if model.slider_forces is None:
         return
+    off = np.flatnonzero(model.slider_forces.off_at_start)
+    if off.size:
+        raise SceneError(f"solve_static: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing "
+                         "rests; let it begin on the beam, or run until it rests")
     forced = np.flatnonzero(model.slider_forces.acts_on & ~stays)
     if forced.size:
         name = model.names["sliders"][forced[0]]
-        raise SceneError(f"{who}: slider {name!r} has friction, a drive or stops, which equilibria do not know; hold it "
-                         f"where it stands with held=({name!r},), leave them out for the equilibrium, or run until it rests")
+        raise SceneError(f"{who}: slider {name!r} has friction, a drive, stops, a lock or may leave its beam, which "
+                         f"equilibria do not know; hold it where it stands with held=({name!r},), leave them out for the "
+                         "equilibrium, or run until it rests")
 
 
 def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:

@@ -126,6 +126,11 @@ def account_along(along, term, system, h):
     """Work of forces along the beam in a converged step."""
 
 
+@generic
+def add_contact(along, term, system, k):
+    """Rows of slider k: `add_slider`, or those of one that has left its beam."""
+
+
 @sliding_law.register(NoForceAlong)
 @kernel
 def slide_freely(along, term, system, k, force, tangent, push):
@@ -373,8 +378,9 @@ def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
         put(contact.line[k], o + 9 * d, 8, turned)
 
 
+@add_contact.register(NoForceAlong)
 @kernel
-def add_slider(term, system, k):
+def add_slider(along, term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
@@ -440,7 +446,7 @@ def predict_sliding(term, system, h, c):
 @kernel
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        add_slider(term, system, k)
+        add_contact.call(term.along, term, system, k)
 
 
 @take_unknowns.register(Sliding)

@@ -6,6 +6,7 @@ from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.fixed import GROUND
 from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint, RevoluteJoint, UniversalJoint
+from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -21,10 +22,9 @@ from fastbeam.scene.spring import Spring
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction",
-    "GROUND", "Helix", "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PlanarJoint", "PointMass",
-    "PrescribedMotion", "PrismaticJoint", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",
-    "Sleeve", "Slider",
-    "Spring", "Stops", "StraightLine", "UniversalJoint",
-    "UserForce",
+    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve",
+    "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin",
+    "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
+    "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "UniversalJoint", "UserForce",
 ]

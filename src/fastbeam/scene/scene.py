@@ -423,7 +423,9 @@ class Scene:
                                  + (", or give its position" if isinstance(link, RigidConnection) else ""))
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
-        """A sliding point lies on the curve at t = 0."""
+        """A sliding point lies on the curve at t = 0, or on its side of it."""
+        if slider.starts_off:
+            return
         point, beam = self.position_of(slider.point), slider.beam
         gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:
