@@ -103,6 +103,7 @@ class SlidingLaw(NamedTuple):
     rest: float     # minus the forces along the beam
     slope: float    # derivative of what is not force . T by s at the end of the step
     share: float    # of (5.6) in it: 1, or 0 where the increment of s is given
+    rub: float      # derivative by `force_of_edges`
 
 
 @generic
@@ -128,7 +129,7 @@ def account_along(along, term, system, h):
 @sliding_law.register(NoForceAlong)
 @kernel
 def slide_freely(along, term, system, k, force, tangent, push):
-    return SlidingLaw(force, tangent, -push, 0.0, 1.0)
+    return SlidingLaw(force, tangent, -push, 0.0, 1.0, 0.0)
 
 
 @begin_along.register(NoForceAlong)
@@ -151,9 +152,13 @@ def push_of_moments(sleeves, term, system, k, nodes, lo, hi):
 
 
 @generic
-def hold_section(sleeves, term, system, k, nodes, lo, hi, share):
-    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; share: of (5.6) in its sliding
-    equation, as in `SlidingLaw`."""
+def force_of_edges(sleeves, system, k):
+    """What the moments of slider k press on the edges of its bore, (5.11), N."""
+
+
+@generic
+def hold_section(sleeves, term, system, k, nodes, lo, hi, law):
+    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
 
 
 @push_of_moments.register(NoSleeves)
@@ -162,9 +167,15 @@ def push_of_no_moments(sleeves, term, system, k, nodes, lo, hi):
     return 0.0
 
 
+@force_of_edges.register(NoSleeves)
+@kernel
+def force_of_no_edges(sleeves, system, k):
+    return 0.0
+
+
 @hold_section.register(NoSleeves)
 @kernel
-def hold_no_section(sleeves, term, system, k, nodes, lo, hi, share):
+def hold_no_section(sleeves, term, system, k, nodes, lo, hi, law):
     pass
 
 
@@ -404,7 +415,7 @@ def add_slider(term, system, k):
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
-    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law.share)
+    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law)
 
 
 @kernel
