@@ -19,6 +19,9 @@ from .static_contact import Border
 Array = np.ndarray
 # a force along the beam that is round-off of the contact force
 ROUND_OFF = 1e-10
+# a slider that slips comes to rest where friction has this share in reserve, so that round-off of contact forces does not move it
+# in a run from there
+RESERVE = 1e-5
 # a slider is at a rigid stop, or back where it was, within this share of the length of its beam
 AT_STOP, BACK = 1e-12, 1e-13
 # how often one slider may change between sticking and slipping in one load step
@@ -76,6 +79,7 @@ class StaticAlong:
         self.modes = Modes(np.zeros(s.size, np.int64), np.where(self.held, 0, at_stop), np.zeros(s.size, np.int64))
         self.share = 0.0
         self.in_circles = False
+        self.reserve = RESERVE
 
     # --- one load step ------------------------------------------------------------------------------------------------
     def begin(self, share: float, s: Array) -> Array:
@@ -94,7 +98,7 @@ class StaticAlong:
     @property
     def slip(self) -> Array:
         """Coefficients of friction with the sign of the slip, 0 of sliders that stick [S]."""
-        return np.asarray(self.friction * self.modes.sign)
+        return np.asarray((1.0 - self.reserve) * self.friction * self.modes.sign)
 
     def known(self, s: Array) -> tuple[Array, Array]:
         """Drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""

@@ -16,7 +16,7 @@ from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, h
 from .kernels.work import State
 from .model import Model
 from .saddle import Saddle, factors_for
-from .static_along import StaticAlong
+from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
 
 Array = np.ndarray
@@ -169,7 +169,7 @@ class SlidingSolver(StaticSolver):
         self._load(factors)
         self._loads[:] = self.work.f_ext
         before, modes = self._saved(), [x.copy() for x in along.modes]
-        found = []
+        along.reserve, found = 0.0, []
         for sign in (1, -1):
             along.modes.sign[:] = 0
             along.modes.sign[k], along.modes.at_stop[k] = sign, 0
@@ -180,6 +180,7 @@ class SlidingSolver(StaticSolver):
             self._restore(before)
             for x, was in zip(along.modes, modes):
                 x[:] = was
+        along.reserve = RESERVE
         return found[0], found[1]
 
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
