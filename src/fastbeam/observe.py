@@ -155,8 +155,8 @@ class Observer:
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
-        """Contact forces to a row, moments of sleeves and forces along the beam; force: of all constraints [F] at its time; share:
-        load factor of an equilibrium."""
+        """Contact forces to a row, moments of sleeves and forces along the beam; force: of all constraints [F] at its time;
+        share: load factor of an equilibrium."""
         s = self.model.n_sliders
         row["contact_force"] = force[:3 * s].reshape(-1, 3)
         push, edges = np.zeros(s), np.zeros(s)

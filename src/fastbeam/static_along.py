@@ -63,8 +63,8 @@ class StaticAlong:
             self.end[k] = self.forces.place_given(k, at_time)
             low, high = model.slider_limits[k]
             if not low <= self.end[k] <= high:
-                raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g} "
-                                 f"m, outside what it slides on ({low:.6g} to {high:.6g} m)")
+                raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
+                                 f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
         self.end[held] = s[held]
         self.held = held | np.isin(table.drive, (POSITION, INCREMENT))
         self.rubs = self.forces.hold_by_friction & ~self.held
@@ -141,7 +141,7 @@ class StaticAlong:
         return np.isfinite(np.where(way > 0.0, self.stops[:, 1], self.stops[:, 0]))
 
     def meets(self, s: Array, steps: Array, way: Array) -> Array:
-        """-1 or 1 for sliders on their ways [S] that steps [S] from s bring to a rigid stop at the start or the end, else 0 [S]."""
+        """-1 or 1 for sliders on their ways [S] that steps [S] from s bring to a rigid stop at the start or the end, else 0."""
         slack = AT_STOP * self.lengths
         low = (way < 0.0) & (s + steps <= self.stops[:, 0] + slack)
         high = (way > 0.0) & (s + steps >= self.stops[:, 1] - slack)
@@ -161,8 +161,8 @@ class StaticAlong:
         own[:, STICKS] = self.rubs & (self.modes.at_stop == 0)
 
     def report(self, names: list[str], border: Border) -> dict[str, dict[str, Any]]:
-        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks; border: without
-        friction."""
+        """Of every slider that rubs: friction force, N, the most that it could be, and whether the slider sticks; border:
+        without friction."""
         most = self.friction * border.normal
         force = np.where(self.modes.at_stop == 0, border.sliding, np.clip(border.sliding, -most, most))
         return {names[k]: {"force": float(force[k]), "cone": float(most[k]), "sticks": bool(self.modes.sign[k] == 0)}

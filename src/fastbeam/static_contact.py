@@ -4,10 +4,10 @@
     force       +F_k on the point, -N_A F_k on node A
     sliding     F_k . c'(s_k) = 0,   c' = sum_A N'_A phi_A
 
-They make W - (loads) - sum_k F_k . g_k stationary. Of a slider that slips with friction the last one has the term sigma mu F_n |c'|,
-sigma the direction of the slip. Tied nodes and held unknowns pass through the map from the unknowns of the
-rows to the positions of all nodes; how that map changes with the shape belongs to the tangent of the nodes, which is assembled
-with the contact forces among the loads.
+They make W - (loads) - sum_k F_k . g_k stationary. Of a slider that slips with friction the last one has the term sigma mu F_n
+|c'|, sigma the direction of the slip. Tied nodes and held unknowns pass through the map from the unknowns of the rows to the
+positions of all nodes; how that map changes with the shape belongs to the tangent of the nodes, which is assembled with the
+contact forces among the loads.
 """
 from __future__ import annotations
 

@@ -152,8 +152,8 @@ class SlidingSolver(StaticSolver):
         return NOT_CONVERGED, sizes
 
     def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
-        """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest of
-        those that are asked for."""
+        """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest
+        of those that are asked for."""
         if self.along is None or not self.along.rubs.any():
             return {}
         names = self.stepper.model.names["sliders"]
@@ -212,8 +212,8 @@ class SlidingSolver(StaticSolver):
         state.q[:], state.s[:], state.force[:] = saved
 
     def _border(self, rubs: bool = True) -> Border:
-        """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept for
-        messages."""
+        """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept
+        for messages."""
         state, contact = self.stepper.core_state, self.stepper.contact
         assert contact is not None
         self._weights = self.contacts.weights(state.s)

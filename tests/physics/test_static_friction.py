@@ -106,6 +106,17 @@ def test_a_run_from_an_equilibrium_with_friction_sticks(at: float) -> None:
     assert np.max(np.abs(run.slider("s")["s"] - start.s[0])) <= 1e-12 and run.info["steps"] == 10_000
 
 
+def test_a_run_from_an_equilibrium_stays_at_stops_and_drives() -> None:
+    rigid = rigid_rail(30.0, 1.0, stops=fb.Stops(0.5, 3.0), friction=0.1)
+    driven = rigid_rail(30.0, 1.0, drive=fb.Drive(position=lambda t: 1.0 + t * t))
+    for model, at in ((rigid, 0.5), (driven, 1.0)):
+        start = fb.solve_static(model, at_time=0.0).state
+        run = fb.simulate(model, t_end=0.1, step=1e-3, start=start, progress=False)
+        assert start.s[0] == at
+        np.testing.assert_allclose(run.slider("s")["s"], at if model is rigid else at + run.t**2, rtol=0.0, atol=1e-12)
+        assert run.slider("s")["stop_force" if model is rigid else "drive_force"][0] > 0.0
+
+
 def test_a_ring_on_a_rope_rests_as_far_as_held_ones_need_no_more_than_its_friction() -> None:
     section = fb.Section(EA=1e4, GA2=1e4, GA3=1e4, GJ=5.0, EI2=5.0, EI3=5.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
 
@@ -193,7 +204,8 @@ def block(pull: float, beside: float, planar: Any = "auto", across: Any = (0.0, 
     section = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
     rail = fb.Beam.straight("rail", (0, 0, 0), (4, 0, 0), section=section, elements=8)
     body = fb.RigidBody("block", mass=2.0, inertia=(0.1, 0.2, 0.3), position=(1, 0, 0))
-    load = fb.Load("pull", body.center, force=(pull, 0, 0), moment=beside * np.cross(across, (pull, 0, 0)) + sleeve.pop("twist", 0))
+    moment = beside * np.cross(across, (pull, 0, 0)) + sleeve.pop("twist", 0.0)
+    load = fb.Load("pull", body.center, force=(pull, 0, 0), moment=moment)
     return fb.compile_scene(fb.Scene(rail, body, *[fb.Clamp(rail.node(i)) for i in range(rail.n_nodes)], fb.Sleeve(
         "s", body, rail, at=1.0, length=0.2, friction=0.2, **sleeve), load, gravity=(0, 0, -G)), planar=planar)
 

@@ -190,7 +190,8 @@ def test_friction_in_the_border_is_the_derivative_of_its_equations(scene: fb.Sce
             continue
         up, down = (border(moved(plain, state, u, x), state.s, force) for x in (h, -h))
         column = len(turn) * int(plain.pattern.row_of[node])
-        np.testing.assert_allclose(by_node[:, column:column + len(turn)] @ turn[:, c], (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(by_node[:, column:column + len(turn)] @ turn[:, c], (up.sliding - down.sliding) / (2 * h),
+                                   rtol=0.0, atol=1e-8)
 
 
 # ------------------------------------------------------------------------------------------------------------ the saddle

@@ -3,10 +3,11 @@
     sliding     F . T = Q,   T of the step, Q the force along the beam on the sliding point; its work in the step is Q Ds
 
 Q is a function of s_n, s_n+1 and the size of the step: of drives, elastic stops, viscous and smoothed friction. Coulomb friction
-takes |Q| <= mu F_n |T|, F_n = |F_across| and what moments of a sleeve press on its edges, (5.11), and its sign is that of the velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the
-velocity there is zero, Ds = h ds/dt_n / 2 takes the place of (5.3); a slider that sticks has ds/dt_n = 0, so it stays where it is
-to the last bit. Which of the three holds is decided anew in every iteration (a semismooth Newton method). A force that would put
-energy in, as where the velocity is turned around within a step, is refused: then the sign of the increment of s decides.
+takes |Q| <= mu F_n |T|, F_n = |F_across| and what moments of a sleeve press on its edges, (5.11), and its sign is that of the
+velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the velocity there is zero, Ds = h ds/dt_n / 2 takes the place of
+(5.3); a slider that sticks has ds/dt_n = 0, so it stays where it is to the last bit. Which of the three holds is decided anew in
+every iteration (a semismooth Newton method). A force that would put energy in, as where the velocity is turned around within a
+step, is refused: then the sign of the increment of s decides.
 """
 from __future__ import annotations
 
@@ -14,11 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import inlined, kernel
 from .algebra import call_law, dot
 from .curves import find_element, node_of
 from .kinds import vector
-from .slider import (SlidingLaw, account_along, begin_along, begin_passage, force_of_edges, is_settled_along, mean_tangent,
+from .slider import (NoSleeves, SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent,
                      motion_along, pass_along, push_of_moments, sliding_law)
 from .terms import put_loads, spread_nodes
 
@@ -155,6 +157,17 @@ def prescribed_end(along, k, s0):
 def has_signs(along, k):
     """Whether the sign of the velocity of a slider decides: with Coulomb friction, and at rest against a stop."""
     return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
+
+
+@generic
+def force_of_edges(sleeves, system, k):
+    """What the moments of slider k press on the edges of its bore, (5.11), N."""
+
+
+@force_of_edges.register(NoSleeves)
+@kernel
+def force_of_no_edges(sleeves, system, k):
+    return 0.0
 
 
 @inlined

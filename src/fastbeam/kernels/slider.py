@@ -152,11 +152,6 @@ def push_of_moments(sleeves, term, system, k, nodes, lo, hi):
 
 
 @generic
-def force_of_edges(sleeves, system, k):
-    """What the moments of slider k press on the edges of its bore, (5.11), N."""
-
-
-@generic
 def hold_section(sleeves, term, system, k, nodes, lo, hi, law):
     """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
 
@@ -164,12 +159,6 @@ def hold_section(sleeves, term, system, k, nodes, lo, hi, law):
 @push_of_moments.register(NoSleeves)
 @kernel
 def push_of_no_moments(sleeves, term, system, k, nodes, lo, hi):
-    return 0.0
-
-
-@force_of_edges.register(NoSleeves)
-@kernel
-def force_of_no_edges(sleeves, system, k):
     return 0.0
 
 

@@ -71,8 +71,8 @@ class Sleeve(Slider):
         if isinstance(self.point.owner, PointMass):
             raise SceneError(f"{who}: {self.point} has no direction that could hold a section; use a RigidBody, or a Slider")
         if self.friction is not None and self.friction.coefficient > 0.0 and not self.length:
-            raise SceneError(f"{who}: friction={self.friction.coefficient:.6g} needs the length of the bore, whose edges carry its "
-                             "moments (|F_n| = |F| + 2 |M|/length); give length=, m, greater than 0")
+            raise SceneError(f"{who}: friction={self.friction.coefficient:.6g} needs the length of the bore, whose edges carry "
+                             "its moments (|F_n| = |F| + 2 |M|/length); give length=, m, greater than 0")
         if self.key_radius is not None and not self.keyed:
             raise SceneError(f"{who}: key_radius={self.key_radius:.6g} m, but keyed=False lets the beam twist; leave one of them "
                              "out")
