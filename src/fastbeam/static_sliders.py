@@ -174,12 +174,15 @@ class SlidingSolver(StaticSolver):
             along.modes.sign[:] = 0
             along.modes.sign[k], along.modes.at_stop[k] = sign, 0
             # friction pushes towards the end that is looked for
-            status, _ = self._release()
-            runs_off = status == SLIDER_END and self.runaway == k
-            found.append(float(self.ends[k, int(sign < 0)] if runs_off else state.s[k] if status == OK else np.nan))
-            self._restore(before)
-            for x, was in zip(along.modes, modes):
-                x[:] = was
+            self.runaway = -1
+            try:
+                status, _ = self._release()
+                runs_off = status == SLIDER_END and self.runaway == k
+                found.append(float(self.ends[k, int(sign < 0)] if runs_off else state.s[k] if status == OK else np.nan))
+            finally:
+                self._restore(before)
+                for x, was in zip(along.modes, modes):
+                    x[:] = was
         along.reserve = RESERVE
         return found[0], found[1]
 
