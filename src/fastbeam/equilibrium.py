@@ -33,6 +33,8 @@ class StaticSolver:
         # iterations of the last equilibrium, or of the hardest part of it
         self.longest = 0
         self.interrupts = Interrupts()
+        # load factor of the equilibrium that is looked for
+        self.share = 0.0
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 

@@ -206,27 +206,29 @@ class Observer:
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
-    def add_forces(self, row: dict[str, Any], force: Array) -> None:
-        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for.
-        """
+    def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
+        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for;
+        share: load factor of an equilibrium."""
         if self.reactions:
             row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
         if self.slider:
-            self._add_contact_forces(row, force[:self.model.n_forces])
+            self._add_contact_forces(row, force[:self.model.n_forces], share)
 
-    def _add_contact_forces(self, row: dict[str, Any], force: Array) -> None:
+    def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Contact forces, moments of sleeves and forces along the beam."""
         s = self.model.n_sliders
         row["contact_force"] = force[:3 * s].reshape(-1, 3)
-        push = np.zeros(s)
+        push, edges = np.zeros(s), np.zeros(s)
         if self.moments:
             row["contact_moment"] = np.zeros((s, 3))
             own = force[force.size - 3 * len(self._directions):].reshape(-1, 3)
-            for k, section, mu in zip(self.model.sleeve_pairs[:, 0], self._directions, own):
+            bores = self.model.sleeves.edges.reshape(-1, 2)
+            for k, section, mu, bore in zip(self.model.sleeve_pairs[:, 0], self._directions, own, bores):
                 row["contact_moment"][k] = section.moment(mu)
                 push[k] = section.values(1) @ mu[:section.pairs]
+                edges[k] = bore @ (np.hypot(mu[0], mu[1]), abs(mu[2]))
         if self.forces is not None:
-            found = self.forces.at_row(*self._moment, row["contact_force"], push)
+            found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
                     "stop_force": found.stop, "lock_force": found.lock}
 

@@ -4,9 +4,10 @@
     force       +F_k on the point, -N_A F_k on node A
     sliding     F_k . c'(s_k) = 0,   c' = sum_A N'_A phi_A
 
-They make W - (loads) - sum_k F_k . g_k stationary. Tied nodes and held unknowns pass through the map from the unknowns of the
-rows to the positions of all nodes; how that map changes with the shape belongs to the tangent of the nodes, which is assembled
-with the contact forces among the loads.
+They make W - (loads) - sum_k F_k . g_k stationary. Of a slider that slips with friction the last one has the term sigma mu F_n
+|c'|, sigma the direction of the slip. Tied nodes and held unknowns pass through the map from the unknowns of the rows to the
+positions of all nodes; how that map changes with the shape belongs to the tangent of the nodes, which is assembled with the
+contact forces among the loads.
 """
 from __future__ import annotations
 
@@ -24,6 +25,8 @@ from .sections_held import Section, sections
 Array = np.ndarray
 # entries of constraints that a structure keeps, next to those that there are
 MOST_IDLE = 3
+# a part of the contact force across the beam that is round-off of the force
+ALONG_ONLY = 1e-12
 
 
 class Border(NamedTuple):
@@ -39,6 +42,10 @@ class Border(NamedTuple):
     bent: Any         # sparse [m, m]: second derivative of - sum F . gap of joints and sleeves, N/m
     turns: Any        # sparse [F, S]: minus the derivative of directions in sleeves by s, rad/m
     idle: Array       # int64 [I]: multipliers that stay zero
+    normal: Any = None    # float64 [S], N: F_n |c'|, what presses and rubs, with the moments of sleeves
+    size: Any = None      # float64 [S], N: of the contact forces
+    rubbing: Any = None   # sparse [S, m]: of friction in the sliding equations, by the unknowns of the nodes; None without
+    by_force: Any = None  # sparse [S, F]: the same by the multipliers
 
 
 class Weights(NamedTuple):
@@ -145,8 +152,8 @@ class StaticContacts:
         unknowns = (6 * nodes[:, None] + np.arange(6)).reshape(-1)
         return velocity_map(q.reshape(-1, 4, 3)[nodes]) @ self.rows[unknowns]
 
-    def border(self, weights: Weights, q: Array, force: Array) -> Border:
-        """At coordinates q [12 N] and forces of all constraints."""
+    def border(self, weights: Weights, q: Array, force: Array, slip: Array | None = None) -> Border:
+        """At coordinates q [12 N] and forces of all constraints; slip [S]: coefficients of friction with the sign of the slip."""
         from scipy import sparse
         gap, tangent, second = ((w @ q).reshape(-1, 3) for w in weights[:3])
         gradient, turn = weights.by_unknowns or self._by_unknowns(weights, q)
@@ -159,7 +166,49 @@ class StaticContacts:
         border = Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
                         sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent,
                         sparse.csr_matrix((force.size, s)), np.zeros(0, np.int64))
-        return border if self.model.sleeves is None else self._with_sleeves(border, q, force)
+        if self.model.sleeves is not None:
+            border = self._with_sleeves(border, q, force)
+        return border if slip is None else self._with_friction(border, slip, force, turn, second)
+
+    def _with_friction(self, border: Border, slip: Array, force: Array, turn: Any, second: Array) -> Border:
+        """The same with what presses and rubs; turn: derivative of the tangents by the unknowns of the nodes [d S, m]; second: of
+        the tangents by s [S, d]."""
+        from scipy import sparse
+        t, (s, d) = border.tangent, border.tangent.shape
+        f = force[:s * d].reshape(s, d)
+        long, size = np.linalg.norm(t, axis=1), np.linalg.norm(f, axis=1)
+        part = np.sum(f * t, axis=1) / long**2
+        across = f - part[:, None] * t
+        normal = np.linalg.norm(across, axis=1)
+        edges, of_edges = self._edges(force)
+        # the derivatives of (|F_across| + edges) |c'|
+        bare = np.where(normal > ALONG_ONLY * size, normal, np.inf)
+        by_force = (slip * long / bare)[:, None] * across
+        by_tangent = (slip * (normal + edges) / long)[:, None] * t - (slip * part * long / bare)[:, None] * across
+        of, column = np.repeat(np.arange(s), d), np.arange(s * d)
+        rubbing = sparse.csr_matrix((by_tangent.reshape(-1), (of, column)), shape=(s, s * d)) @ turn
+        pressed = sparse.csr_matrix((by_force.reshape(-1), (of, column)), shape=(s, force.size))
+        normal = (normal + edges) * long
+        return border._replace(normal=normal, size=size + edges, sliding=border.sliding + slip * normal, rubbing=rubbing,
+                               bend=border.bend + np.sum(by_tangent * second, axis=1),
+                               by_force=pressed + sparse.diags(slip * long) @ of_edges)
+
+    def _edges(self, force: Array) -> tuple[Array, Any]:
+        """What the moments of sleeves press on the edges of their bores, N [S], and its derivative by the multipliers [S, F]."""
+        from scipy import sparse
+        model = self.model
+        press, value, row, column = np.zeros(model.n_sliders), [], [], []
+        count = 3 if self.axes is None else 1
+        first = force.size - count * len(model.sleeve_pairs)
+        for o, k in enumerate(model.sleeve_pairs[:, 0].tolist()):
+            at = first + count * o + np.arange(count)
+            bore, key = model.sleeves.edges[2 * o:2 * o + 2]
+            bending = float(np.linalg.norm(force[at[:2]]))
+            press[k] = bore * bending + (key * abs(force[at[2]]) if count == 3 else 0.0)
+            value += [*(bore * force[at[:2]] / (bending or 1.0)), *(key * np.sign(force[at[2:]]))]
+            row += [k] * count
+            column += at.tolist()
+        return press, sparse.csr_matrix((value, (row, column)), shape=(model.n_sliders, force.size))
 
     def _with_sleeves(self, border: Border, q: Array, force: Array) -> Border:
         """The same with the directions that sleeves hold, whose multipliers come last."""
@@ -372,6 +421,11 @@ class SaddleMatrix:
                                   m + of, idle))
         values = np.concatenate((bent.data, push, -gradient.data, push, np.where(sliding, border.bend + drag, 1.0), turn,
                                  -gradient.data, turn, np.full(idle.size, -1.0)))
+        if border.rubbing is not None:
+            rubbing, by_force = border.rubbing.tocoo(), border.by_force.tocoo()
+            rows = np.concatenate((rows, m + rubbing.row, m + by_force.row))
+            columns = np.concatenate((columns, rubbing.col, m + s + by_force.col))
+            values = np.concatenate((values, rubbing.data * free[rubbing.row], by_force.data * free[by_force.row]))
         keys = rows.astype(np.int64) * self.n + columns
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
         if not (self._known.size and np.array_equal(self._known[place], keys)):

@@ -299,10 +299,10 @@ def calls(folder: Path) -> dict[str, Call]:
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),
-        "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5),
+        "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5, length=0.2),
                        dict(name=is_text, point=NODE, beam=A_BEAM, on=A_BEAM, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real,
-                            axis=VECTOR, **LOCKED)),
+                            key_radius=is_real, axis=VECTOR, **LOCKED)),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),
@@ -334,7 +334,8 @@ def calls(folder: Path) -> dict[str, Call]:
             callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag)),
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
-            at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)))),
+            at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
