@@ -259,7 +259,8 @@ class Links:
         """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
         out, first = [], sliders
         for entry, parts, node, laws, _ in self.groups:
-            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties, self._spin_root, laws)
+            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties, self._spin_root,
+                        laws)
             table = entry.table(ends)
             out.append(_tested(entry, table) if is_outside(entry.noun) else table)
             first += sum(law is not None for law in laws)

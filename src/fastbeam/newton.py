@@ -365,7 +365,8 @@ class Stepper:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size
-        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1, self.fallback._drives(t, h, 1, done + reached))
+        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1,
+                                             self.fallback._drives(t, h, 1, done + reached))
         if pivoting.status not in (OK, SLIDER_END):
             return result
         self.linear.fallbacks += pivoting.status == OK

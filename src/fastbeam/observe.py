@@ -233,7 +233,8 @@ class Observer:
         model = self.model
         names = {**model.names, "points": list(self.points)}
         if model.motions is not None:
-            names |= {"joints": model.motions.names, "coordinates": ["angle" if x else "distance" for x in model.motions.is_angle]}
+            what = ["angle" if is_angle else "distance" for is_angle in model.motions.is_angle]
+            names |= {"joints": model.motions.names, "coordinates": what}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())

@@ -248,7 +248,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane), simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
+        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
+        simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties, held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))

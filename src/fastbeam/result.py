@@ -23,9 +23,8 @@ INTEGER_SERIES = ("iterations",)
 # series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
 EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
 ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
-# of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
+# of joints: what they leave free and its rates; energies of springs, dampers and motors
 FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
-# rows of Result.table: series, label, unit
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
@@ -33,7 +32,6 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
-# the series that has a column for every name of a kind
 INDEXED = {"sliders": "s_slide", "points": "points", "joints": "joint_value"}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
@@ -42,6 +40,7 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "momentum": "momenta are 'lin_mom' and 'ang_mom'",
          **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
+# rows of Result.table: series, label, unit
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("balance", "energy balance", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
@@ -312,7 +311,7 @@ class Result:
 
     @checked(name=NAMED)
     def joint(self, name: str) -> dict[str, np.ndarray]:
-        """What a joint with axes leaves free, [n] each: angle (rad) and spin (rad/s), distance (m) and speed (m/s), since t = 0;
+        """What a joint with axes leaves free, zero at t = 0, [n]: angle (rad) and spin (rad/s), distance (m) and speed (m/s);
         energy of its spring, loss of its damper and work of its motor (J).
 
         Raises

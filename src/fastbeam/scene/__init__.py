@@ -19,8 +19,8 @@ from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction",
-    "GROUND", "Helix", "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PlanarJoint", "PointMass",
-    "PrismaticJoint", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Sleeve", "Slider",
-    "Spring", "Stops", "StraightLine", "UniversalJoint",
+    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve",
+    "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PlanarJoint",
+    "PointMass", "PrismaticJoint", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
+    "Sleeve", "Slider", "Spring", "Stops", "StraightLine", "UniversalJoint",
 ]

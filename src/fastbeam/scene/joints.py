@@ -50,8 +50,8 @@ class AxisJoint(Link):
         who = self.kind if self.name is None else checks.label(self.kind, self.name)
         for side in (self.a, self.b):
             if isinstance(getattr(side, "owner", None), PointMass):
-                raise SceneError(f"{who}: {side.owner.label} has no rotation; join a RigidBody, a point of one or a node of a beam, "
-                                 "or use BallJoint or DistanceJoint")
+                raise SceneError(f"{who}: {side.owner.label} has no rotation; join a RigidBody, a point of one or a node of a "
+                                 "beam, or use BallJoint or DistanceJoint")
         sides = {"a": self.a, "b": self.b}
         for one, other in (("a", "b"), ("b", "a")):
             if isinstance(sides[one], Ground) and not isinstance(sides[other], Ground):
