@@ -117,6 +117,7 @@ WRONG = {
     "both sides are the ground": lambda: fb.RevoluteJoint(fb.GROUND, fb.GROUND, axis=(0, 0, 1)),
     "both sides are the ground; one has to belong": lambda: fb.Spring(fb.GROUND.point((0, 0, 0)), fb.GROUND.point((1, 0, 0)),
                                                                       stiffness=1.0),
+    "revolute joint: both sides are the ground": lambda: fb.RevoluteJoint(fb.GROUND, fb.GROUND.point((0, 0, 1)), axis=(0, 0, 1)),
     "say which point of it: GROUND.point": lambda: fb.Spring(fb.GROUND, BODY, stiffness=1.0),
     "clamp a PointMass": lambda: fb.BallJoint(fb.GROUND, BODY),
     "point of the ground, which stands still": lambda: fb.Clamp(fb.GROUND.point((0, 0, 0))),
