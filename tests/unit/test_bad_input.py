@@ -501,10 +501,12 @@ def public() -> Iterator[tuple[str, Any]]:
     """Every public call with arguments: functions, constructors, methods."""
     for name in set(fb.__all__) - OWN:
         thing = getattr(fb, name)
-        if not inspect.isclass(thing):
+        if callable(thing) and not inspect.isclass(thing):
             yield name, thing
             continue
-        yield name, thing.__init__
+        # an object of the package, such as GROUND, has methods alone
+        if inspect.isclass(thing):
+            yield name, thing.__init__
         for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
             if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:
                 yield f"{name}.{method}", found
