@@ -10,7 +10,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "InitialVelocity",
+    "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drag", "Drive", "Friction", "InitialVelocity",
               "Load", "Net", "NodeRef", "Path", "Pin", "PointMass", "PrescribedMotion", "RigidBody", "RigidConnection",
               "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],

@@ -56,7 +56,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else Reactions(prescribed)
-    others = prescribed, loads, bodies, *model.links, model.ties, reactions, held
+    others = prescribed, loads, bodies, None if static else model.drag, *model.links, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
-from .dissipation import damped_of
+from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
@@ -149,7 +149,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     state, length = unpacked.state, unpacked.numbered.length
-    return Model(
+    model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
         links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=unpacked.kept, ties=ties,
@@ -164,8 +164,9 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
-        damped=damped_of(scene, nodes), prescribed=unpacked.prescribed,
+        damped=damped_of(scene, nodes), dragged=unpacked.dragged, prescribed=unpacked.prescribed,
         accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:])))
+    return with_drag(model, blocks.diagonal)
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

@@ -90,6 +90,8 @@ class Model:
         The sliders that are sleeves.
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
+    dragged : dissipation.Dragged or None
+        Nodes with drag; `drag` its tables.
     prescribed : prescribed.PrescribedMotions or None
         Supports that move.
     accounts_loads : bool
@@ -145,6 +147,8 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     damped: Any = None
+    dragged: Any = None
+    drag: Any = None
     prescribed: Any = None
     accounts_loads: bool = False
 
@@ -273,6 +277,8 @@ class Model:
                       self.slider_forces.restitutions]
         if self.prescribed is not None:
             parts += [self.prescribed.own]
+        if self.dragged is not None:
+            parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -324,7 +330,8 @@ class Model:
     @property
     def losses(self) -> tuple[str, ...]:
         """What takes energy away besides sliders: its numbers stand behind the work of loads."""
-        return () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
+        damped = () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
+        return damped + (() if self.dragged is None else tuple(self.dragged.labels))
 
     @property
     def works(self) -> tuple[str, ...]:

@@ -64,6 +64,10 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
+    if unpacked.dragged is not None:
+        air = np.zeros((len(q), 3))
+        air[unpacked.dragged.node] = unpacked.dragged.air
+        within.append((air, "the air at {} moves out of the plane"))
     if unpacked.prescribed is not None:
         for way, axes in unpacked.prescribed.directions(len(q)):
             within.append((way, "the motion of {} leaves the plane"))
@@ -247,8 +251,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     return replace(plane, moments=moments, model=replace(
         model, sleeves=sleeves, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
-        static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
+        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(_link(table, ties) for table in model.links),
+        ties=ties, held=_held(model.held), static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
@@ -309,6 +313,11 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
     lane = where[:, 0] % 8
     where[:, 0] = (where[:, 0] - lane) // 4 + lane
     return inner._replace(store=np.zeros(inner.store.size // 4), where=where)
+
+
+def _drag(drag: Any, axes: Array) -> Any:
+    """Drag has the same tables, but for the velocity of the air."""
+    return None if drag is None else drag._replace(air=(drag.air.reshape(-1, 3) @ axes[:2].T).reshape(-1))
 
 
 def _link(table: Any, ties: PlanarTies | None) -> Any:

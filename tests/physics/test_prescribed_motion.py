@@ -193,7 +193,8 @@ def twice() -> fb.Scene:
 
 @pytest.mark.parametrize(("make", "says"), [
     (lambda: scene_of(position=lambda t: (1, 0, 0)), "lies 1 m from"), (twice, "moves the same node"),
-    (tied, "move that instead"), (scene_of, "give position or displacement"), (lambda: scene_of(position=still, displacement=still), "not both"),
+    (tied, "move that instead"), (scene_of, "give position or displacement"),
+    (lambda: scene_of(position=still, displacement=still), "not both"),
     (lambda: scene_of(displacement=lambda t: (t, 0)), "3 finite numbers"),
     (lambda: scene_of(displacement=lambda t: 1 / t), "must not fail"),
     (lambda: scene_of(rotation=lambda t: np.ones((3, 3))), "orthonormal")])

@@ -4,6 +4,7 @@ from __future__ import annotations
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
+from fastbeam.scene.drag import Drag
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -18,7 +19,8 @@ from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
-    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "PrescribedMotion", "RigidBody",
-    "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction",
+    "Helix", "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "PrescribedMotion",
+    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+    "StraightLine",
 ]

@@ -13,6 +13,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
@@ -24,9 +25,9 @@ from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link | PrescribedMotion)
+        | RigidMotion | Slider | Link | PrescribedMotion | Drag)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, Drag)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -152,6 +153,11 @@ class Scene:
     def prescribed(self) -> list[PrescribedMotion]:
         """All supports that move as functions of time."""
         return self._of(PrescribedMotion)
+
+    @property
+    def drags(self) -> list[Drag]:
+        """All drags."""
+        return self._of(Drag)
 
     @property
     def rigid(self) -> list[RigidConnection]:
@@ -433,7 +439,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -470,6 +476,8 @@ def _owners(part: Part) -> list[Any]:
         owners.append(part.beam)
     if isinstance(part, RigidMotion):
         owners.extend(part.objects or ())
+    if isinstance(part, Drag):
+        owners.append(part.on)
     return owners
 
 
