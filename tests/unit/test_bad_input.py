@@ -255,6 +255,9 @@ def calls(folder: Path) -> dict[str, Call]:
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
         "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
         "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
+            name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
+            linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
