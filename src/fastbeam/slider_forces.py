@@ -102,6 +102,22 @@ class SliderForces:
         return np.array([not x.slides_freely for x in self.sliders])
 
     @property
+    def lets_go_of(self) -> Array:
+        """Whether a slider is locked at some time or may leave its beam, bool [S]."""
+        return np.array([not (x.lock is None and x.release is None and x.one_sided is None) for x in self.sliders])
+
+    @property
+    def hold_by_friction(self) -> Array:
+        """Which sliders Coulomb friction can hold at rest, bool [S]."""
+        t = self.tables
+        return (t.friction > 0.0) & (t.smoothing == 0.0) & ~np.isin(t.drive, (POSITION, INCREMENT))
+
+    def has_functions(self, of: Array) -> bool:
+        """Whether drives of some sliders, bool [S], are functions of time alone that count when nothing moves."""
+        return any(x is not None and not x.takes_state and (callable(x.position) or callable(x.force))
+                   for x, mine in zip(self._drives, of) if mine)
+
+    @property
     def dissipates(self) -> bool:
         """Whether something takes energy away."""
         t = self.tables
@@ -116,7 +132,7 @@ class SliderForces:
     @property
     def lets_go(self) -> bool:
         """Whether sliders are locked or leave their beams."""
-        return self.leaves or any(x.lock is not None for x in self.sliders)
+        return bool(self.lets_go_of.any())
 
     @property
     def leaves(self) -> bool:
@@ -270,7 +286,8 @@ class SliderForces:
         beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
         return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
 
-    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array) -> AtRow:
+    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array,
+               edges: Array, share: float | None = None) -> AtRow:
         """Forces along the beam at time t.
 
         Parameters
@@ -284,11 +301,15 @@ class SliderForces:
             Derivatives of the curves by s; contact forces, N.
         push : float64 [S]
             Of the moments of sleeves along the beam, N.
+        edges : float64 [S]
+            What these moments press on the edges of bores, N.
+        share : float, optional
+            The load factor of an equilibrium.
         """
         table, sign = self.tables, history[:, SIGN]
         along = np.sum(force * tangent, axis=1)
         long = np.linalg.norm(tangent, axis=1)
-        across = np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) * long
+        across = (np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) + edges) * long
         along = along - push
         stiff = table.stops[:, 2]
         beyond = np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)
@@ -296,7 +317,7 @@ class SliderForces:
         drive = np.zeros(len(s))
         prescribed = np.isin(table.drive, (POSITION, INCREMENT))
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
-            drive[k] = self._drive_at(k, t, s[k], rate[k])
+            drive[k] = self._drive_at(k, t, s[k], rate[k]) if share is None else self.at_rest(k, t, s[k], share)
         direction = np.where(prescribed, np.sign(rate), sign)
         smooth = table.smoothing > 0.0
         direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), direction)
@@ -321,6 +342,19 @@ class SliderForces:
         if kind == FORCE:
             return given[0]
         return float(np.clip(gains[0] * (given[0] - s) + gains[1] * (given[1] - rate), -gains[2], gains[2]))
+
+    def at_rest(self, k: int, t: float, s: float, share: float) -> float:
+        """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor
+        `share`, with which it grows like a load."""
+        kind, gains = self.tables.drive[k], self.tables.gains[k]
+        if kind == LAW:
+            return share * float(self.sliders[k].drive.force(t, s, 0.0))
+        given = self._given(k, t, 0.0)[0]
+        return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - s), -gains[2], gains[2])))
+
+    def place_given(self, k: int, t: float) -> float:
+        """Where a drive puts slider k at time t, m."""
+        return self._value(k, "position", t)
 
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:

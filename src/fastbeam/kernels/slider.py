@@ -85,6 +85,7 @@ class Contact(NamedTuple):
     pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
     cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
     #                         equations of the moments by s
+    before: np.ndarray = np.zeros(0)  # float64 [S]: of joints the gap that was left when it was last looked at in this step
 
 
 class ContactInRows(Contact):
@@ -103,6 +104,7 @@ class SlidingLaw(NamedTuple):
     rest: float     # minus the forces along the beam
     slope: float    # derivative of what is not force . T by s at the end of the step
     share: float    # of (5.6) in it: 1, or 0 where the increment of s is given
+    rub: float      # derivative by `force_of_edges`
 
 
 @generic
@@ -133,7 +135,7 @@ def add_contact(along, term, system, k):
 @sliding_law.register(NoForceAlong)
 @kernel
 def slide_freely(along, term, system, k, force, tangent, push):
-    return SlidingLaw(force, tangent, -push, 0.0, 1.0)
+    return SlidingLaw(force, tangent, -push, 0.0, 1.0, 0.0)
 
 
 @begin_along.register(NoForceAlong)
@@ -156,9 +158,8 @@ def push_of_moments(sleeves, term, system, k, nodes, lo, hi):
 
 
 @generic
-def hold_section(sleeves, term, system, k, nodes, lo, hi, share):
-    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; share: of (5.6) in its sliding
-    equation, as in `SlidingLaw`."""
+def hold_section(sleeves, term, system, k, nodes, lo, hi, law):
+    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
 
 
 @push_of_moments.register(NoSleeves)
@@ -169,7 +170,7 @@ def push_of_no_moments(sleeves, term, system, k, nodes, lo, hi):
 
 @hold_section.register(NoSleeves)
 @kernel
-def hold_no_section(sleeves, term, system, k, nodes, lo, hi, share):
+def hold_no_section(sleeves, term, system, k, nodes, lo, hi, law):
     pass
 
 
@@ -410,7 +411,7 @@ def add_slider(along, term, system, k):
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
-    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law.share)
+    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law)
 
 
 @kernel
