@@ -313,7 +313,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Stops": Call(fb.Stops, dict(start=0.1), dict(start=is_real, end=is_real, stiffness=is_real, restitution=is_real)),
         "Lock": Call(fb.Lock, {}, dict(when=CONDITION, at=is_real, until=CONDITION)),
         "Release": Call(fb.Release, dict(when=1.0), dict(when=CONDITION)),
-        "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real)),
+        "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real, catch=is_flag)),
         "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
             name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
             elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),
