@@ -103,7 +103,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
 
     high, f_high = 1.0, way_left()
     low, reached = 0.0, start
-    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces)))
+    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))
     halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
         f_low = way(reached[0].s)[0]

@@ -8,6 +8,7 @@ from .errors import SceneError
 from .kernels.work import State
 from .multipliers import KeptLink
 from .numbering import NodeList
+from .prescribed import support_rates
 from .projection import along_curve, project
 from .scene import PointMass, RigidBody, Scene
 from .sections_held import Section
@@ -33,6 +34,10 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     n = len(nodes)
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
+    moving = support_rates(scene, nodes, joints)
+    for motion in scene.prescribed:
+        at = nodes.number(motion.at)
+        v[at], omega[at] = moving[0][at], moving[1][at] if motion.mask == 63 else omega[at]
     _follow_sliders(scene, nodes, v, lines)
     for x in (v, omega):
         # squares of smaller numbers are lost
@@ -42,7 +47,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
     changed = ""
     held = held_at_start(scene, nodes, joints, lines)
-    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held)
+    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
         size, text = max(wrong)
@@ -51,15 +56,15 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
             given = v, omega
-            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held)
-            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held))
+            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
+            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
             if size > 1e-7 * scale:
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
-    # what is held stands still exactly, also after a projection: no step would correct it
-    v[~tied & (joints.held & 7 != 0)] = 0.0
-    omega[(joints.spin_root == np.arange(n)) & (joints.held & 56 != 0)] = 0.0
+    # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
+    for x, of, bits, own in ((v, moving[0], 7, ~tied), (omega, moving[1], 56, joints.spin_root == np.arange(n))):
+        x[own & (joints.held & bits != 0)] = of[own & (joints.held & bits != 0)]
     follows = _tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
@@ -192,7 +197,7 @@ def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Arra
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
               lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink], held: list[tuple[int, Section]],
-              ) -> list[tuple[float, str]]:
+              moving: tuple[Array, Array]) -> list[tuple[float, str]]:
     """(size in m/s, what) of what the velocities violate, the worst of every kind."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
@@ -202,8 +207,8 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
             ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
-            ("support of {}", v, ~tied & (joints.held & 7 != 0)),
-            ("support of {} (rotation)", omega * size, alone & (joints.held & 56 != 0) & turning)):
+            ("support of {}", v - moving[0], ~tied & (joints.held & 7 != 0)),
+            ("support of {} (rotation)", (omega - moving[1]) * size, alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:
             amount = np.linalg.norm(error[k], axis=1)

@@ -22,6 +22,7 @@ from .kernels.terms import assemble
 from .numbering import NodeList
 from .scene import BallJoint, DistanceJoint, Scene, Spring
 from .scene.links import Link
+from .user_forces import Loaded
 
 Array = np.ndarray
 
@@ -175,6 +176,7 @@ class Links:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
         self._nodes, self._root = nodes, joints.row_root
+        self.loaded = Loaded(scene, nodes)
         self.groups: list[tuple[Entry, list[Any], Array]] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
@@ -193,8 +195,8 @@ class Links:
 
     @property
     def touched(self) -> Array:
-        """All nodes that a link touches; they are not eliminated inside elements and beams."""
-        return np.unique(np.concatenate([np.zeros(0, np.int64), *(node.reshape(-1) for _, _, node in self.groups)]))
+        """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
+        return np.unique(np.concatenate([self.loaded.node, *(node.reshape(-1) for _, _, node in self.groups)]))
 
     @property
     def pairs(self) -> Array:
@@ -226,6 +228,9 @@ class Links:
             table = entry.table(ends)
             out.append(_tested(entry, table) if is_outside(entry.noun) else table)
             first += len(parts) if entry.law is not None else 0
+        if self.loaded.forces:
+            q = np.concatenate((self._nodes.phi[:, None], self._nodes.directors), axis=1)
+            out.append(self.loaded.table(row_of, blocks, q))
         return tuple(out)
 
 

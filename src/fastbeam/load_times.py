@@ -27,6 +27,19 @@ def load_factors(model: Model, times: Array, steps: Array) -> Array:
     return out
 
 
+def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
+    """Factor of every load vector at a time, [K]; who: the function that was called.
+
+    Raises
+    ------
+    SceneError
+        There are time functions and no time.
+    """
+    if at_time is None and any(time is not None for time in model.load_times):
+        raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
+    return np.array([1.0 if time is None else factor_at(time, at_time or 0.0) for time in model.load_times])
+
+
 def factor_at(time: Callable[[float], float], t: float) -> float:
     """A time function at t as a number.
 

@@ -16,13 +16,15 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .result import ALONG, EXCHANGED, ResultHeader
+from .readings import ALONG, EXCHANGED
+from .result import ResultHeader
+from .resultants import Sections
 from .sections_held import Section, sections
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "inner")
+KINDS = ("energy", "momentum", "slider", "inner", "velocity", "section", "reaction")
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
@@ -36,9 +38,9 @@ class Observer:
     Parameters
     ----------
     model : Model
-    kinds : sequence of {'energy', 'momentum', 'slider', 'inner'}
+    kinds : sequence of {'energy', 'momentum', 'slider', 'inner', 'velocity', 'section', 'reaction'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
-        Positions to record.
+        Positions to record, velocities and section forces where these are asked for.
 
     Raises
     ------
@@ -52,6 +54,9 @@ class Observer:
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
+        self.velocity = "velocity" in kinds and bool(self.points)
+        self.sections = [_section(model, name, what) for name, what in (points or {}).items()] if "section" in kinds else []
+        self.reactions = model.reaction_names if "reaction" in kinds else []
         self._p = np.zeros(12 * model.n_nodes)
         self._out = np.zeros(9)
         self._work = np.zeros(6)
@@ -63,7 +68,7 @@ class Observer:
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
-        self._sections: list[Section] = []
+        self._directions: list[Section] = []
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -83,11 +88,24 @@ class Observer:
             out |= dict.fromkeys(ALONG, (s,))
         if self.energy and self.model.slider_forces is not None:
             out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
+        if self.energy:
+            out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.points:
             out["points"] = (len(self.points), 3)
+        if self.velocity:
+            out["point_velocity"] = (len(self.points), 3)
+        if self.sections:
+            out |= {"section_force": (len(self.points), 3), "section_moment": (len(self.points), 3)}
+        if self.reactions:
+            out["reaction"] = (len(self.reactions), 2, 3)
         return out
+
+    @property
+    def needs_forces(self) -> bool:
+        """Whether rows hold forces that steps tell."""
+        return self.slider or bool(self.reactions)
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -117,7 +135,7 @@ class Observer:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
-            self._sections = sections(model, state.s, state.q.reshape(-1, 4, 3))
+            self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
@@ -134,12 +152,30 @@ class Observer:
         if self.points:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
+        if self.velocity:
+            v = state.v.reshape(-1, 4, 3)
+            out["point_velocity"] = np.array([np.einsum("ma,mac->c", weights, v[at]) for at, weights in self.points.values()])
+        if self.sections:
+            self._section_forces(out, state.q.reshape(1, -1, 4, 3))
         return out
+
+    def _section_forces(self, out: dict[str, Any], q: Array) -> None:
+        """At all points that lie on beams, NaN at others."""
+        out |= {"section_force": np.full((len(self.points), 3), np.nan), "section_moment": np.full((len(self.points), 3), np.nan)}
+        for k, section in enumerate(self.sections):
+            if section is not None:
+                found = section.at(np.zeros(1), q[:, :, 0], q[:, :, 1:])
+                out["section_force"][k] = found.N[0, 0], found.Q2[0, 0], found.Q3[0, 0]
+                out["section_moment"][k] = found.T[0, 0], found.M2[0, 0], found.M3[0, 0]
 
     def _balance(self, out: dict[str, Any], state: State) -> None:
         """What is stored and was dissipated, less what was put in."""
         model = self.model
         stored, sizes = out["total"], [self.scale["total"]]
+        lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
+            (model.loss_place, model.losses), (model.drive_place, model.works)))
+        out |= {name: x for name, x in (("losses", lost), ("works", put_in)) if x.size}
+        sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
         if model.accounts_loads:
             out["external_work"] = float(state.history[model.work_place])
             # their potential is in the total as if they were constant
@@ -151,20 +187,27 @@ class Observer:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
             stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
             sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
-        out["balance"] = stored
+        out["balance"] = stored + float(np.sum(lost)) - float(np.sum(put_in))
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
-        """Contact forces to a row, moments of sleeves and forces along the beam; force: of all constraints [F] at its time;
+        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for;
         share: load factor of an equilibrium."""
+        if self.reactions:
+            row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
+        if self.slider:
+            self._add_contact_forces(row, force[:self.model.n_forces], share)
+
+    def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
+        """Contact forces, moments of sleeves and forces along the beam."""
         s = self.model.n_sliders
         row["contact_force"] = force[:3 * s].reshape(-1, 3)
         push, edges = np.zeros(s), np.zeros(s)
         if self.moments:
             row["contact_moment"] = np.zeros((s, 3))
-            own = force[force.size - 3 * len(self._sections):].reshape(-1, 3)
+            own = force[force.size - 3 * len(self._directions):].reshape(-1, 3)
             bores = self.model.sleeves.edges.reshape(-1, 2)
-            for k, section, mu, bore in zip(self.model.sleeve_pairs[:, 0], self._sections, own, bores):
+            for k, section, mu, bore in zip(self.model.sleeve_pairs[:, 0], self._directions, own, bores):
                 row["contact_moment"][k] = section.moment(mu)
                 push[k] = section.values(1) @ mu[:section.pairs]
                 edges[k] = bore @ (np.hypot(mu[0], mu[1]), abs(mu[2]))
@@ -222,6 +265,9 @@ class Observer:
         """Header of the result."""
         model = self.model
         names = {**model.names, "points": list(self.points)}
+        if self.reactions:
+            names["reactions"] = self.reactions
+        names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
@@ -247,7 +293,8 @@ def conserved(model: Model) -> list[str]:
     out = ["gap"]
     if model.history_size:
         out.append("balance")
-    if not model.accounts_loads and (model.slider_forces is None or not model.slider_forces.exchanges):
+    along = model.slider_forces is not None and model.slider_forces.exchanges
+    if not (model.accounts_loads or model.losses or model.works or along):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
     if not len(model.loads) and not held:
@@ -257,6 +304,13 @@ def conserved(model: Model) -> list[str]:
 
 def _tied_rows(model: Model) -> Array:
     return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
+
+
+def _section(model: Model, name: str, what: Any) -> Sections | None:
+    """The section of an observed point; None where it lies on no beam."""
+    if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
+        what = what.owner, float(what.owner.basis.node_s[what.index])
+    return Sections(model, *what) if isinstance(what, tuple) else None
 
 
 def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:

@@ -26,6 +26,7 @@ from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import OBSERVED, POINTS, Observer, conserved
 from .progress import Progress
+from .reactions import ReactingStepper
 from .recording import Rows
 from .resolution import Resolution
 from .result import Result
@@ -81,8 +82,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
         sliders do not allow is refused; a support holds its node where the state has it.
-    observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
-        What is recorded; `()` computes none of it.
+    observe : sequence of {'energy', 'momentum', 'slider', 'inner', 'velocity', 'section', 'reaction'}
+        What is recorded: 'velocity', 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2).
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
     every : int
@@ -92,12 +93,10 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     file : path
         Write the result to this HDF5 file as the run goes.
     checkpoint, checkpoint_every : path, float
-        Keep a checkpoint in this file, renewed at the first row that many seconds after the last one (0: at every row) and when
-        the run ends. An older checkpoint of that name is replaced.
+        Renew a checkpoint in this file at the first row that many seconds after the last one (0: at every row) and at the end.
     callback : callable
-        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space that
-        cannot be written to. It may watch and record; where it changes what a load's time function returns, the load acts a step
-        late: an event says so, and step control refuses it.
+        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space, not to
+        be written to. Where it changes what a load's time function returns, an event says so, and step control refuses it.
     tolerance : float
         Step control: local error of a position per step, relative to the size of the scene.
     min_step, max_step : float
@@ -171,7 +170,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         control = StepControl(tolerance, order, smallest, largest)
         check_times(clock.now, t_end, smallest, "min_step")
     memory = start.memory if isinstance(start, Checkpoint) else None
-    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
+    make = ReactingStepper if "reaction" in observe else Stepper
+    stepper = make(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     run.notes = notes
@@ -196,7 +196,7 @@ class _Run:
         at_end = stepper.method.at_end
         if observer.slider:
             self.info["contact_force"] = AT_END if at_end else AT_ROWS
-        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
+        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.needs_forces and not at_end else None
         self.rows = Rows(observer, stepper, clock, forces, t_end, observer.header(self.info), snapshots, file, overwrite)
         self.memory, self.event = self.rows.memory, self.rows.event
         self.turns_are_resolved = True

@@ -93,6 +93,11 @@ class SliderForces:
         return [slider.drive for slider in self.sliders]
 
     @property
+    def acts_on(self) -> Array:
+        """Whether a slider has any, bool [S]."""
+        return np.array([x.friction is not None or x.drive is not None or x.stops is not None for x in self.sliders])
+
+    @property
     def hold_by_friction(self) -> Array:
         """Which sliders Coulomb friction can hold at rest, bool [S]."""
         t = self.tables

@@ -109,7 +109,7 @@ def check_start(model: Model, state: State, step: float, mend: bool = False, at_
             return state, notes
         worst = max(found, key=lambda m: m.size / m.told)
     if mend and worst.size <= worst.mendable:
-        state = _mended(model, state)
+        state = mended(model, state)
         left = _worst(misfits(model, state, step))
         if left is None:
             return state, [*notes, ("mended", f"the start was mended: {worst.what} {worst.size:.3g} {worst.unit} off")]
@@ -152,8 +152,7 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
     add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * TIED, MENDABLE)
     add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", TIED * speed + noise, MENDABLE * speed)
     add("the spin of {} is", (v - rate)[led, 1:] * length, led, "m/s", TIED * speed + noise, MENDABLE * speed)
-    held = model.held_mask
-    held[_follows(model)] = 0
+    held = _standing(model)
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
@@ -206,11 +205,19 @@ def _joint_of(model: Model, node: int) -> str:
     return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
 
 
+def _standing(model: Model) -> Array:
+    """Of every node which of its unknowns a support holds still, int64 [N]."""
+    held = model.held_mask
+    held[_follows(model)] = 0
+    if model.prescribed is not None:
+        held[np.isin(model.pattern.row_of, model.pattern.row_of[model.prescribed.own])] = 0
+    return held
+
+
 def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
-    held = model.held_mask
-    held[_follows(model)] = 0
+    held = _standing(model)
     away = np.where(held & 7 != 0, np.linalg.norm(off[:, 0], axis=1), 0.0)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
@@ -223,7 +230,7 @@ def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     return out
 
 
-def _mended(model: Model, state: State) -> State:
+def mended(model: Model, state: State) -> State:
     """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
     give way before beams are bent."""
     from scipy import sparse
@@ -242,7 +249,7 @@ def _mended(model: Model, state: State) -> State:
         step[free] = nearest(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)
         step = (share_map(model) @ step).reshape(-1, 6)
         q[:, 0] += step[:, :3]
-        q[:, 1:] = _turned(q[:, 1:], step[:, 3:])
+        q[:, 1:] = turned(q[:, 1:], step[:, 3:])
         q = follow(model, q)
     across, _ = _across(model, q, s)
     lift, free = _lift(model, q)
@@ -301,7 +308,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             np.concatenate((gaps, *own)))
 
 
-def _turned(triads: Array, spins: Array) -> Array:
+def turned(triads: Array, spins: Array) -> Array:
     """Triads [N, 3, 3] turned by Cayley vectors [N, 3]."""
     w = spins[:, None, :]
     d = np.cross(w, triads)

@@ -69,29 +69,35 @@ class StaticContacts:
         In space.
     axes : float64 [3, 3], optional
         Of the plane where nodes have 3 unknowns: two in it and its normal, by rows.
+
+    Attributes
+    ----------
+    ties : sparse [12 N, 12 N]
+        `maps.tie_map`.
+    rows : sparse [6 N, m]
+        Unknowns of the rows -> positions and spins of all nodes; held ones stand still.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:
         from scipy import sparse
         self.model, self.axes = model, axes
         n, rows = model.n_nodes, model.pattern.n
-        self._ties = tie_map(model)
-        # unknowns of the rows in space -> those of the nodes; held ones stand still
+        self.ties = tie_map(model)
         pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.pattern.row_of)), shape=(n, rows))
         # three unknowns of a row in the plane -> six
         within = np.eye(6)
         if axes is not None:
             within = np.zeros((6, 3))
             within[:3, 0], within[:3, 1], within[3:, 2] = axes
-        self._rows = (sparse.kron(pick, within, format="csr") @ sparse.diags(self._free(within.shape[1]))).tocsr()
+        self.rows = (sparse.kron(pick, within, format="csr") @ sparse.diags(self.free(within.shape[1]))).tocsr()
         self._s: Array | None = None
         self._weights: Weights | None = None
         ends = np.array([link.node for link in model.kept], np.int64).reshape(-1)
         at = (12 * np.unique(ends)[:, None] + np.arange(3)).reshape(-1)
         self._joint_ties, self._joint_nodes = _reduced(sparse.csr_matrix(
-            (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self._ties)
+            (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self.ties)
 
-    def _free(self, size: int) -> Array:
+    def free(self, size: int) -> Array:
         """1 for free unknowns of the rows, 0 for held ones [size rows]."""
         core = self.model if self.axes is None else self.model.plane.model
         free = np.ones((core.pattern.n, size))
@@ -124,7 +130,7 @@ class StaticContacts:
             k, nodes, values = (np.concatenate(x) for x in zip(nothing, *part))
             out.append(sparse.csr_matrix((np.repeat(values, 3), ((3 * k[:, None] + c).reshape(-1),
                                                                  (12 * nodes[:, None] + c).reshape(-1))), (3 * s.size, 12 * n)))
-        by_nodes, nodes = _reduced(sparse.vstack(out[:2], format="csr") @ self._ties)
+        by_nodes, nodes = _reduced(sparse.vstack(out[:2], format="csr") @ self.ties)
         # where no triad takes part nothing depends on the shape
         fixed = not np.any(by_nodes.indices % 12 >= 3)
         found = Weights(*out, by_nodes, nodes, None)
@@ -144,7 +150,7 @@ class StaticContacts:
     def _rates(self, q: Array, nodes: Array) -> Any:
         """Unknowns of the rows -> rates of the coordinates of some nodes [T], sparse [12 T, m]; q [12 N]."""
         unknowns = (6 * nodes[:, None] + np.arange(6)).reshape(-1)
-        return velocity_map(q.reshape(-1, 4, 3)[nodes]) @ self._rows[unknowns]
+        return velocity_map(q.reshape(-1, 4, 3)[nodes]) @ self.rows[unknowns]
 
     def border(self, weights: Weights, q: Array, force: Array, slip: Array | None = None) -> Border:
         """At coordinates q [12 N] and forces of all constraints; slip [S]: coefficients of friction with the sign of the slip."""
@@ -214,7 +220,7 @@ class StaticContacts:
         sliding, bend = border.sliding.copy(), border.bend.copy()
         for k, section, within, mu in self._sections(q, force):
             value.append(within @ section.values())
-            lead.append(sparse.csr_matrix(within) @ section.row(0, n) @ self._rows)
+            lead.append(sparse.csr_matrix(within) @ section.row(0, n) @ self.rows)
             turned.append(section.turned(mu, n))
             turns.append(-within @ section.values(1))
             pick = sparse.csr_matrix((-mu[:section.pairs], (np.full(section.pairs, k), np.arange(section.pairs))),
@@ -224,13 +230,13 @@ class StaticContacts:
             bend[k] -= mu[:section.pairs] @ section.values(2)
             if section.pairs == 2 and self.axes is None:
                 idle.append(first + sum(map(len, turns)))
-                value.append(np.zeros(1)); lead.append(sparse.csr_matrix((1, self._rows.shape[1]))); turns.append(np.zeros(1))
+                value.append(np.zeros(1)); lead.append(sparse.csr_matrix((1, self.rows.shape[1]))); turns.append(np.zeros(1))
         of = np.repeat(self.model.sleeve_pairs[:, 0], 3 if self.axes is None else 1)
         flat = np.concatenate(turns)
-        bent = border.bent + self._rows.T @ sum(turned) @ self._rows
+        bent = border.bent + self.rows.T @ sum(turned) @ self.rows
         return border._replace(
             gradient=sparse.vstack(lead, format="csr"), joint_gap=np.concatenate(value), sliding=sliding, bend=bend,
-            slide=border.slide + sum(slide) @ self._rows, bent=bent.tocsr(), idle=np.array(idle, np.int64),
+            slide=border.slide + sum(slide) @ self.rows, bent=bent.tocsr(), idle=np.array(idle, np.int64),
             turns=sparse.csr_matrix((flat, (first + np.arange(flat.size), of)), shape=(force.size, s)))
 
     def _sections(self, q: Array, force: Array) -> list[tuple[int, Section, Array, Array]]:
@@ -251,7 +257,7 @@ class StaticContacts:
         """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and second ones of -force . gap."""
         from scipy import sparse
         kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
-        m = self._rows.shape[1]
+        m = self.rows.shape[1]
         if not kept:
             return np.zeros(0), sparse.csr_matrix((0, m)), sparse.csr_matrix((m, m))
         at_start = self.model.q0.reshape(-1, 4, 3)[:, 0]

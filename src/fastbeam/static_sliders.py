@@ -85,7 +85,7 @@ class SlidingSolver(StaticSolver):
         self._refused = 0
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
-        self.held, self.at_time = held, at_time
+        self.held = held
         self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_limits
         self.along = None
         if uneliminated.slider_forces is not None:
@@ -131,7 +131,7 @@ class SlidingSolver(StaticSolver):
             self._refused = self._factors.refused
         along, state = self.along, self.stepper.core_state
         if along is not None:
-            state.s[:] = along.begin(self.share, state.s)
+            state.s[:] = along.begin(float(self.stepper.law_work[1]), state.s)
         status, sizes = self._newton(np.zeros(self.held.size, bool))
         for _ in range(ROUNDS * (self.held.size + 1)):
             if status == OK and self.sliding.any():
@@ -186,18 +186,23 @@ class SlidingSolver(StaticSolver):
         along.reserve = RESERVE
         return found[0], found[1]
 
+    def load_all(self, factors: Array) -> None:
+        self._load(factors)
+        self._border()
+        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force)
+
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
             # where friction or a stop holds a slider, it stays
             other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu",
-                                  self.at_time)
-            other.share = self.share
+                                  float(self.stepper.law_work[0]))
+            other.set_time(*self.stepper.law_work[:2])
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext
         self.work.increment.control[0] = 0.0
         if self.along is not None:
-            self.along.modes.sign[:] = 0
+            self.along.modes.sign[:], self.along.share = 0, float(self.stepper.law_work[1])
         return self._assembled(self._unhindered)[0].signs(in_plane or not self.moments)
 
     @property
@@ -218,7 +223,6 @@ class SlidingSolver(StaticSolver):
         """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept
         for messages."""
         state, contact = self.stepper.core_state, self.stepper.contact
-        assert contact is not None
         self._weights = self.contacts.weights(state.s)
         along = self.along
         border = self.contacts.border(self._weights, self.state.q, state.force,
@@ -228,6 +232,8 @@ class SlidingSolver(StaticSolver):
             border = border._replace(sliding=border.sliding - force, bend=border.bend - slope)
         dim = self.core.dim
         sliders = self.sliding.size
+        if contact is None:
+            return border
         contact.residual[:sliders, :dim] = border.gap
         contact.residual[:sliders, dim] = np.where(self.sliding, border.sliding, 0.0)
         of_joints = np.arange(8) < contact.forces[sliders:, None]

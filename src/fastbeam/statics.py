@@ -15,11 +15,12 @@ from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
-from .load_times import factor_at
+from .load_times import load_factors_at
 from .model import Model, check_model
 from .newton import BACKENDS, Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
+from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
@@ -28,11 +29,14 @@ from .supports import check_supports
 
 Array = np.ndarray
 TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative eigenvalue(s) {}: a buckling or limit load was "
-                    "passed on the way; a larger imperfection or a run in time finds a stable one",
+                    "passed on the way; fb.modes(model, state=result.state) shows where it goes, a larger imperfection or a "
+                    "run in time finds a stable one",
         "free": "the tangent of this equilibrium has {} zero eigenvalue(s) {}: a buckling load is met, or a part can move or "
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
+# of `simulate`'s what there is at rest
+RECORDED = ("energy", "section", "reaction")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -83,7 +87,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
-        As in `simulate`; rows are load steps, `result.t` the load factor.
+        As in `simulate`, of 'energy', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -103,7 +107,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
         (`Result.slider`). `info["unstable_directions"]` and `info["free_directions"]` count the negative and the zero eigenvalues
         of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
-        or something is held by nothing. `info["counted_in"]` is "space" or "plane": a planar
+        or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
         negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8); sliders that friction or a
@@ -121,8 +125,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         By Ctrl-C; carries the same.
     """
     check_model("solve_static", model)
-    stays = _named_sliders(model, "held", held)
-    asked = _rubbing(model, _named_sliders(model, "rest_intervals", rest_intervals), stays, rest_intervals)
+    stays = held_sliders(model, held)
+    asked = _rubbing(model, held_sliders(model, rest_intervals, "rest_intervals"), stays, rest_intervals)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     load_step = min(load_step, largest_load_step)
@@ -131,12 +135,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     stops = [*([] if levels is None else levels), 1.0]
     if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
-    timed = [t for t in model.load_times if t is not None]
-    driven = model.slider_forces is not None and model.slider_forces.has_functions(~stays)
-    if (timed or driven) and at_time is None:
-        raise SceneError(f"solve_static: {'loads' if timed else 'drives'} have time functions; say with at_time=... where to "
-                         "evaluate them")
-    factors = np.array([1.0 if t is None else factor_at(t, at_time or 0.0) for t in model.load_times])
+    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
+        raise SceneError("solve_static: drives have time functions; say with at_time=... where to evaluate them")
+    factors = load_factors_at("solve_static", model, at_time)
     notes: list[Any] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
@@ -148,7 +149,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
-    observer = Observer(model, ("energy", "slider") if "energy" in observe else ("slider",), points)
+    observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+    reactions = StaticReactions(solver) if observer.reactions else None
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                             **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
     buffer = ResultBuffer(observer.header(info))
@@ -156,8 +158,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
-        if model.n_sliders:
-            observer.add_forces(row, solver.state.force, factor)
+        if observer.needs_forces:
+            behind = reactions.at(factor * factors) if reactions else ()
+            observer.add_forces(row, np.concatenate((solver.state.force, behind)), factor)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
@@ -188,7 +191,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
             stop = next(level for level in stops if level > reached)
             size = min(step, stop - reached)
             target = stop if reached + size > stop - 1e-12 else reached + size
-            solver.share = target
+            solver.set_time(at_time or 0.0, target)
             status, sizes = solver.equilibrium(target * factors)
             if status == OK:
                 solver.history.append(len(sizes))
@@ -267,8 +270,19 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
     return [int(k) for k in np.flatnonzero(asked & rubs)]
 
 
-def _named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
-    """Which sliders an argument of this name means, bool [S].
+def check_slider_forces(who: str, model: Model, stays: Array) -> None:
+    """Refuse sliders that are free and have forces along their beam: with friction there is an interval of equilibria."""
+    if model.slider_forces is None:
+        return
+    forced = np.flatnonzero(model.slider_forces.acts_on & ~stays)
+    if forced.size:
+        name = model.names["sliders"][forced[0]]
+        raise SceneError(f"{who}: slider {name!r} has friction, a drive or stops, which it does not know; hold it where "
+                         f"it stands, for instance in an equilibrium of solve_static, with held=({name!r},), or leave them out")
+
+
+def held_sliders(model: Model, held: bool | str | Sequence[str], what: str = "held") -> Array:
+    """Which sliders an argument of this name means, such as those that stay where they are, bool [S].
 
     Raises
     ------

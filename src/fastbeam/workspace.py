@@ -12,6 +12,7 @@ from .kernels.nodes import NODES_SCRATCH
 from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
+from .kernels.user_force import FACTOR, SIZE
 from .kernels.work import LastIncrement, Work, aligned
 from .model import Model
 
@@ -143,3 +144,10 @@ def condensed_of(model: Model) -> Substructures | None:
 def _padded(n: int) -> Array:
     """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
     return np.zeros(n + 8)[:n]
+
+
+def law_work() -> Array:
+    """Work array of user forces in one run."""
+    work = np.zeros(SIZE)
+    work[FACTOR] = 1.0
+    return work

@@ -7,6 +7,7 @@ import random
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
@@ -21,6 +22,7 @@ import pytest
 import fastbeam as fb
 from fastbeam import __main__ as front
 from fastbeam.kernels.work import State
+from fastbeam.mode_shapes import Modes
 from fastbeam.model import Model
 
 SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
@@ -49,6 +51,11 @@ def held() -> Model:
 @cache
 def result() -> fb.Result:
     return fb.simulate(model(), t_end=2e-3, step=1e-3, progress=False, points={"tip": BEAM.end})
+
+
+@cache
+def modes() -> Modes:
+    return fb.modes(held(), load_factor=0.0, n=3)
 
 
 class Rude:
@@ -104,7 +111,7 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
         "generator": lambda: (x for x in (1.0, 2.0, 3.0)), "generator of texts": lambda: (x for x in "abc"), "pipe": lambda: pipe,
         "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
         "model": model, "result": result, "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
-        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)), 
+        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)),
         "state of texts": lambda: State("q", "v", "s", "f"),
         "state of Nones": lambda: State(None, None, None, None)}
     (folder / "text").write_text("no result")
@@ -195,9 +202,10 @@ class Call:
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text)
 BAR = dict(section=SECTION, elements=2)
-MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, name=is_text)
+DAMPING = either(is_real, is_array(1, 2))
+MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, damping=DAMPING, name=is_text)
 SIX = dict.fromkeys(("EA", "GA2", "GA3", "GJ", "EI2", "EI3"), is_real)
-INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, name=is_text)
+INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, damping=DAMPING, name=is_text)
 NODES, EDGES = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1), (1, 2)]
 RUN = dict(start=one_of(State, fb.Checkpoint), observe=is_list_of(is_text), points=one_of(Mapping), max_iterations=is_count,
            backend=is_text, threads=is_count, mend_start=is_flag)
@@ -242,6 +250,12 @@ def calls(folder: Path) -> dict[str, Call]:
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
         "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
         "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
+        **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
+                                            dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
+        "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
+            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag)),
         "RigidConnection": Call(fb.RigidConnection, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
@@ -304,6 +318,15 @@ def calls(folder: Path) -> dict[str, Call]:
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
             rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
+        "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
+            model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
+            smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
+            held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
+        "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
+            model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
+            held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "Modes.state": Call(modes().state, dict(k=0, amplitude=0.01), dict(k=is_count, amplitude=is_real, phase=is_real)),
+        "Modes.shape": Call(modes().shape, dict(k=0), dict(k=is_count)),
         "load_result": Call(fb.load_result, dict(path=folder / "text"), dict(path=PATH)),
         "load_checkpoint": Call(fb.load_checkpoint, dict(path=folder / "text"), dict(path=PATH)),
         "Checkpoint": Call(fb.Checkpoint, dict(state=model().state(), t=0.0, step=1.0, t_start=0.0, steps=0, next_step=None,
@@ -317,15 +340,33 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "deviation", "drift", "is_conserved")},
+           for name in ("point", "slider", "deviation", "drift", "is_conserved", "velocity", "section")},
+        "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
+        "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
+            name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
+            dissipates=is_flag)),
+        "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
+            model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
+        "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
+            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
+        "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
+            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping)), lambda x: np.size(x) == 0),
+            run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
+            overwrite=is_flag, retry=is_flag, progress=is_flag)),
+        "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
+        "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
+        "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
+            result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
         "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
                                                                         cmap=is_text)),
         "plot_invariants": Call(fb.plot_invariants, dict(result=result()), dict(result=one_of(fb.Result))),
         "plot_slider": Call(fb.plot_slider, dict(result=result()), dict(result=one_of(fb.Result), slider=is_text)),
+        "plot_modes": Call(fb.plot_modes, dict(modes=modes()), dict(
+            modes=one_of(Modes), plane=is_text, n=is_count, first=is_count, amplitude=is_real)),
     }
     return out
 
@@ -336,6 +377,10 @@ REFUSED = (fb.SceneError, fb.ResultFileError, fb.ConvergenceError)
 
 class TooLong(BaseException):
     """A call took longer than anyone waits."""
+
+
+def law(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+    """Of a user force."""
 
 
 def _ring(*_: Any) -> None:
@@ -429,8 +474,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 
 
 # --- nothing public is left out --------------------------------------------------------------------------------------------
-# of the errors the arguments are texts and facts of the package's own; a net's lists serve the compiler
-OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
+# of errors and tables the arguments are texts and facts of the package's own; a net's lists serve the compiler
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "Sweep", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 
 

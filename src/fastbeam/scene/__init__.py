@@ -9,15 +9,18 @@ from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import Path
+from fastbeam.scene.prescribed import PrescribedMotion, Signal
 from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
+from fastbeam.scene.user_force import UserForce
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
-    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection",
-    "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "PrescribedMotion", "RigidBody",
+    "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "UserForce",
 ]

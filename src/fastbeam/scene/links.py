@@ -7,7 +7,8 @@ from typing import ClassVar
 from fastbeam.arguments import Name, checked
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.beams import Beam
+from fastbeam.scene.checks import NodeField
 from fastbeam.scene.parts import Node
 
 
@@ -18,8 +19,8 @@ class Link:
 
     kind: ClassVar[str] = "link"
 
-    a: NodeRef
-    b: NodeRef
+    a: NodeField
+    b: NodeField
     name: str | None = None
 
     def __post_init__(self) -> None:

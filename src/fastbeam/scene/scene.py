@@ -19,13 +19,15 @@ from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
+from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link)
+        | RigidMotion | Slider | Link | PrescribedMotion | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -148,6 +150,11 @@ class Scene:
         return self._of(Pin)
 
     @property
+    def prescribed(self) -> list[PrescribedMotion]:
+        """All supports that move as functions of time."""
+        return self._of(PrescribedMotion)
+
+    @property
     def rigid(self) -> list[RigidConnection]:
         """All rigid connections."""
         return self._of(RigidConnection)
@@ -166,6 +173,11 @@ class Scene:
     def distributed(self) -> list[DistributedLoad]:
         """All loads along beams."""
         return self._of(DistributedLoad)
+
+    @property
+    def user_forces(self) -> list[UserForce]:
+        """All forces by functions of the user's own."""
+        return self._of(UserForce)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -353,8 +365,8 @@ class Scene:
     def _check_control_points(self) -> None:
         """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
         for part in self.parts:
-            for node in [part.at] if isinstance(part, Load) else _held_nodes(part):
-                beam = node.owner
+            for node in [part.at] if isinstance(part, (Load, UserForce)) else _held_nodes(part):
+                beam = None if isinstance(node, Beam) else node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
                     raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
                                      "end, split the beam there, or interpolation='lagrange'")
@@ -427,7 +439,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, UserForce)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -446,7 +458,7 @@ def _who(part: Any) -> str:
 
 def _held_nodes(part: Part) -> list[NodeRef]:
     """The nodes that a support, joint, link or slider takes as points."""
-    if isinstance(part, (Clamp, Pin)):
+    if isinstance(part, (Clamp, Pin, PrescribedMotion)):
         return [part.at]
     if isinstance(part, (RigidConnection, BallJoint, Link)):
         return [part.a, part.b]
@@ -456,8 +468,8 @@ def _held_nodes(part: Part) -> list[NodeRef]:
 def _owners(part: Part) -> list[Any]:
     """The beams, bodies and masses that a part refers to."""
     owners = [node.owner for node in _held_nodes(part)]
-    if isinstance(part, Load):
-        owners.append(part.at.owner)
+    if isinstance(part, (Load, UserForce)):
+        owners.append(part.at if isinstance(part.at, Beam) else part.at.owner)
     if isinstance(part, Slider):
         owners.extend(part.beams)
     if isinstance(part, (DistributedLoad, InitialVelocity)):

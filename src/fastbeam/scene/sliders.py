@@ -10,8 +10,8 @@ from fastbeam.arguments import Name, Number, Word, checked
 from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array
+from fastbeam.scene.beams import Beam
+from fastbeam.scene.checks import Array, NodeField
 from fastbeam.scene.parts import Node
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
@@ -56,14 +56,14 @@ class Slider:
     kind: ClassVar[str] = "slider"
 
     name: str
-    point: NodeRef
+    point: NodeField
     beam: Beam | Path | None = None
     _: KW_ONLY
     on: Beam | Path | None = None
     at: float
     rate: float | None = None
     curve: str = "c1"
-    friction: Friction | None = None
+    friction: Friction | float | None = None
     drive: Drive | None = None
     stops: Stops | None = None
 
