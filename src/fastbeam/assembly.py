@@ -8,6 +8,7 @@ import numpy as np
 from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
+from .kernels.joint_motion import JointForces, JointMotion
 from .kernels.inner import Inner, NoInner
 from .kernels.prescribed import Prescribed, Reactions
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
@@ -28,7 +29,8 @@ def strain_sets(model: Model, static: bool = False) -> tuple[SimoReissner, Green
 
 
 def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None,
-             prescribed: Prescribed | None = None, law_work: Array | None = None) -> tuple[Any, ...]:
+             prescribed: Prescribed | None = None, law_work: Array | None = None,
+             motion: JointMotion | None = None) -> tuple[Any, ...]:
     """All that acts in a model, in the order of kernels/terms.py.
 
     Parameters
@@ -44,6 +46,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         Supports that move, with the work arrays of this run.
     law_work : float64, optional
         The work array of user forces in this run.
+    motion : JointMotion, optional
+        What joints leave free, with the work arrays of this run.
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
@@ -64,7 +68,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else Reactions(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
-    others = prescribed, loads, bodies, *links, model.ties, reactions, held
+    forces = JointForces(motion) if motion is not None and model.motions.acts else None
+    others = prescribed, loads, bodies, *links, forces, None if static else motion, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 
 

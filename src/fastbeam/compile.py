@@ -24,6 +24,7 @@ from .connections import POSITION, Connections
 from .dissipation import damped_of
 from .errors import SceneError
 from .holding import Holding, trees
+from .joint_motion import motions_of
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -152,10 +153,17 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     state, length = unpacked.state, unpacked.numbered.length
+    slider_forces, damped, prescribed = slider_forces_of(scene.sliders), damped_of(scene, nodes), unpacked.prescribed
+    laws = links.loaded.forces
+    accounts = any(t is not None for t in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]) or laws)
+    # where numbers stand in the history: of sliders, of loads, of damping, of moving supports, of joints
+    loads_at = 0 if slider_forces is None else slider_forces.size
+    motions_at = loads_at + accounts + sum(0 if x is None else len(x.labels) for x in (damped, prescribed))
     return Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
-        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=unpacked.kept, ties=ties,
+        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at), kept=unpacked.kept,
+        ties=ties,
         held=held, static_held=_held(joints.held | idle, pattern) if idle.any() else held,
         curves=curves, sliders=sliders,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
@@ -166,12 +174,11 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
-        slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
-        damped=damped_of(scene, nodes), prescribed=unpacked.prescribed,
-        user_forces=tuple(force.name for force in links.loaded.forces),
-        needs_forward_steps=tuple(force.name for force in links.loaded.forces if force.dissipates),
-        accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]))
-        or bool(links.loaded.forces))
+        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
+        damped=damped, prescribed=prescribed,
+        motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), motions_at),
+        user_forces=tuple(force.name for force in laws),
+        needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

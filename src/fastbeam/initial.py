@@ -116,6 +116,8 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
     lines = _contact_lines(scene, nodes)
     for slider, line in zip(scene.sliders, lines):
         point, mass = line[3], slider.point.owner
+        if slider.starts_off:
+            continue
         curve = line[1] @ nodes.phi[line[0]]
         gap = float(np.linalg.norm(nodes.phi[point] - curve))
         if not (isinstance(mass, PointMass) and mass.position is None) and gap > 1e-9 * slider.beam.length:
@@ -125,12 +127,14 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
                              "position")
         nodes.phi[point] = curve
     for slider, (number, values, _, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
         if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
             raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
                              f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes "
                              "of curved beams")
-    moved = {line[3] for line in lines}
+    moved = {line[3] for slider, line in zip(scene.sliders, lines) if not slider.starts_off}
     for ball in scene.balls:
         a, b = nodes.number(ball.a), nodes.number(ball.b)
         gap = float(np.linalg.norm(nodes.phi[a] - nodes.phi[b]))
@@ -173,7 +177,7 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
     """A point mass without a velocity of its own moves with its slider."""
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         mass = slider.point.owner
-        if isinstance(mass, PointMass) and mass.velocity is None:
+        if isinstance(mass, PointMass) and mass.velocity is None and not slider.starts_off:
             moved = any(m.objects is None or mass in m.objects for m in scene.motions)
             along = (slopes @ nodes.phi[number]) * (slider.rate or 0.0)
             if slider.rate is not None or not moved:
@@ -215,9 +219,11 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
-        a, b = link.node
-        out.append((float(np.linalg.norm(link.law.lead(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
+        rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
+        out.append((float(np.linalg.norm(rates)) * (size if link.law.is_angle else 1.0), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]
         rate = float(relative @ tangent / (tangent @ tangent))

@@ -86,13 +86,15 @@ class Model:
     load_names : list of str
         What each time function belongs to.
     slider_forces : slider_forces.SliderForces or None
-        Friction, drives and stops of sliders.
+        Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
         The sliders that are sleeves.
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
     prescribed : prescribed.PrescribedMotions or None
         Supports that move.
+    motions : joint_motion.Motions or None
+        What joints with axes leave free.
     accounts_loads : bool
         Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
         of both hold the same numbers of the steps before.
@@ -161,6 +163,7 @@ class Model:
         """Supports, and joints that are eliminated."""
         assert self.find_holding is not None
         return self.find_holding()
+    motions: Any = None
 
     @property
     def held_mask(self) -> Array:
@@ -173,7 +176,12 @@ class Model:
     @property
     def reaction_names(self) -> list[str]:
         """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
-        return [*self.holding.support_names, *self.holding.joint_names, *(link.name for link in self.kept)]
+        return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]
+
+    @property
+    def kept_names(self) -> list[str]:
+        """Names of the joints with multipliers; a joint may be several links."""
+        return list(dict.fromkeys(link.joint for link in self.kept))
 
     @property
     def n_sliders(self) -> int:
@@ -289,9 +297,11 @@ class Model:
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
-                      self.slider_forces.restitutions]
+                      self.slider_forces.restitutions, self.slider_forces.plan]
         if self.prescribed is not None:
             parts += [self.prescribed.own]
+        if self.motions is not None:
+            parts += self.motions.table[:-2]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -315,7 +325,10 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), np.zeros(self.history_size))
+        history = np.zeros(self.history_size)
+        if self.slider_forces is not None:
+            history[:self.work_place] = self.slider_forces.initial_history
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     @property
     def slider_limits(self) -> Array:
@@ -338,6 +351,11 @@ class Model:
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before."""
+        return self.motion_place + (0 if self.motions is None else self.motions.size)
+
+    @property
+    def motion_place(self) -> int:
+        """Where the numbers of free coordinates of joints begin."""
         return self.drive_place + len(self.works)
 
     @property
@@ -359,6 +377,11 @@ class Model:
     def loss_place(self) -> int:
         """Where the energies stand that were taken away."""
         return self.work_place + self.accounts_loads
+
+    @property
+    def balances(self) -> bool:
+        """Whether the energy has a balance: something takes energy away or puts some in."""
+        return self.motion_place > 0 or (self.motions is not None and self.motions.exchanges)
 
     @property
     def work_place(self) -> int:

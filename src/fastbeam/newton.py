@@ -15,9 +15,11 @@ from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
+from .joint_motion import check_motions
 from .kernels import step as kernels
-from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule
+from .kernels.along import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
 from .kernels.constraints import Constraints
+from .kernels.joint_motion import MotorSchedule
 from .kernels.observe import slider_motion
 from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
@@ -150,9 +152,14 @@ class Stepper:
             self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, len(core.dofs))
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
+        check_motions(model.motions, method.name if compared else None, self.weights.size, static)
+        self.motion = None
+        if core.motions is not None and core.motions.rows.size:
+            self.motion = core.motions.work()
+            core.motions.settle(self.core_state, self.state.q.reshape(-1, 4, 3), core.motion_place)
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
-        self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work)
+        self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -186,7 +193,7 @@ class Stepper:
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
-        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0)
+        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
 
     @property
@@ -369,10 +376,12 @@ class Stepper:
         return pivoting.after(result)
 
     def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
-        """What drives, supports that move and user forces are given in n steps; empty where nothing depends on time."""
+        """What drives, motors, supports that move and user forces are given in n steps; empty where nothing depends on time."""
         out: list[Any] = []
         if self.along is not None and self.core.slider_forces.timed:
             out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
+        if self.motion is not None and self.core.motions.timed:
+            out.append(MotorSchedule(self.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))

@@ -9,14 +9,14 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
-from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, STOP_LOSS
+from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .readings import ALONG, EXCHANGED
+from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS
 from .result import ResultHeader
 from .resultants import Sections
 from .sections_held import Section, sections
@@ -24,7 +24,8 @@ from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "inner", "velocity", "section", "reaction")
+KINDS = ("energy", "momentum", "slider", "inner", "joint", "velocity", "section", "reaction")
+LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
@@ -64,7 +65,8 @@ class Observer:
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
-        self.balance = self.energy and model.history_size > 0
+        self.joint = "joint" in kinds and model.motions is not None
+        self.balance = self.energy and model.balances
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
@@ -92,6 +94,9 @@ class Observer:
             out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
+        if self.model.motions is not None:
+            free = (len(self.model.motions.names),)
+            out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
         if self.points:
             out["points"] = (len(self.points), 3)
         if self.velocity:
@@ -120,6 +125,10 @@ class Observer:
         if self.energy:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
+            if model.motions is not None:
+                in_joints = model.motions.exchanged(state, model.motion_place)
+                out |= in_joints
+                out["strain"] += float(np.sum(in_joints["joint_energy"]))
             phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
@@ -142,11 +151,14 @@ class Observer:
                                   rate)
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
-            out["slide_rate"] = rate
+            out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
         if (self.slider or self.energy) and model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
-                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s)}
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s),
+                    "lock_loss": history[:, LOCK_LOSS]}
+        if self.joint:
+            out |= model.motions.row(state, model.motion_place)
         if self.balance:
             self._balance(out, state)
         if self.points:
@@ -185,9 +197,13 @@ class Observer:
             history = state.history[:model.work_place].reshape(-1, HISTORY)
             if model.accounts_loads:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
-            stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
-            sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
-        out["balance"] = stored + float(np.sum(lost)) - float(np.sum(put_in))
+            stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
+            sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
+        stored += float(np.sum(lost)) - float(np.sum(put_in))
+        if model.motions is not None:
+            stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
+            sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
+        out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
     def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
@@ -214,7 +230,7 @@ class Observer:
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
-                    "stop_force": found.stop}
+                    "stop_force": found.stop, "lock_force": found.lock}
 
     def scales(self, step: float) -> dict[str, float]:
         """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
@@ -268,6 +284,9 @@ class Observer:
         if self.reactions:
             names["reactions"] = self.reactions
         names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
+        if model.motions is not None:
+            kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
+            names |= {"joints": model.motions.names, "coordinates": kinds}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
@@ -290,11 +309,11 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
 
 def conserved(model: Model) -> list[str]:
     """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
-    out = ["gap"]
-    if model.history_size:
+    out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
+    if model.balances:
         out.append("balance")
-    along = model.slider_forces is not None and model.slider_forces.exchanges
-    if not (model.accounts_loads or model.losses or model.works or along):
+    exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
+    if not (model.accounts_loads or model.losses or model.works or exchanging):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
     if not len(model.loads) and not held:

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .connections import TRIAD
+from .joint_motion import motions_in_plane
+from .joint_tables import conditions_in_plane, kept_in_plane
 from .kernels.beam import ElementTables
 from .kernels.inner import Inner, NoColumns, store_size
+from .kernels.joint_conditions import JointConditions
 from .kernels.kinds import PLANE
 from .kernels.layout import CONSTANTS, FACTORS, NODES, POINTS, REFERENCE
 from .kernels.nodes import Held
@@ -90,7 +93,9 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
     vectors = unpacked.state.s.size + sum(link.law.is_vector for link in unpacked.kept)
-    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors)
+    singles = kept_in_plane(unpacked.kept, normal)[1]
+    single = sum(link.forces(3) for link in unpacked.kept if not link.law.is_vector)
+    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors, singles, single)
     check_state(unpacked.state.q, unpacked.state.v, plane, length)
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
@@ -245,11 +250,15 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
                           numbers_of(found.ties), ties.moves)
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
+    kept = kept_in_plane(model.kept, axes[2])[0]
+    links = [_link(table, model, plane, ties) for table in model.links]
     sleeves, moments = sleeves_in_plane(model, plane)
+    if sleeves is not None:
+        sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
+        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane), simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
+        bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties, held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
 
 
@@ -313,9 +322,12 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
     return inner._replace(store=np.zeros(inner.store.size // 4), where=where)
 
 
-def _link(table: Any, ties: PlanarTies | None) -> Any:
-    """Springs and joints have the same tables, but for the tied nodes at their ends."""
-    if "ties" not in table._fields:
+def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> Any:
+    """Springs and joints have the same tables, but for the tied nodes at their ends and the axes that joints carry. None where
+    nothing is left of them in the plane."""
+    if isinstance(table, JointConditions):
+        table = conditions_in_plane(table, model.kept, plane)
+    if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)
 

@@ -72,10 +72,11 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         if joints.held[k] & 56 and joints.spin_root[k] == k:
             add([(k, 1, eye)], moving[1][k])
     for link in kept:
-        a, b = link.node
-        lead = link.law.lead(nodes.phi[b] - nodes.phi[a])
-        add([(b, 0, lead), (a, 0, -lead)], np.zeros(len(lead)))
+        parts = [(node, which, lead) for node, *both in link.by_motion(nodes.coordinates(link.node)) for which, lead in enumerate(both)]
+        add(parts, np.zeros(len(parts[0][2])))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:
             # any speed along the tangent: two rows across it

@@ -41,7 +41,7 @@ class Reactions:
         terms = terms_of(core, None, static, along, law_work=laws)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
-        self.links = stepper.model.kept
+        self.links, self.kept_names = stepper.model.kept, stepper.model.kept_names
         self.rows = core.pattern.row_of
         self.count = len(stepper.model.reaction_names)
         n = len(holding.parent)
@@ -66,21 +66,21 @@ class Reactions:
         ----------
         before : State
             At its begin, as the tables of the run have it.
-        middle : float64 [N, 3]
-            Positions in its middle, m.
+        middle : float64 [N, 4, 3]
+            Coordinates in its middle.
         h : float
         """
         own = self.own
         state = before._replace(force=own.core_state.force)
         return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
 
-    def of_equilibrium(self, positions: Array) -> Array:
-        """Of the equilibrium [6 R] whose loads are in `work.f_ext`; positions [N, 3], m."""
+    def of_equilibrium(self, q: Array) -> Array:
+        """Of the equilibrium [6 R] at q [N, 4, 3] whose loads are in `work.f_ext`."""
         own = self.own
-        return self._evaluate(system_of(own.core, Equilibrium(), None, None, own.core_state, own.work), positions, 0.0)
+        return self._evaluate(system_of(own.core, Equilibrium(), None, None, own.core_state, own.work), q, 0.0)
 
-    def _evaluate(self, system: Any, x: Array, h: float) -> Array:
-        holding = self.holding
+    def _evaluate(self, system: Any, q: Array, h: float) -> Array:
+        holding, x = self.holding, q[:, 0]
         kernels.assemble_all(self.terms, system, h)
         force, moment = self._rows()
         out = np.full((self.count, 2, 3), np.nan)
@@ -97,10 +97,15 @@ class Reactions:
         shared = self._is_tied(holding.supports)
         out[:s][shared] = np.nan
         at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force
-        for k, link in enumerate(self.links):
+        kept = out[s + len(holding.joints):]
+        kept[:] = 0.0
+        for link in self.links:
             m = link.forces(3)
-            a, b = link.node
-            out[s + len(holding.joints) + k] = link.law.lead(x[b] - x[a]).T @ multipliers[at:at + m], np.zeros(3)
+            _, (b, by_velocity, by_spin) = link.by_motion(q[list(link.node)])
+            push = by_velocity.T @ multipliers[at:at + m]
+            k = self.kept_names.index(link.joint)
+            kept[k, 0] += push
+            kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
             at += m
         return out.reshape(-1)
 
@@ -144,7 +149,7 @@ class StaticReactions:
         """At the last equilibrium, that of load factors [K]: [6 R]."""
         self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
-        return self.reactions.of_equilibrium(self.solver.state.q.reshape(-1, 4, 3)[:, 0])
+        return self.reactions.of_equilibrium(self.solver.state.q.reshape(-1, 4, 3))
 
 
 class ReactingStepper(Stepper):
@@ -164,11 +169,11 @@ class ReactingStepper(Stepper):
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         result = None
         for k in range(n):
-            before, x = State(*(y.copy() for y in self.core_state)), self._positions()
+            before, q = State(*(y.copy() for y in self.core_state)), self._coordinates()
             one = super().advance(t, h, 1, done + k)
             found = np.zeros((2, self.reactions.size))
             if one.steps:
-                found[:] = self.reactions.of_step(before, 0.5 * (x + self._positions()), h)
+                found[:] = self.reactions.of_step(before, 0.5 * (q + self._coordinates()), h)
             one.force = np.hstack((one.force, found))
             result = one if result is None else one.after(result)
             if not one.steps or one.status != OK or self.stop():
@@ -176,5 +181,5 @@ class ReactingStepper(Stepper):
         assert result is not None
         return result
 
-    def _positions(self) -> Array:
-        return self.state.q.reshape(-1, 4, 3)[:, 0].copy()
+    def _coordinates(self) -> Array:
+        return self.state.q.reshape(-1, 4, 3).copy()

@@ -8,19 +8,22 @@ import numpy as np
 from .arguments import Anything, Word, checked, shown
 from .errors import SceneError
 
-# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
+# series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
+EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
+# of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
+FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
                      "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
+    **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
 # a series with a column for each name of a kind
-COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction"}
+COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value"}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 # what to write for series that are not there

@@ -14,6 +14,7 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
+from .exchanged import balance_of, joint_of
 from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, Readings
 from .rows import RowBuffer, Rows, listing
@@ -231,11 +232,24 @@ class Result(Readings, Exports):
                 out[key] = self.series[series][:, k]
         return out
 
+    @checked(name=NAMED)
+    def joint(self, name: str) -> dict[str, np.ndarray]:
+        """What a joint with axes leaves free, [n] each: angle (rad) and spin (rad/s), distance (m) and speed (m/s), since t = 0;
+        energy of its spring, loss of its damper and work of its motor (J).
+
+        Raises
+        ------
+        SceneError
+            There is no such joint, or it leaves nothing free.
+        """
+        self._index("joints", "joint", name)
+        return joint_of(self, name)
+
     @checked()
     def balance(self) -> dict[str, np.ndarray]:
         """Energies of all parts over time, [n] each, J: what is stored ('kinetic', 'strain', 'stops', 'gravity'), what was taken
-        away ('friction of slider ...', 'damping of beam ...'), and with a minus what was put in ('drive of slider ...', 'loads');
-        'sum' is constant.
+        away ('friction of slider ...', 'damping of beam ...', 'damper of joint ...'), and with a minus what was put in ('drive of
+        slider ...', 'motor of joint ...', 'motion of ...', 'loads'); 'sum' is constant.
 
         Where loads change in time or are moments, 'loads' is their work and that of gravity since the start.
 
@@ -244,25 +258,8 @@ class Result(Readings, Exports):
         SceneError
             The run did not record energies.
         """
-        energies = {name: np.asarray(self._series(name)) for name in ("kinetic", "strain")}
-        stops = self.series["stop_energy"].sum(axis=1) if "stop_energy" in self.series else np.zeros(len(self.t))
-        if np.any(stops):
-            energies["stops"] = stops
-        if "external_work" in self.series:
-            energies["loads"] = -self.series["external_work"]
-        else:
-            energies["gravity"] = self._series("gravity")
-            loads = self._series("potential") - energies["strain"] - energies["gravity"] - stops
-            if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(self._series("potential")), initial=0.0)):
-                energies["loads"] = loads
-        accounts = ("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("drive_work", "drive", -1.0)
-        for series, noun, sign in accounts:
-            for name, x in self._parts(series, "sliders"):
-                if np.any(x):
-                    energies[f"{noun} of slider {name!r}"] = sign * x
-        energies |= dict(self._parts("losses", "losses")) | {name: -x for name, x in self._parts("works", "works")}
-        energies["sum"] = np.sum(list(energies.values()), axis=0)
-        return energies
+        self._series("kinetic")
+        return balance_of(self)
 
     @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:
@@ -362,10 +359,6 @@ class Result(Readings, Exports):
             hint = HINTS.get(name, "")
             raise SceneError(f"series '{name:.60}' was not recorded: choose from {listing(self.series)}{hint and f'; {hint}'}")
         return self.series[name]
-
-    def _parts(self, name: str, kind: str) -> Iterable[tuple[str, np.ndarray]]:
-        """Names of a kind with their columns of a series, none where it was not recorded."""
-        return zip(self.names.get(kind, []), self.series[name].T if name in self.series else ())
 
     def _index(self, kind: str, noun: str, name: str) -> int:
         known = self.names.get(kind, [])

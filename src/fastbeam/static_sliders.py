@@ -95,6 +95,10 @@ class SlidingSolver(StaticSolver):
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
 
+    def set_time(self, t: float, factor: float) -> None:
+        super().set_time(t, factor)
+        self.share = factor
+
     @property
     def name(self) -> str:
         """What was used, for the result."""
@@ -195,7 +199,7 @@ class SlidingSolver(StaticSolver):
         if in_plane != (self.stepper.plane is not None):
             # where friction or a stop holds a slider, it stays
             other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu",
-                                  float(self.stepper.law_work[0]))
+                                  self.at_time)
             other.set_time(*self.stepper.law_work[:2])
             return other.signs(factors, in_plane)
         self._load(factors)

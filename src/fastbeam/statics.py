@@ -97,7 +97,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         As in `simulate`.
     held : bool, str or sequence of str
         Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have
-        a part along the beam.
+        a part along the beam. Sliders that are locked from the start stay as well.
     rest_intervals : bool, str or sequence of str
         Names of sliders with Coulomb friction, or True for all, whose interval of places of rest is looked for at the end.
 
@@ -126,7 +126,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     """
     check_model("solve_static", model)
     stays = held_sliders(model, held)
-    asked = _rubbing(model, held_sliders(model, rest_intervals, "rest_intervals"), stays, rest_intervals)
+    check_slider_forces("solve_static", model, stays, rubbing=True)
+    asked = _rubbing(model, named_sliders(model, "rest_intervals", rest_intervals), stays, rest_intervals)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     load_step = min(load_step, largest_load_step)
@@ -159,8 +160,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
         if observer.needs_forces:
-            behind = reactions.at(factor * factors) if reactions else ()
-            observer.add_forces(row, np.concatenate((solver.state.force, behind)), factor)
+            observer.add_forces(row, np.concatenate((solver.state.force, reactions.at(factor * factors) if reactions else ())), factor)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
@@ -253,6 +253,30 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
         raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
 
 
+def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False) -> None:
+    """Refuse sliders that are free and have what an analysis does not know along their beam; rubbing: whether it knows friction,
+    drives and stops.
+
+    Raises
+    ------
+    SceneError
+        Names the slider and the function that was called.
+    """
+    forces = model.slider_forces
+    if forces is None:
+        return
+    off = np.flatnonzero(forces.off_at_start)
+    if off.size:
+        raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let it "
+                         "begin on the beam, or run until it rests")
+    refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.acts_on) & ~stays)
+    if refused.size:
+        name = model.names["sliders"][refused[0]]
+        what = "a lock or may leave its beam" if rubbing else "friction, a drive, stops, a lock or may leave its beam"
+        raise SceneError(f"{who}: slider {name!r} has {what}, which equilibria do not know; hold it where it stands with "
+                         f"held=({name!r},), leave that out for the equilibrium, or run until it rests")
+
+
 def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
     """Numbers of the sliders whose intervals of rest are asked for; given: the argument.
 
@@ -270,19 +294,20 @@ def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
     return [int(k) for k in np.flatnonzero(asked & rubs)]
 
 
-def check_slider_forces(who: str, model: Model, stays: Array) -> None:
-    """Refuse sliders that are free and have forces along their beam: with friction there is an interval of equilibria."""
-    if model.slider_forces is None:
-        return
-    forced = np.flatnonzero(model.slider_forces.acts_on & ~stays)
-    if forced.size:
-        name = model.names["sliders"][forced[0]]
-        raise SceneError(f"{who}: slider {name!r} has friction, a drive or stops, which it does not know; hold it where "
-                         f"it stands, for instance in an equilibrium of solve_static, with held=({name!r},), or leave them out")
+def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
+    """Whether a slider stays where it is, bool [S]: those of `held`, and those that are locked from the start.
+
+    Raises
+    ------
+    SceneError
+        There is no slider of that name.
+    """
+    stays = named_sliders(model, "held", held)
+    return stays if model.slider_forces is None else stays | model.slider_forces.locked_at_start
 
 
-def held_sliders(model: Model, held: bool | str | Sequence[str], what: str = "held") -> Array:
-    """Which sliders an argument of this name means, such as those that stay where they are, bool [S].
+def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
+    """Which sliders an argument of this name means, bool [S].
 
     Raises
     ------

@@ -44,8 +44,8 @@ class Loaded:
         self.node, self.share = np.concatenate(node), np.concatenate(share)
         self.of = np.repeat(np.arange(len(self.forces)), [len(x) for x in node[1:]]).astype(np.int64)
 
-    def table(self, row_of: Array, blocks: Any, q: Array) -> UserForces:
-        """The term; q [N, 4, 3]: where laws are tried.
+    def table(self, row_of: Array, blocks: Any, q: Array, place: int) -> UserForces:
+        """The term; q [N, 4, 3]: where laws are tried; place: of their work in the history.
 
         Raises
         ------
@@ -60,7 +60,7 @@ class Loaded:
             try_law(force, compiled, q[self.node[np.argmax(self.of == k)]])
             addresses.append(address)
         return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, starts[self.of],
-                          np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.zeros(1, np.int64),
+                          np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
                           Laws(np.array(addresses, np.int64)[self.of]), law_work())
 
 

@@ -91,7 +91,7 @@ def test_momenta_of_the_steps_balance_with_reactions_and_loads(planar):
     model = fb.compile_scene(scene, planar=planar)
     stepper = ReactingStepper(model, np.ones(1))
     names = model.reaction_names
-    assert names[:-1] == ["pin", "weld", "hook", "hinge"] and "strut" in names[-1]
+    assert names == ["pin", "weld", "hook", "hinge", "strut"]
     h, total = 1e-3, float(model.gravity_weight.sum())
     weight = model.numbers.start(next(p for p in scene.parts if getattr(p, "name", "") == "weight"))
     largest = 0.0

@@ -98,7 +98,9 @@ WRONG: dict[str, Any] = {
     "zero byte": "a\0b", "long name": "x" * 300, "beam": BEAM, "node": BEAM.end, "mass": MASS, "body": BODY, "net": NET,
     "scene": SCENE, "section": SECTION, "parts": [BEAM, MASS], "foreign beam": fb.Beam.straight(
         "other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1).end, "clamp": fb.Clamp(BEAM.start), "None": None,
-    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9),
+    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9), "lock": fb.Lock(1.0), "release": fb.Release(1.0),
+    "locks": [fb.Lock(1.0, until=2.0), fb.Lock(3.0)], "one-sided": fb.OneSided((0, 0, 1)),
+    "condition": lambda t, s, rate: rate - 1.0,
     "path": AROUND}
 
 
@@ -188,6 +190,9 @@ def is_series(x: Any) -> bool:
 VECTOR, NODE = is_array(1), one_of(fb.NodeRef, fb.PointMass, fb.RigidBody)
 A_BEAM, A_TRACK, SECTIONS = one_of(fb.Beam), one_of(fb.Beam, fb.Path), one_of(fb.Section)
 FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
+CONDITION = either(is_real, is_function, is_text)
+LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_a(fb.Release),
+              one_sided=either(VECTOR, is_a(fb.OneSided)))
 
 
 @dataclass
@@ -261,6 +266,16 @@ def calls(folder: Path) -> dict[str, Call]:
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real)),
+        **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
+                      dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
+           for name, axes, more in (
+               ("RevoluteJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
+                                                            torque=either(is_real, is_function))),
+               ("PrismaticJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
+                                                             force=either(is_real, is_function))),
+               ("CylindricalJoint", dict(axis=(0, 1, 0)), {}), ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
+               ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
+        "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
                      dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function)),
         "DistributedLoad": Call(fb.DistributedLoad, dict(name="l", beam=BEAM, force=(0, 0, 1)),
@@ -283,16 +298,19 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
-                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
+                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),
         "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5, length=0.2),
                        dict(name=is_text, point=NODE, beam=A_BEAM, on=A_BEAM, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real,
-                            key_radius=is_real, axis=VECTOR)),
+                            key_radius=is_real, axis=VECTOR, **LOCKED)),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),
             stiffness=is_real, damping=is_real, limit=is_real)),
         "Stops": Call(fb.Stops, dict(start=0.1), dict(start=is_real, end=is_real, stiffness=is_real, restitution=is_real)),
+        "Lock": Call(fb.Lock, {}, dict(when=CONDITION, at=is_real, until=CONDITION)),
+        "Release": Call(fb.Release, dict(when=1.0), dict(when=CONDITION)),
+        "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real)),
         "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
             name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
             elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),

@@ -19,18 +19,21 @@ from .._generic import generic
 from .._jit import inlined, kernel
 from .algebra import call_law, dot
 from .curves import find_element, node_of
-from .kinds import vector
-from .slider import (NoSleeves, SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent,
-                     motion_along, pass_along, push_of_moments, sliding_law)
+from .kinds import dim, vector, zero_vector
+from .slider import (NoSleeves, SlidingLaw, Weights, account_along, add_contact, add_slider, begin_along, begin_passage, is_settled_along,
+                     mean_tangent, motion_along, pass_along, push_of_moments, put_residual, put_translation, sliding_law)
 from .terms import put_loads, spread_nodes
 
 # kinds of drives
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
-# impacts, J; 1 where friction holds it since a step before, else 0
-HISTORY = 6
-SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS = range(HISTORY)
+# impacts, J; 1 where friction holds it since a step before, else 0; FREE, LOCKED or OFF; how many times its locks have taken hold
+# or let go; energy lost where they took hold, J
+HISTORY = 9
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS = range(HISTORY)
+# a slider slides, is held where it is, or has left its beam
+FREE, LOCKED, OFF = range(3)
 # a part of the contact force across the beam that is round-off of the force
 ALONG_ONLY = 1e-12
 # after so many changes of a sign in one step Newton's method goes in circles: friction is continuous in the velocity from then on
@@ -58,6 +61,7 @@ class Along(NamedTuple):
     judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
+    held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
 
 
 class DriveSchedule(NamedTuple):
@@ -144,12 +148,40 @@ def other_forces(along, k, s0, s1):
 
 @inlined
 def is_prescribed(along, k):
-    return along.drive[k] == POSITION or along.drive[k] == INCREMENT
+    return along.drive[k] == POSITION or along.drive[k] == INCREMENT or along.held[k] != FREE
+
+
+@add_contact.register(Along)
+@kernel
+def add_if_on_beam(along, term, system, k):
+    if along.held[k] == OFF:
+        add_idle_slider(term, system, k)
+    else:
+        add_slider(along, term, system, k)
+
+
+@kernel
+def add_idle_slider(term, system, k):
+    """The rows of a slider that has left its beam: no force, and s stays. It touches its point alone, with zeros."""
+    contact, work, dofs = system.contact, system.work, system.dofs
+    d = dim(dofs)
+    point = term.sliders.point[k]
+    force = vector(system.state.force, contact.first_force[k], 1, dofs)
+    zero = zero_vector(dofs)
+    contact.entries[k] = 0
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0), zero, zero, dofs)
+    for i in range(64):
+        contact.corner[k, i] = 0.0
+    for i in range(d + 1):
+        contact.corner[k, 9 * i] = 1.0
+    put_residual(contact, k, force, work.s_end[k] - system.state.s[k], dofs)
 
 
 @kernel
 def prescribed_end(along, k, s0):
-    """s at the end of the step of a slider whose motion is prescribed."""
+    """s at the end of the step of a slider whose motion is prescribed, or that is locked."""
+    if along.held[k] != FREE:
+        return s0
     return along.given[k, 0] if along.drive[k] == POSITION else s0 + along.given[k, 0]
 
 
@@ -283,6 +315,7 @@ def begin_forces(along, term, system, h):
     state = system.state
     along.clock[0] = h
     for k in range(state.s.shape[0]):
+        along.held[k] = int(state.history[HISTORY * k + HELD])
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
             continue

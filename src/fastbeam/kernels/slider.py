@@ -85,6 +85,7 @@ class Contact(NamedTuple):
     pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
     cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
     #                         equations of the moments by s
+    before: np.ndarray = np.zeros(0)  # float64 [S]: of joints the gap that was left when it was last looked at in this step
 
 
 class ContactInRows(Contact):
@@ -124,6 +125,11 @@ def is_settled_along(along, term, system):
 @generic
 def account_along(along, term, system, h):
     """Work of forces along the beam in a converged step."""
+
+
+@generic
+def add_contact(along, term, system, k):
+    """Rows of slider k: `add_slider`, or those of one that has left its beam."""
 
 
 @sliding_law.register(NoForceAlong)
@@ -372,8 +378,9 @@ def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
         put(contact.line[k], o + 9 * d, 8, turned)
 
 
+@add_contact.register(NoForceAlong)
 @kernel
-def add_slider(term, system, k):
+def add_slider(along, term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
@@ -439,7 +446,7 @@ def predict_sliding(term, system, h, c):
 @kernel
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        add_slider(term, system, k)
+        add_contact.call(term.along, term, system, k)
 
 
 @take_unknowns.register(Sliding)

@@ -13,6 +13,8 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.fixed import Ground
+from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
@@ -205,7 +207,7 @@ class Scene:
         return self._of(Link)
 
     # --- positions ----------------------------------------------------------------------------------------------------
-    @checked(thing=Node())
+    @checked(thing=Node(fixed=True))
     def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
         """Position (3,) m at t = 0 of a node, body or mass; a mass without position is placed by its slider or joint.
 
@@ -222,6 +224,8 @@ class Scene:
             return owner.reference(owner.node_s[node.index])[0][0]
         if isinstance(owner, RigidBody):
             return owner.position + node.offset @ owner.directors
+        if isinstance(owner, Ground):
+            return node.offset
         if owner.position is not None:
             return owner.position
         known = self._links()[1]
@@ -333,11 +337,12 @@ class Scene:
                 self._check_place(mass, tolerance)
         for slider in self.sliders:
             self._check_contact(slider, tolerance)
-        for ball in self.balls:
+        for ball in [*self.balls, *(link for link in self.links if isinstance(link, AxisJoint) and link.is_pinned)]:
             gap = float(np.linalg.norm(self.position_of(ball.a) - self.position_of(ball.b)))
             if gap > tolerance:
                 raise SceneError(f"{_who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
-                                 "m); move one of them, or use RigidConnection, which allows an offset")
+                                 "m); move one of them" + (", or use RigidConnection, which allows an offset" if
+                                                           isinstance(ball, BallJoint) else ""))
 
     def _check_names(self) -> None:
         """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
@@ -359,7 +364,7 @@ class Scene:
         members = {id(part) for part in [*self.beams, *self.nets, *self.bodies, *self.masses]}
         for part in self.parts:
             for owner in _owners(part):
-                if id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
+                if not isinstance(owner, Ground) and id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
                     raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
@@ -418,7 +423,9 @@ class Scene:
                                  + (", or give its position" if isinstance(link, RigidConnection) else ""))
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
-        """A sliding point lies on the curve at t = 0."""
+        """A sliding point lies on the curve at t = 0, or on its side of it."""
+        if slider.starts_off:
+            return
         point, beam = self.position_of(slider.point), slider.beam
         gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:

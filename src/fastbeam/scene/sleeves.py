@@ -14,6 +14,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
 from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.locks import AOneSided, ARelease, SomeLocks
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ABeam
 from fastbeam.scene.sliders import CURVES, Slider
@@ -21,8 +22,8 @@ from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 
 @checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
-         friction=AFriction(), drive=ADrive(), stops=SomeStops(), keyed=Flag(), length=Number(least=0.0, unit="m"),
-         key_radius=Number(above=0.0, unit="m"), axis=Vector)
+         friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided(),
+         keyed=Flag(), length=Number(least=0.0, unit="m"), key_radius=Number(above=0.0, unit="m"), axis=Vector)
 @dataclass(frozen=True, eq=False)
 class Sleeve(Slider):
     """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
@@ -32,7 +33,7 @@ class Sleeve(Slider):
 
     Parameters
     ----------
-    name, beam, at, rate, curve, friction, drive, stops
+    name, beam, at, rate, curve, friction, drive, stops, lock
         As of `Slider`. Coulomb friction is that of the contact force and of the moments, which press on the edges of the bore:
         |F_n| = |F| + 2 |M|/length (theory.md (5.11)). It needs `length`.
     point : RigidBody or NodeRef
@@ -68,6 +69,8 @@ class Sleeve(Slider):
     def __post_init__(self) -> None:
         super().__post_init__()
         who = checks.label(self.kind, self.name)
+        if self.release is not None or self.one_sided is not None:
+            raise SceneError(f"{who}: a sleeve does not leave its beam; use a Slider for release= and one_sided=")
         if isinstance(self.point.owner, PointMass):
             raise SceneError(f"{who}: {self.point} has no direction that could hold a section; use a RigidBody, or a Slider")
         if self.friction is not None and self.friction.coefficient > 0.0 and not self.length:
