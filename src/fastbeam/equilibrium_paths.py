@@ -17,6 +17,7 @@ from .model import Model, check_model
 from .newton import BACKENDS
 from .observe import POINTS, Observer
 from .progress import Progress
+from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
@@ -27,6 +28,8 @@ Array = np.ndarray
 LEAST_COSINE = 0.9
 # iterations up to which steps grow, and by how much
 FEW, GROWTH = 5, 1.5
+# a slider that near to an end, as a share of its beam, is what stops a path
+AT_END = 1e-3
 STEP = Number(above=0.0, most=10.0)
 KINDS = ("limit", "bifurcation")
 
@@ -131,6 +134,7 @@ class _Path:
                  smallest: float, most: int) -> None:
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
+        self.resolution = Resolution(model)
         self.observer = Observer(model, ("slider",), points)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
                                      "counted_in": "space" if solver.stepper.plane is None else "plane"}
@@ -150,11 +154,14 @@ class _Path:
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
+        self.resolution.look(self.length, state.q)
         self.rows += 1
         self.iterations += iterations
 
     def finish(self) -> Result:
         """The result so far."""
+        for event in self.resolution.events():
+            self.buffer.event(event)
         result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,
                                                 "wall_time": time.perf_counter() - self.begin})
         result.state = State(*(x.copy() for x in self.solver.state))
@@ -274,10 +281,17 @@ class _Path:
         """
         if self.step <= self.smallest:
             bar.close()
-            result = self.finish()
-            raise ConvergenceError(f"load factor {self.solver.factor:.6g}: the smallest step of the path fails; the last "
-                                   "equilibrium is in .state, everything until then in .result", step=self.rows - 1,
-                                   time=self.length, state=result.state, result=result)
+            solver, result = self.solver, self.finish()
+            where = self.model.node_label(solver.stepper.worst_node()[0])
+            to_end = np.min(np.abs(solver.stepper.core_state.s - solver.ends.T), axis=0) / solver.lengths
+            if self.rows == 1 and solver.sliding.any():
+                where += ("; a slider whose contact carries no force yet has no place of its own: hold it (held=True), or begin "
+                          "with start=solve_static(...).state and its load_factor")
+            elif np.any(to_end < AT_END):
+                where += f"; slider {self.model.names['sliders'][int(np.argmin(to_end))]!r} comes to an end of its beam"
+            raise ConvergenceError(f"load factor {solver.factor:.6g}: the smallest step of the path fails, the largest residual "
+                                   f"is at {where}; the last equilibrium is in .state, everything until then in .result",
+                                   step=self.rows - 1, time=self.length, worst=where, state=result.state, result=result)
         self.step = max(self.smallest, 0.5 * self.step)
 
     def _located(self, before: tuple[Any, ...], along: Direction, f: Callable[[], float], first: float, last: float,

@@ -185,5 +185,9 @@ def test_paths_that_do_not_begin_or_end_say_so() -> None:
     model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), fb.Load("across", column.end, force=(1.0, 0, 0))))
     short = fb.solve_path(model, most_points=3)
     assert [event["kind"] for event in short.events] == ["stopped"] and len(short.t) == 3
+    ring = fb.PointMass("ring", mass=1.0)
+    slides = fb.Scene(column, fb.Clamp(column.start), ring, fb.Slider("fall", ring, column, at=0.9), gravity=(1.0, 0, 0))
+    with pytest.raises(fb.ConvergenceError, match=r"the largest residual is at .*hold it \(held=True\)"):
+        fb.solve_path(fb.compile_scene(slides))
     rest = fb.solve_path(model, start=short.state, load_factor=float(short.series["load_factor"][-1]))
     np.testing.assert_allclose(rest.state.q, fb.solve_static(model).state.q, atol=1e-11)

@@ -109,7 +109,8 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
     more: dict[str, Callable[[], Any]] = {
         "generator": lambda: (x for x in (1.0, 2.0, 3.0)), "generator of texts": lambda: (x for x in "abc"), "pipe": lambda: pipe,
         "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
-        "model": model, "result": result, "modes": modes, "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
+        "model": model, "result": result, "modes": modes,
+        "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
         "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)), 
         "state of texts": lambda: State("q", "v", "s", "f"),
         "state of Nones": lambda: State(None, None, None, None)}
