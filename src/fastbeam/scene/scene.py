@@ -8,6 +8,7 @@ from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
+from fastbeam import notebook
 from fastbeam.arguments import Flag, Name, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
@@ -419,6 +420,11 @@ class Scene:
         leave = "leave its position out, or " if isinstance(slider.point.owner, PointMass) else ""
         raise SceneError(f"{_who(slider)}: {slider.point} lies {gap:.6g} m away from {beam.label} at={slider.at:.6g}; "
                          f"{leave}{cure}")
+
+    def _repr_html_(self) -> str:
+        rows = [(part.kind, getattr(part, "name", None) or "", part) for part in self.parts]
+        note = f"gravity {shown(self.gravity)} m/s^2"
+        return notebook.table(f"Scene {self.name}", ("part", "name", "what it is"), rows, [note])
 
     def __repr__(self) -> str:
         items = []
