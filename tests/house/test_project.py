@@ -46,3 +46,9 @@ def test_the_page_of_trust_names_tests_that_exist_and_no_file_is_unpickled() -> 
     users = {path.relative_to(ROOT / "src" / "fastbeam").as_posix() for path in (ROOT / "src").rglob("*.py")
              if re.search(r"\bpickle\.(?:loads?|Unpickler)\b|\bnp\.load\(|\beval\(|\bexec\(", path.read_text(encoding="utf-8"))}
     assert users == {"_background.py", "_jit.py", "_sealed.py"}
+
+
+def test_every_page_is_part_of_the_site() -> None:
+    listed = re.findall(r": ([\w-]+\.md)$", text("mkdocs.yml"), re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "docs").glob("*.md"))
+    assert set(re.findall(r"\]\(([\w-]+\.md)\)", text("docs/index.md"))) == set(listed) - {"index.md", "contacts-ahead.md"}
