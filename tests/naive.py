@@ -136,12 +136,27 @@ def stresses_of_forms(kind: str, stress: Array, forms: tuple[Array, Array]) -> A
     return s
 
 
-def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
-    """int B(qbar)^T s ds with the stresses of Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; theory.md (4.1)."""
+def viscosity(beam: Beam) -> Array:
+    """D [6, 6] from a retardation time, six of them, or D itself; theory.md (2.5)."""
+    given = np.asarray(beam.section.damping)
+    return given if given.ndim == 2 else np.diag(np.broadcast_to(np.sqrt(given), 6)) @ beam.section.C @ np.diag(
+        np.broadcast_to(np.sqrt(given), 6))
+
+
+def dissipation(beam: Beam, q_n: Array, q_n1: Array, h: float) -> float:
+    """Energy that damping takes in a step, int DE . D DE/h ds; theory.md (2.6)."""
+    nodes = beam.basis.element_nodes
+    change = beam_strains(beam, q_n1[nodes]) - beam_strains(beam, q_n[nodes])
+    return float(np.einsum("egi,ij,egj,eg->", change, viscosity(beam), change, beam.basis.weight)) / h
+
+
+def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array, h: float = np.inf) -> Array:
+    """int B(qbar)^T s ds with the stresses of Sbar = C (E_n + E_n+1)/2 + D DE/h on the nodes of a beam, [n, 4, 3]; theory.md
+    (4.1), (2.6)."""
     nodes = beam.basis.element_nodes
     forms = beam_forms(beam, q_n[nodes]), beam_forms(beam, q_n1[nodes])
-    mean = 0.5 * (strains_of(beam.strain, forms[0]) + strains_of(beam.strain, forms[1]))
-    stress = (mean - beam_strains(beam, q_ref[nodes])) @ beam.section.C
+    start, end = (strains_of(beam.strain, x) for x in forms)
+    stress = (0.5 * (start + end) - beam_strains(beam, q_ref[nodes])) @ beam.section.C + (end - start) @ viscosity(beam) / h
     b = form_matrix(beam, 0.5 * (q_n[nodes] + q_n1[nodes]))
     f = np.zeros_like(q_n)
     s = stresses_of_forms(beam.strain, stress, forms)
@@ -394,12 +409,12 @@ class Twin:
         """Coordinates, increments or rates with the dependent ones set from the others."""
         return (self.tie @ x.reshape(4 * self.n, 3)).reshape(self.n, 4, 3)
 
-    def beam_forces(self, q_n: Array, q_n1: Array) -> Array:
+    def beam_forces(self, q_n: Array, q_n1: Array, h: float = np.inf) -> Array:
         """Internal forces of all beams, [N, 4, 3]."""
         f = np.zeros_like(q_n)
         for beam in self.scene.beams:
             at = self.of_beam(beam)
-            f[at] += internal_forces(beam, self.reference[beam.name], q_n[at], q_n1[at])
+            f[at] += internal_forces(beam, self.reference[beam.name], q_n[at], q_n1[at], h)
         return f
 
     def reduced(self, q_mid: Array, f: Array) -> Array:
@@ -412,7 +427,7 @@ class Twin:
         dq = self.connected(increments(step.q_n, step.dphi, step.theta))
         q_n1, q_mid = step.q_n + dq, step.q_n + 0.5 * dq
         inertia = self.mass @ (2.0 / step.h**2 * (dq - step.h * step.v_n)).reshape(4 * self.n, 3)
-        f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1)
+        f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1, step.h)
         f -= self.load_forces(q_mid, *self.dead_loads(factor))
         contact = np.zeros((len(self.scene.sliders), 4))
         for k, slider in enumerate(self.scene.sliders):

@@ -26,6 +26,18 @@ def text(title: str, lines: str) -> str:
     return f"<div><b>{escape(title)}</b><pre style='line-height:1.2'>{escape(lines)}</pre></div>"
 
 
+class Parts:
+    """A scene, which notebooks show as a table of its parts."""
+
+    name: str
+    parts: list[Any]
+    gravity: Any
+
+    def _repr_html_(self) -> str:
+        rows = [(part.kind, getattr(part, "name", None) or "", part) for part in self.parts]
+        return table(f"Scene {self.name}", ("part", "name", "what it is"), rows, [f"gravity {self.gravity} m/s^2"])
+
+
 def is_notebook() -> bool:
     """Whether this process is the kernel of a notebook."""
     ipython = sys.modules.get("IPython")

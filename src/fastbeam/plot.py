@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arguments import Count, Word, checked
+from .arguments import Count, Instance, Number, Word, checked
 from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, bounds, flat_plane, new_figure, put_title, slider_names,
                       slider_path, space_axes, styled, time_bar)
 from .errors import SceneError
+from .mode_shapes import Modes
 from .result import Result
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ FLOOR = 1e-17
 ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
             ("total", "black"))
 SHAPES = Count(most=1000)
+SOME_MODES = Instance(Modes, "Modes", "what modes returns")
 DRIFTS = (("total", "total energy", "black"), ("balance", "energy balance", COLOURS[3]),
           ("lin_mom", "linear momentum", COLOURS[0]),
           ("ang_mom", "angular momentum", COLOURS[1]), ("gap", "gap", COLOURS[2]))
@@ -179,6 +181,51 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     return figure
 
 
+@checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=Number(above=0.0, most=10.0))
+@styled
+def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
+    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey.
+
+    Parameters
+    ----------
+    modes : Modes
+    plane : str
+        'xy', 'xz', 'yz', '3d', or 'auto': the plane that scene and drawn modes lie in, else '3d'.
+    n, first : int
+        How many modes, and the first of them, counted from 0.
+    amplitude : float
+        Largest displacement drawn, as a share of the size of the scene.
+
+    Raises
+    ------
+    SceneError
+        There is no mode `first`.
+    """
+    picks = range(first, min(first + n, len(modes)))
+    if not picks:
+        raise SceneError(f"first: mode {first} does not exist, there are {len(modes)}, counted from 0")
+    low, high = bounds(modes.positions)
+    size = amplitude * (float(np.max(high - low)) or 1.0)
+    positions = [modes.positions]
+    positions += [modes.positions + sign * size * modes.displacements[k] for k in picks for sign in (-1.0, 1.0)]
+    shapes = Shapes(Result(t=(), names=modes.names, t_snap=np.zeros(len(positions)), phi=positions,
+                           directors=np.broadcast_to(modes.directors, (len(positions), *modes.directors.shape))))
+    columns = min(3, len(picks))
+    rows = -(-len(picks) // columns)
+    figure = new_figure((4.2 * columns, 3.4 * rows))
+    grid = figure.add_gridspec(rows, columns)
+    for j, k in enumerate(picks):
+        axes = space_axes(figure, grid[j // columns, j % columns], shapes.everything, plane)
+        colour = COLOURS[1] if modes.growth[k] else COLOURS[0]
+        shapes.draw(axes, 0, "0.75")
+        for line in shapes.draw(axes, 1 + 2 * j, colour):
+            line.set(linestyle="--" if line.get_marker() == "None" else "none", alpha=0.4)
+        shapes.draw(axes, 2 + 2 * j, colour)
+        what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
+        put_title(axes, f"{k}: {what if modes.squared[k] else 'free'}")
+    return figure
+
+
 def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int, cmap: str) -> None:
     import matplotlib as mpl
     if cmap not in mpl.colormaps:
@@ -193,9 +240,9 @@ def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int,
     for k in picks:
         shapes.draw(axes, k, colours(scale(result.t_snap[k])))
     mappable = mpl.cm.ScalarMappable(norm=scale, cmap=colours)
-    time_bar(figure, axes, mappable, "load factor [-]" if result.info.get("method") == "static" else "time [s]")
+    label = {"static": "load factor [-]", "path": "length of the path [-]"}.get(str(result.info.get("method")), "time [s]")
+    time_bar(figure, axes, mappable, label)
     put_title(axes, "Deformed shapes")
-
 
 
 def _draw_energies(axes: Any, result: Result) -> None:
@@ -275,21 +322,11 @@ def _finish(axes: Any, title: str, label: str, columns: int = 0) -> None:
                 title=f"{count} of {every}, in order" if every > count else None, title_fontsize=7.5)
 
 
-
-
-
-
-
-
-
-
 def _slider_name(result: Result, slider: str | None) -> str:
     names = slider_names(result)
     if not names:
         raise SceneError("the result holds no slider: add a Slider to the scene and record 's_slide'")
     return names[0] if slider is None else slider
-
-
 
 
 def _need_any(result: Result, names: tuple[str, ...], what: str) -> None:

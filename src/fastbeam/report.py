@@ -54,6 +54,9 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  closed loops       {_plural(loops, 'ball joint')} held by multipliers")
     for noun, count in Counter(type(link).kind for link in scene.links).items():
         lines.append(f"  {noun + 's':18} {_plural(count, noun)} between two points")
+    if model.user_forces:
+        lines.append(f"  user forces        {_plural(len(model.user_forces), 'law')}: {', '.join(model.user_forces[:4])}"
+                     + (", ..." if len(model.user_forces) > 4 else ""))
     if model.n_rows < model.n_nodes:
         shared = _plural(model.n_nodes - model.n_rows, "beam end")
         lines.append(f"  shared rows        {shared} of nets share the unknowns of another")

@@ -45,12 +45,18 @@ ZERO = 1e-13
 
 
 class Factors:
-    """PARDISO's factors of one matrix after another, on one thread. A structure is analysed once; with it goes the permutation
-    that brings large entries to the diagonal, for the values that it is analysed with.
+    """PARDISO's factors of one matrix after another. A structure is analysed once; with it goes the permutation that brings large
+    entries to the diagonal, for the values that it is analysed with.
 
     Parameters
     ----------
     mkl : the MKL runtime
+    symmetric : bool
+        Matrices come as their entries on and above the diagonal, all of the diagonal among them.
+    matching : bool
+        Bring large entries to the diagonal.
+    columns, threads : int
+        Right-hand sides at once; threads.
 
     Attributes
     ----------
@@ -58,8 +64,10 @@ class Factors:
         Factorisations and analyses until now, and equations that SuperLU solved instead.
     """
 
-    def __init__(self, mkl: Any) -> None:
-        self._mkl = mkl
+    def __init__(self, mkl: Any, symmetric: bool = False, matching: bool = True, columns: int = 1, threads: int = 1) -> None:
+        self._mkl, self._threads, self._columns = mkl, threads, columns
+        self._kind = kernels.SYMMETRIC if symmetric else kernels.UNSYMMETRIC
+        self._settings = {10: 1, 12: 1} if matching else {}
         self._tables: PardisoTables | None = None
         self._indices = self._indptr = np.zeros(0, np.int32)
         self.count = self.analyses = self.refused = 0
@@ -76,7 +84,7 @@ class Factors:
         t = self._tables
         assert t is not None
         t.data[:] = matrix.data
-        with on_threads(self._mkl, 1):
+        with on_threads(self._mkl, self._threads):
             if not known:
                 self.analyses += 1
                 if kernels.call_pardiso(t, kernels.ANALYSE, t.b, t.x):
@@ -89,29 +97,34 @@ class Factors:
         self._release()
         n, none = matrix.shape[0], np.zeros(0, np.int64)
         self._indices, self._indptr = matrix.indices, matrix.indptr
-        # with scaling and matching
+        m = self._columns
         self._tables = PardisoTables(
-            np.zeros(64, np.int64), settings({10: 1, 12: 1}), np.array([1, 1, kernels.UNSYMMETRIC, 0, n, 1, 0, 0], np.int32),
+            np.zeros(64, np.int64), settings(self._settings), np.array([1, 1, self._kind, 0, n, m, 0, 0], np.int32),
             np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
-            np.zeros(matrix.nnz), *(np.zeros((1, n)) for _ in range(4)), np.zeros(5, np.int64), np.zeros(2))
+            np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
 
     @property
     def perturbed(self) -> int:
         """Number of pivots of the last matrix that were so small that PARDISO changed them."""
         return 0 if self._tables is None else int(self._tables.iparm[13])
 
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues of the last matrix, a symmetric one."""
+        return -1 if self._tables is None else int(self._tables.iparm[22])
+
     def solve(self, right: Array) -> Array:
-        """Of the last matrix for right-hand side [n]; NaN where PARDISO fails."""
+        """Of the last matrix for right-hand side [n], or as many as there are columns [m, n]; NaN where PARDISO fails."""
         t = self._tables
         assert t is not None
-        t.b[0] = right
-        with on_threads(self._mkl, 1):
+        t.b[:] = right
+        with on_threads(self._mkl, self._threads):
             code = kernels.call_pardiso(t, kernels.SOLVE, t.b, t.x)
-        return t.x[0].copy() if code == 0 else np.full(right.size, np.nan)
+        return t.x.reshape(right.shape).copy() if code == 0 else np.full(right.shape, np.nan)
 
     def _release(self) -> None:
         if self._tables is not None and self._tables.handle.any():
-            with on_threads(self._mkl, 1):
+            with on_threads(self._mkl, self._threads):
                 kernels.call_pardiso(self._tables, kernels.RELEASE, self._tables.b, self._tables.x)
         self._tables = None
 

@@ -42,7 +42,8 @@ from .errors import ResultFileError
 from .places import check_new
 from .reading import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py, load_result,
                       parts_of)
-from .result import Result, ResultHeader, RowBuffer, Rows
+from .result import Result, ResultHeader
+from .rows import RowBuffer, Rows
 
 __all__ = ["ResultWriter", "load_result", "save_result"]
 

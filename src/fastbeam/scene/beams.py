@@ -71,7 +71,7 @@ class ArcLengths:
 # degree and interpolation belong together
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
-OWNERS = ("beam", "body", "point mass")
+OWNERS = ("beam", "body", "point mass", "ground")
 
 
 class BeamOptions(TypedDict, total=False):
@@ -88,7 +88,7 @@ class BeamOptions(TypedDict, total=False):
 @checked(owner=Anything(), index=Anything(), offset=Vector)
 @dataclass(frozen=True, eq=False)
 class NodeRef:
-    """One node of a beam, or a point fixed to a rigid body or point mass. Made by `beam.start`, `body.point(...)` and so on.
+    """One node of a beam, or a point fixed to a rigid body, a point mass or the ground. Made by `beam.start`, `body.point(...)` and so on.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class NodeRef:
     index : int
         Node of the beam, counted from 0; 0 for bodies and masses.
     offset : ndarray (3,)
-        Position relative to the centre in the body triad, m; zero except for bodies.
+        Position relative to the centre in the body triad, m; zero except for bodies. Of the ground: the position in space.
 
     Raises
     ------
@@ -118,7 +118,7 @@ class NodeRef:
         if index is None or not 0 <= index <= last:
             hint = f"; use its node({index}) to count from the end" if index is not None and -last - 1 <= index < 0 else ""
             raise SceneError(f"NodeRef: {self.owner.label} has no node {shown(self.index)}, nodes run from 0 to {last}{hint}")
-        if np.any(self.offset) and kind != "body":
+        if np.any(self.offset) and kind not in ("body", "ground"):
             raise SceneError(f"NodeRef: {self.owner.label} takes no offset, got {shown(self.offset)}; only bodies do; join a "
                              "RigidBody there with a RigidConnection and use its point(offset)")
         checks.fill(self, index=index)
@@ -133,6 +133,8 @@ class NodeRef:
         """Text for messages and automatic names, without the arc length."""
         if isinstance(self.owner, Beam):
             return f"{self.owner.label} node {self.index}"
+        if self.owner.kind == "ground":
+            return f"ground at {checks.shown(self.offset)} m"
         return self.owner.label if self.is_center else f"{self.owner.label} at offset {checks.shown(self.offset)} m"
 
     def __str__(self) -> str:

@@ -12,7 +12,7 @@ from fastbeam.scene.checks import NodeField
 from fastbeam.scene.parts import Node
 
 
-@checked(a=Node(), b=Node(), name=Name("a link has two sides, write one for every pair"))
+@checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a link has two sides, write one for every pair"))
 @dataclass(frozen=True, eq=False)
 class Link:
     """Two different nodes and a name that is made from them when left out."""
@@ -25,6 +25,9 @@ class Link:
 
     def __post_init__(self) -> None:
         a, b = self.a, self.b
+        if a.owner.kind == b.owner.kind == "ground":
+            raise SceneError(f"{self.kind if self.name is None else checks.label(self.kind, self.name)}: both sides are the ground; "
+                             "one has to belong to something that moves")
         if a.owner is b.owner and a.index == b.index and (a.offset == b.offset).all():
             who = self.kind if self.name is None else checks.label(self.kind, self.name)
             same = a.label if isinstance(a.owner, Beam) else a.owner.label

@@ -22,11 +22,19 @@ MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
 
 @dataclass(frozen=True)
 class Node:
-    """A node from a NodeRef, RigidBody (its centre) or PointMass."""
+    """A node from a NodeRef, RigidBody (its centre) or PointMass; with `fixed` also a point of the ground."""
+
+    fixed: bool = False
 
     def __call__(self, value: Any) -> NodeRef:
         if isinstance(value, NodeRef):
+            if value.owner.kind == "ground" and not self.fixed:
+                raise Refusal("is a point of the ground, which stands still by itself; springs, distance joints and joints with "
+                              "axes take it, for others clamp a PointMass there")
             return value
+        if getattr(value, "kind", None) == "ground" and not isinstance(value, type):
+            raise Refusal("is the ground as a whole; " + ("say which point of it: GROUND.point((x, y, z))" if self.fixed else
+                                                          "joints with axes take it, for others clamp a PointMass"))
         if isinstance(value, (RigidBody, PointMass)):
             return value.center
         if isinstance(value, Beam):

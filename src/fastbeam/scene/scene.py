@@ -14,19 +14,23 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.fixed import Ground
+from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
+from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link)
+        | RigidMotion | Slider | Link | PrescribedMotion | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -54,7 +58,7 @@ class APart:
 
 
 @checked(parts=APart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
-class Scene:
+class Scene(notebook.Parts):
     """A set of parts under one gravity.
 
     Parameters
@@ -149,6 +153,11 @@ class Scene:
         return self._of(Pin)
 
     @property
+    def prescribed(self) -> list[PrescribedMotion]:
+        """All supports that move as functions of time."""
+        return self._of(PrescribedMotion)
+
+    @property
     def rigid(self) -> list[RigidConnection]:
         """All rigid connections."""
         return self._of(RigidConnection)
@@ -167,6 +176,11 @@ class Scene:
     def distributed(self) -> list[DistributedLoad]:
         """All loads along beams."""
         return self._of(DistributedLoad)
+
+    @property
+    def user_forces(self) -> list[UserForce]:
+        """All forces by functions of the user's own."""
+        return self._of(UserForce)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -194,7 +208,7 @@ class Scene:
         return self._of(Link)
 
     # --- positions ----------------------------------------------------------------------------------------------------
-    @checked(thing=Node())
+    @checked(thing=Node(fixed=True))
     def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
         """Position (3,) m at t = 0 of a node, body or mass; a mass without position is placed by its slider or joint.
 
@@ -211,6 +225,8 @@ class Scene:
             return owner.reference(owner.node_s[node.index])[0][0]
         if isinstance(owner, RigidBody):
             return owner.position + node.offset @ owner.directors
+        if isinstance(owner, Ground):
+            return node.offset
         if owner.position is not None:
             return owner.position
         known = self._links()[1]
@@ -322,11 +338,12 @@ class Scene:
                 self._check_place(mass, tolerance)
         for slider in self.sliders:
             self._check_contact(slider, tolerance)
-        for ball in self.balls:
+        for ball in [*self.balls, *(link for link in self.links if isinstance(link, AxisJoint) and link.is_pinned)]:
             gap = float(np.linalg.norm(self.position_of(ball.a) - self.position_of(ball.b)))
             if gap > tolerance:
                 raise SceneError(f"{_who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
-                                 "m); move one of them, or use RigidConnection, which allows an offset")
+                                 "m); move one of them" + (", or use RigidConnection, which allows an offset" if
+                                                           isinstance(ball, BallJoint) else ""))
 
     def _check_names(self) -> None:
         """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
@@ -348,14 +365,14 @@ class Scene:
         members = {id(part) for part in [*self.beams, *self.nets, *self.bodies, *self.masses]}
         for part in self.parts:
             for owner in _owners(part):
-                if id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
+                if not isinstance(owner, Ground) and id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
                     raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
         """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
         for part in self.parts:
-            for node in [part.at] if isinstance(part, Load) else _held_nodes(part):
-                beam = node.owner
+            for node in [part.at] if isinstance(part, (Load, UserForce)) else _held_nodes(part):
+                beam = None if isinstance(node, Beam) else node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
                     raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
                                      "end, split the beam there, or interpolation='lagrange'")
@@ -407,7 +424,9 @@ class Scene:
                                  + (", or give its position" if isinstance(link, RigidConnection) else ""))
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
-        """A sliding point lies on the curve at t = 0."""
+        """A sliding point lies on the curve at t = 0, or on its side of it."""
+        if slider.starts_off:
+            return
         point, beam = self.position_of(slider.point), slider.beam
         gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:
@@ -421,11 +440,6 @@ class Scene:
         raise SceneError(f"{_who(slider)}: {slider.point} lies {gap:.6g} m away from {beam.label} at={slider.at:.6g}; "
                          f"{leave}{cure}")
 
-    def _repr_html_(self) -> str:
-        rows = [(part.kind, getattr(part, "name", None) or "", part) for part in self.parts]
-        note = f"gravity {shown(self.gravity)} m/s^2"
-        return notebook.table(f"Scene {self.name}", ("part", "name", "what it is"), rows, [note])
-
     def __repr__(self) -> str:
         items = []
         for kind in [*KINDS, *dict.fromkeys(type(link) for link in self.links)]:
@@ -433,7 +447,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, UserForce)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -452,7 +466,7 @@ def _who(part: Any) -> str:
 
 def _held_nodes(part: Part) -> list[NodeRef]:
     """The nodes that a support, joint, link or slider takes as points."""
-    if isinstance(part, (Clamp, Pin)):
+    if isinstance(part, (Clamp, Pin, PrescribedMotion)):
         return [part.at]
     if isinstance(part, (RigidConnection, BallJoint, Link)):
         return [part.a, part.b]
@@ -462,8 +476,8 @@ def _held_nodes(part: Part) -> list[NodeRef]:
 def _owners(part: Part) -> list[Any]:
     """The beams, bodies and masses that a part refers to."""
     owners = [node.owner for node in _held_nodes(part)]
-    if isinstance(part, Load):
-        owners.append(part.at.owner)
+    if isinstance(part, (Load, UserForce)):
+        owners.append(part.at if isinstance(part.at, Beam) else part.at.owner)
     if isinstance(part, Slider):
         owners.extend(part.beams)
     if isinstance(part, (DistributedLoad, InitialVelocity)):

@@ -1,0 +1,429 @@
+"""The lowest eigenvalues of K x - B^T m = w M x, B x = 0: stiffness, constraints and masses as sparse matrices.
+
+Krylov vectors of (K - shift M)^-1 M, in blocks, so that double and triple eigenvalues come together, orthonormal in the masses
+and all of them kept (block Lanczos with full orthogonalisation; block Arnoldi where K is not symmetric). What has no mass
+(sliding coordinates, multipliers, triads without inertia) never enters: it follows from one more solution. Pivots of
+K - shift M tell how many eigenvalues lie below a shift (Sylvester), so that none is missed.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .linsolve import SMALL, load_mkl
+from .saddle import Factors, equilibrated
+
+Array = np.ndarray
+# right-hand sides of a solution
+BLOCK = 4
+# residual of a Ritz pair next to its value, up to which it counts
+CONVERGED = 1e-9
+# relative residual of a solution: wanted, and accepted
+GOOD, FAIR = 1e-13, 1e-6
+# shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
+LEAST_SHIFT = 1e-13
+# eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
+CLOSE = 1e3
+MOVES = 3
+# on the diagonal of the multipliers of the scaled matrix: constraints that say the same twice share the force
+GIVE = 1e-13
+# on that of what has neither mass nor stiffness, where the matrix is singular
+IDLE = 1e-10
+# gap of constraints next to the largest component, scaled
+OPEN = 1e-6
+# round-off of x . K x, next to |x| . |K| |x|
+NOISE = 8.0 * np.finfo(float).eps
+# neighbours differ by more than this share where eigenvalues are counted
+DISTINCT = 1e-6
+# what is left of a vector once others are taken out of it, and is round-off
+NOTHING = 1e-12
+TINY = 1e-300
+
+
+class Pencil(NamedTuple):
+    """Of n coordinates, of which the first have mass, and multipliers."""
+
+    stiffness: Any        # sparse by rows [n, n]
+    mass: Any             # sparse by rows [k, k], k <= n, positive semidefinite
+    multiplier: Array     # bool [n]
+    is_symmetric: bool
+    still: Any            # sparse [k, j]: vectors with disjoint supports that cost nothing, left out
+
+
+class Eigen(NamedTuple):
+    """Eigenvalues by their size, the negative ones first."""
+
+    values: Array         # [m], complex where the matrix is not symmetric
+    vectors: Array        # [n, m]: all coordinates and multipliers; of unit mass; of complex pairs the real and imaginary part
+    noise: Array          # [m]: what round-off of the stiffness may make of a zero
+    is_complete: bool     # whether there are no more, or the number of pivots confirms that none below the last is missing
+    factors: Shifted
+
+
+class SingularError(ArithmeticError):
+    """No solution was found that can be accepted."""
+
+
+class Shifted:
+    """Factors of K - shift M, scaled to a diagonal or entries of 1; by PARDISO, or SuperLU.
+
+    Raises
+    ------
+    SingularError
+        When it is made, or solves.
+    """
+
+    def __init__(self, pencil: Pencil, shift: float, backend: str) -> None:
+        from scipy import sparse
+        self.shift, self.pencil = shift, pencil
+        n, k = pencil.multiplier.size, pencil.mass.shape[0]
+        self.columns = BLOCK
+        matrix = pencil.stiffness
+        if shift:
+            matrix = (matrix - shift * _grown(pencil.mass, n)).tocsr()
+        bordered = bool(pencil.multiplier.any()) or k < n
+        self.scale = _scales(matrix, bordered)
+        unit = sparse.diags(self.scale)
+        matrix = unit @ matrix @ unit
+        diagonal = np.where(pencil.multiplier, -GIVE, 0.0)
+        self.below: int | None = None
+        for idle in (0.0, IDLE):
+            if idle:
+                # neither stiffness nor mass, such as the spin of a thin rod about its axis
+                massless = np.ones(n, bool)
+                massless[:k] = pencil.mass.diagonal() == 0.0
+                diagonal[massless & ~pencil.multiplier] += idle
+            # with all of its diagonal, zeros too
+            coo, at = matrix.tocoo(), np.arange(n)
+            where = np.append(coo.row, at), np.append(coo.col, at)
+            self.matrix = sparse.csr_matrix((np.append(coo.data, diagonal), where), (n, n))
+            self.matrix.sort_indices()
+            if self._factored(backend, bordered):
+                return
+        raise SingularError
+
+    def _factored(self, backend: str, bordered: bool) -> bool:
+        """Whether there are factors whose solutions can be accepted."""
+        n = self.matrix.shape[0]
+        test = np.random.default_rng(1).standard_normal((BLOCK, n))
+        mkl = None if backend == "superlu" else load_mkl()
+        if mkl is not None:
+            threads = 1 if n < SMALL else mkl.MKL_Get_Max_Threads()
+            factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads)
+            if factors.factor(_upper(self.matrix) if self.pencil.is_symmetric else self.matrix):
+                self._solve = factors.solve
+                if self._is_good(test):
+                    if self.pencil.is_symmetric and not factors.perturbed:
+                        self.below = factors.negative - int(self.pencil.multiplier.sum())
+                    self.name = "PARDISO"
+                    return True
+        from scipy.sparse.linalg import splu
+        self.name = "SuperLU"
+        try:
+            symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01, "options": {"SymmetricMode": True}}
+            factors = splu(self.matrix.tocsc(), **(symmetric if self.pencil.is_symmetric else {}))
+        except RuntimeError:
+            return False
+        if self.pencil.is_symmetric and np.array_equal(factors.perm_r, factors.perm_c):
+            self.below = int(np.sum(factors.U.diagonal() < 0.0)) - int(self.pencil.multiplier.sum())
+        self._solve = lambda right: np.ascontiguousarray(factors.solve(np.ascontiguousarray(right.T)).T)
+        return self._is_good(test)
+
+    def _is_good(self, right: Array) -> bool:
+        try:
+            self._refined(right)
+        except SingularError:
+            return False
+        return True
+
+    def _refined(self, right: Array) -> Array:
+        """Solutions of the scaled equations [m, n], refined where that helps."""
+        if len(right) < BLOCK:
+            return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
+        size = np.linalg.norm(right, axis=1)
+        size[size == 0.0] = 1.0
+        x = self._solve(right)
+        worst = np.inf
+        for _ in range(4):
+            rest = right - (self.matrix @ x.T).T
+            left = float(np.max(np.linalg.norm(rest, axis=1) / size))
+            if not left < 0.5 * worst:
+                break
+            worst, best = left, x
+            if left <= GOOD:
+                break
+            x = x + self._solve(rest)
+        if not worst <= FAIR and not self._is_near(right, x):
+            raise SingularError
+        return best
+
+    def _is_near(self, right: Array, x: Array) -> bool:
+        """Whether the residual is what round-off leaves of large terms."""
+        rest = np.abs(right - (self.matrix @ x.T).T)
+        size = (abs(self.matrix) @ np.abs(x).T).T + np.abs(right)
+        return bool(np.isfinite(x).all() and np.max(rest) <= 1e-12 * np.max(size))
+
+    def solve(self, right: Array) -> Array:
+        """Of K - shift M for right-hand sides [n, m]."""
+        return (self._refined(np.ascontiguousarray((self.scale[:, None] * right).T)) * self.scale).T
+
+
+def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
+    """The n lowest eigenvalues, fewer where there are no more.
+
+    Raises
+    ------
+    SingularError
+        K - shift M is singular for every shift, or Krylov vectors do not converge.
+    """
+    shift = -LEAST_SHIFT * _stiffest(pencil)
+    for moves in range(MOVES + 1):
+        factors = Shifted(pencil, shift, backend)
+        values, vectors, better = _krylov(factors, n, moves < MOVES)
+        if better is None:
+            break
+        shift = better
+    found = _with_noise(pencil, factors, values, vectors)
+    return found._replace(is_complete=found.values.size < n or _counted(found, backend))
+
+
+def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
+    """Eigenvalues next to the shift with vectors [k, m], or a better shift."""
+    pencil = factors.pencil
+    mass, k = pencil.mass, pencil.mass.shape[0]
+    size = pencil.multiplier.size
+    draw = np.random.default_rng(0)
+    weights = np.asarray((mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
+
+    def applied(right: Array) -> Array:
+        """(K - shift M)^-1 on right [k, m], what has mass."""
+        whole = np.zeros((size, right.shape[1]))
+        whole[:k] = right
+        x = factors.solve(whole)[:k]
+        if weights.size:
+            x -= pencil.still @ ((pencil.still.T @ (mass @ x)) / weights[:, None])
+        return x
+
+    most = min(k, 12 * n + 200)
+    basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
+    h = np.zeros((basis.shape[1],) * 2)
+    m = 0
+    first = applied(mass @ draw.standard_normal((k, BLOCK)))
+    block, _ = _orthonormal(first, _sizes(first, mass), basis[:, :0], mass)
+    values, y = np.zeros(0, complex), np.zeros((0, 0))
+    while block.shape[1]:
+        b = block.shape[1]
+        if m + 2 * b > basis.shape[1]:
+            more = min(basis.shape[1], max(most + 2 * BLOCK - basis.shape[1], 2 * BLOCK))
+            basis = np.asfortranarray(np.pad(basis, ((0, 0), (0, more))))
+            h = np.pad(h, (0, more))
+        basis[:, m:m + b] = block
+        known = basis[:, :m + b]
+        image = applied(mass @ block)
+        sizes = _sizes(image, mass)
+        for _ in range(2):
+            part = known.T @ (mass @ image)
+            image -= known @ part
+            h[:m + b, m:m + b] += part
+        m += b
+        block, rest = _orthonormal(image, sizes, known, mass)
+        if rest.size:
+            h[m:m + len(rest), m - b:m] = rest
+        if m < min(n, most) and block.shape[1]:
+            continue
+        values, y = _ritz(h[:m, :m], pencil.is_symmetric)
+        error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
+        good = error <= CONVERGED * np.abs(values)
+        picks, done, better = _enough(values, good, factors, n)
+        if better is not None and may_move:
+            return values, basis, better
+        if done or m >= most:
+            break
+        if not block.shape[1]:
+            # closed under the operator: what is left, if anything, has equal eigenvalues
+            block = applied(mass @ draw.standard_normal((k, BLOCK)))
+            sizes = _sizes(block, mass)
+            for _ in range(2):
+                block -= known @ (known.T @ (mass @ block))
+            block, _ = _orthonormal(block, sizes, known, mass)
+    if not m:
+        return np.zeros(0), np.zeros((k, 0)), None
+    if not done and block.shape[1] and m < k:
+        raise SingularError
+    return factors.shift + 1.0 / values[picks], basis[:, :m] @ y[:, picks], None
+
+
+def _ritz(h: Array, symmetric: bool) -> tuple[Array, Array]:
+    """Values and vectors of the projected operator."""
+    if symmetric:
+        return np.linalg.eigh(0.5 * (h + h.T))
+    values, y = np.linalg.eig(h)
+    return values, y / np.linalg.norm(y, axis=0)
+
+
+def _enough(values: Array, good: Array, factors: Shifted, n: int) -> tuple[Array, bool, float | None]:
+    """Which Ritz values are the lowest eigenvalues, whether they are n, and a shift that suits them better."""
+    with np.errstate(divide="ignore"):
+        real = factors.shift + np.real(1.0 / np.where(values == 0.0, TINY, values))
+    live = np.abs(values) > 1e-14 * np.max(np.abs(values), initial=0.0)
+    order = np.argsort(np.where(live, real, np.inf))[:int(live.sum())]
+    low = order[np.real(values[order]) < 0.0]
+    above = order[np.real(values[order]) >= 0.0]
+    if factors.below is not None:
+        # below the shift so many, those next to it come first
+        low = low[np.argsort(-np.abs(values[low]))][:factors.below]
+        low = low[np.argsort(real[low])]
+    else:
+        low = low[good[low]]
+    wanted = above[:max(n - low.size, 0)]
+    done = (factors.below is None or low.size >= factors.below) and bool(good[low].all() and good[wanted].all())
+    done &= wanted.size + low.size >= n
+    picks = np.concatenate((low, wanted))[:max(n, 0)]
+    shift = abs(factors.shift)
+    every = np.abs(real[order[good[order]]])
+    zero, elastic = every[every < 0.1 * shift], every[every > shift]
+    better = None
+    if zero.size and elastic.size and np.min(elastic) > CLOSE * shift:
+        # zero eigenvalues drown the others
+        better = -0.5 * float(np.min(elastic))
+    return picks, done, better
+
+
+def _sizes(x: Array, mass: Any) -> Array:
+    """Norms of columns in the mass."""
+    return np.sqrt(np.maximum(np.sum(x * (mass @ x), axis=0), 0.0))
+
+
+def _orthonormal(x: Array, sizes: Array, known: Array, mass: Any) -> tuple[Array, Array]:
+    """Columns of x, which were made orthogonal in the mass to known ones, made orthonormal to each other, and the triangle R
+    [j, m] with x = Q R, j <= m: those of which nothing is left next to their sizes before that are left out."""
+    m = x.shape[1]
+    q = np.zeros_like(x)
+    r = np.zeros((m, m))
+    kept = 0
+    for j in range(m):
+        column = x[:, j].copy()
+        last = float(_sizes(column[:, None], mass)[0])
+        while True:
+            part = q[:, :kept].T @ (mass @ column)
+            column -= q[:, :kept] @ part
+            r[:kept, j] += part
+            size = float(_sizes(column[:, None], mass)[0])
+            if size > 0.5 * last or not size > NOTHING * sizes[j]:
+                break
+            # what is left of a difference is orthogonal to no more than a few digits
+            column -= known @ (known.T @ (mass @ column))
+            last = size
+        if not size > max(NOTHING * float(sizes[j]), TINY):
+            continue
+        q[:, kept] = column / size
+        r[kept, j] = size
+        kept += 1
+    return q[:, :kept], r[:kept]
+
+
+def _with_noise(pencil: Pencil, factors: Shifted, values: Array, vectors: Array) -> Eigen:
+    """Whole vectors, of unit mass, and round-off of the values; zeros where that is all there is."""
+    k, n = pencil.mass.shape[0], pencil.multiplier.size
+    if not pencil.is_symmetric:
+        values, vectors = _in_pairs(values, vectors)
+    whole = np.zeros((n, vectors.shape[1]))
+    for j in range(0, vectors.shape[1], BLOCK):
+        right = np.zeros((n, vectors[:, j:j + BLOCK].shape[1]))
+        right[:k] = pencil.mass @ vectors[:, j:j + BLOCK]
+        whole[:, j:j + BLOCK] = factors.solve(right)
+    if pencil.still.shape[1]:
+        weights = np.asarray((pencil.mass @ pencil.still).multiply(pencil.still).sum(axis=0)).reshape(-1)
+        whole[:k] -= pencil.still @ ((pencil.still.T @ (pencil.mass @ whole[:k])) / weights[:, None])
+    size = np.sqrt(np.maximum(np.sum(whole[:k] * (pencil.mass @ whole[:k]), axis=0), TINY))
+    size[_others(values)] = size[np.flatnonzero(np.imag(values) > 0.0)]
+    whole /= size
+    absolute = abs(pencil.stiffness)
+    live = _allowed(pencil, factors, whole)
+    values, whole = values[live], whole[:, live]
+    free = np.where(pencil.multiplier[:, None], 0.0, np.abs(whole))
+    noise = NOISE * (np.sum(free * (absolute @ free), axis=0) + 2.0 * abs(factors.shift))
+    if pencil.is_symmetric:
+        values = np.where(np.abs(values) <= noise, 0.0, values)
+    return Eigen(values, whole, noise, False, factors)
+
+
+def _allowed(pencil: Pencil, factors: Shifted, whole: Array) -> Array:
+    """Which vectors satisfy the constraints; GIVE makes eigenvalues of its own behind all others."""
+    rows = np.flatnonzero(pencil.multiplier)
+    if not rows.size:
+        return np.arange(whole.shape[1])
+    gap = np.abs(factors.scale[rows, None] * (pencil.stiffness[rows] @ whole)).max(axis=0)
+    size = np.abs(whole[~pencil.multiplier] / factors.scale[~pencil.multiplier, None]).max(axis=0)
+    return np.flatnonzero(gap <= OPEN * size)
+
+
+def _in_pairs(values: Array, vectors: Array) -> tuple[Array, Array]:
+    """Real vectors: of a complex pair x, y with K (x + i y) = w M (x + i y), where w has a positive imaginary part and comes
+    first."""
+    order = np.lexsort((-np.imag(values), np.abs(np.imag(values)), np.round(np.real(values), 12)))
+    values, vectors = values[order], vectors[:, order]
+    alone = np.flatnonzero(np.imag(values) != 0.0)
+    if alone.size % 2:
+        # a pair that was cut
+        values, vectors = (np.delete(x, alone[-1], axis=-1) for x in (values, vectors))
+    return values, np.where(np.imag(values) >= 0.0, np.real(vectors), -np.imag(vectors))
+
+
+def _others(values: Array) -> Array:
+    """Of complex pairs the second ones."""
+    return np.flatnonzero(np.imag(values) < 0.0)
+
+
+def _counted(found: Eigen, backend: str) -> bool:
+    """Whether the number of eigenvalues below a shift behind the last ones is that of those that were found."""
+    values = np.real(found.values)
+    pencil = found.factors.pencil
+    if not pencil.is_symmetric or values.size < 2:
+        return False
+    size = np.maximum(np.abs(values), np.maximum(found.noise, abs(found.factors.shift)))
+    gaps = np.flatnonzero(np.diff(values) > DISTINCT * size[1:] + 2.0 * found.noise[1:])
+    if not gaps.size:
+        return False
+    last = int(gaps[-1])
+    shift = 0.5 * float(values[last] + values[last + 1])
+    try:
+        between = Shifted(pencil, shift, backend)
+    except SingularError:
+        return False
+    return between.below == last + 1 + (pencil.still.shape[1] if shift > 0.0 else 0)
+
+
+def _stiffest(pencil: Pencil) -> float:
+    """Largest stiffness over mass of a coordinate; 1 where there is none."""
+    mass = pencil.mass.diagonal()
+    stiffness = np.abs(pencil.stiffness.diagonal()[:mass.size])
+    heavy = (mass > 0.0) & (stiffness > 0.0)
+    # spins of thin rods have next to no inertia: the median does not see them where the largest does
+    return float(np.median(stiffness[heavy] / mass[heavy])) if heavy.any() else 1.0
+
+
+def _grown(matrix: Any, n: int) -> Any:
+    """With rows and columns of zeros behind the others, [n, n]."""
+    grown = matrix.copy()
+    grown.resize((n, n))
+    return grown
+
+
+def _scales(matrix: Any, bordered: bool) -> Array:
+    """Factors of rows and columns."""
+    if bordered:
+        row, column = equilibrated(matrix)
+        return np.exp2(np.round(0.5 * np.log2(row * column)))
+    diagonal = np.abs(matrix.diagonal())
+    largest = float(np.max(diagonal, initial=0.0)) or 1.0
+    return 1.0 / np.sqrt(np.maximum(diagonal, 1e-20 * largest))
+
+
+def _upper(matrix: Any) -> Any:
+    """Entries on and above the diagonal, by rows."""
+    from scipy import sparse
+    upper = sparse.triu(matrix, format="csr")
+    upper.sort_indices()
+    return upper

@@ -1,0 +1,291 @@
+"""Equilibrium paths under loads that grow and fall by one factor, past limit points, by arc length (theory.md 12)."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .arc_length import Direction, PathSolver, root
+from .arguments import Anything, Count, Number, Word, checked
+from .errors import ConvergenceError, Interrupted, SceneError
+from .interrupt import Interrupts
+from .kernels.work import State
+from .load_times import load_factors_at
+from .model import Model, check_model
+from .newton import BACKENDS
+from .observe import POINTS, Observer
+from .progress import Progress
+from .result import Result, ResultBuffer
+from .starting import check_start
+from .statics import START, check_slider_forces, held_sliders, which_sliders
+from .supports import check_supports
+
+Array = np.ndarray
+# steps in which the path turns by more (cosine) are halved
+LEAST_COSINE = 0.9
+# iterations up to which steps grow, and by how much
+FEW, GROWTH = 5, 1.5
+STEP = Number(above=0.0, most=10.0)
+
+
+@checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
+         most_points=Count(most=1_000_000), at_time=Number(unit="s"), points=POINTS, held=which_sliders,
+         max_iterations=Count(most=10_000), backend=Word())
+def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
+               largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500, at_time: float | None = None,
+               points: Mapping[str, Any] | None = None, held: bool | str | Sequence[str] = False, max_iterations: int = 15,
+               backend: str = "auto") -> Result:
+    """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
+    length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
+
+    Parameters
+    ----------
+    model : Model
+        Held as for `solve_static`. A planar scene stays in its plane.
+    to : float
+        Load factor at which the path ends.
+    start : State
+        An equilibrium, that of `load_factor`; default: the reference, without loads.
+    load_factor : float
+        Of the start. The path sets out towards `to`.
+    step, largest_step, smallest_step : float
+        First, largest and smallest length of a step: the root of the squares of the change of the load factor and of the mean
+        motion of the nodes, in sizes of the scene and rad.
+    most_points : int
+        Points after which the path ends all the same, with an event.
+    at_time : float
+        Where time functions of loads are evaluated, s; needed when the scene has some.
+    points : mapping
+        As in `simulate`.
+    held : bool, str or sequence of str
+        Sliders that stay where they are, as in `solve_static`. Those that are free need a start in which their contact carries
+        a force.
+    max_iterations : int
+        Newton iterations a step.
+    backend : {'auto', 'pardiso', 'superlu'}
+
+    Returns
+    -------
+    Result
+        Rows are equilibria along the path, `result.t` its length; `series["load_factor"]`, `series["unstable_directions"]` (NaN
+        where moments leave the number open). Critical points are rows, too; `info["critical_points"]` lists them: kind ("limit"
+        or "bifurcation"), load_factor, length, row.
+
+    Raises
+    ------
+    SceneError
+        An argument is not usable, or something is held by nothing.
+    ConvergenceError
+        The smallest step fails; carries the last equilibrium and the result until then.
+    Interrupted
+        By Ctrl-C; carries the same.
+    """
+    check_model("solve_path", model)
+    stays = held_sliders(model, held)
+    check_slider_forces("solve_path", model, stays)
+    if backend not in BACKENDS:
+        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    step = min(step, largest_step)
+    if not smallest_step <= step:
+        raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "
+                         f"{largest_step:g}")
+    if to == load_factor:
+        raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
+    if not model.loads.shape[0] or not np.any(model.loads):
+        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity")
+    factors = load_factors_at("solve_path", model, at_time)
+    if start is not None:
+        start, _ = check_start(model, start, 1.0, at_rest=True)
+    solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor)
+    check_supports(model, solver.stepper.plane is not None)
+    return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to)
+
+
+class _Path:
+    """Goes along, and keeps rows."""
+
+    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Any] | None, step: float, largest: float,
+                 smallest: float, most: int) -> None:
+        self.model, self.solver = model, solver
+        self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
+        self.observer = Observer(model, ("slider",), points)
+        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
+                                     "counted_in": "space" if solver.stepper.plane is None else "plane"}
+        header = self.observer.header(self.info)
+        header.series |= {"load_factor": (), "unstable_directions": ()}
+        self.buffer = ResultBuffer(header)
+        self.begin = time.perf_counter()
+        self.length, self.rows, self.iterations = 0.0, 0, 0
+
+    def record(self, iterations: int, size: float, unstable: int | None) -> None:
+        """A row and a shape of the present equilibrium."""
+        state = self.solver.state
+        row = {**self.observer.row(0.0, state), "iterations": iterations, "step_size": size,
+               "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
+        if self.model.n_sliders:
+            self.observer.add_forces(row, state.force)
+        self.buffer.append(row, self.length)
+        q = state.q.reshape(-1, 4, 3)
+        self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
+        self.rows += 1
+        self.iterations += iterations
+
+    def finish(self) -> Result:
+        """The result so far."""
+        result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,
+                                                "wall_time": time.perf_counter() - self.begin})
+        result.state = State(*(x.copy() for x in self.solver.state))
+        return result
+
+    def to(self, to: float) -> Result:
+        """Until this load factor.
+
+        Raises
+        ------
+        ConvergenceError, Interrupted
+        """
+        bar = Progress(float(self.most), f"{self.model.scene_name}: path")
+        try:
+            with Interrupts() as self.solver.interrupts:
+                self._go(to, bar)
+        except KeyboardInterrupt as stopped:
+            bar.close()
+            result = self.finish()
+            raise Interrupted(f"load factor {self.solver.factor:.6g}: interrupted; the last equilibrium is in .state, everything "
+                              "until then in .result", result=result, state=result.state) from stopped
+        bar.close()
+        return self.finish()
+
+    def _go(self, to: float, bar: Progress) -> None:
+        solver = self.solver
+        along = self._first(to)
+        unstable, sign = solver.unstable(), np.sign(along.factor)
+        self.record(0, 0.0, unstable)
+        while self.rows < self.most:
+            solver.interrupts.serve()
+            before = solver.saved()
+            iterations = solver.go(along, self.step)
+            after = solver.direction(along) if iterations else None
+            if after is None or solver.product(along, after) < LEAST_COSINE:
+                solver.restore(before)
+                self._shorten(bar)
+                continue
+            counted, size = solver.unstable(), self.step
+            found = None
+            if after.factor * sign < 0.0:
+                # to the limit point first
+                sign = -sign
+                found = self._limit(before, along, after)
+            elif counted is not None and unstable is not None and counted != unstable:
+                found = self._bifurcation(before, along, min(counted, unstable))
+            if found is not None:
+                size, after = found, self._direction(along)
+            if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
+                solver.restore(before)
+                share = (to - before[3]) / along.factor if along.factor else size
+                if solver.go(along, min(max(share, 0.0), 1.5 * size), to):
+                    end = self._direction(along)
+                    self.length += abs(solver.product(along, end)) * size
+                    self.record(iterations, size, solver.unstable())
+                    return
+                solver.restore(before)
+                self._shorten(bar)
+                continue
+            self.length += size
+            self.record(iterations, size, counted)
+            bar.update(1.0)
+            along, unstable = after, counted
+            self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
+        text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
+                "result.state with load_factor=, or give most_points")
+        self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
+
+    def _first(self, to: float) -> Direction:
+        """The first direction.
+
+        Raises
+        ------
+        ConvergenceError
+        """
+        solver = self.solver
+        # from what may not quite be an equilibrium
+        sign = 1.0 if to > solver.factor else -1.0
+        at = Direction(np.zeros_like(solver._weight), 1.0)
+        good = solver.go(at, 0.0, solver.factor)
+        along = solver.direction(None, sign) if good else None
+        if along is None:
+            raise ConvergenceError("solve_path: no equilibrium was found at the start, or its tangent is singular: give the "
+                                   "load_factor that belongs to the start, hold sliders whose contacts carry no force yet "
+                                   "(held=True), or begin from solve_static(...).state at a small load factor",
+                                   state=solver.state, result=self.finish())
+        return along
+
+    def _direction(self, along: Direction) -> Direction:
+        return self.solver.direction(along) or along
+
+    def _shorten(self, bar: Progress) -> None:
+        """Half the step.
+
+        Raises
+        ------
+        ConvergenceError
+            It is the smallest.
+        """
+        if self.step <= self.smallest:
+            bar.close()
+            result = self.finish()
+            raise ConvergenceError(f"load factor {self.solver.factor:.6g}: the smallest step of the path fails; the last "
+                                   "equilibrium is in .state, everything until then in .result", step=self.rows - 1,
+                                   time=self.length, state=result.state, result=result)
+        self.step = max(self.smallest, 0.5 * self.step)
+
+    def _located(self, before: tuple[Any, ...], along: Direction, f: Callable[[], float], first: float, last: float,
+                 ) -> float | None:
+        """The step at which f vanishes, with the solver there; f at the start and the end of the present step."""
+        solver, end = self.solver, self.solver.saved()
+
+        def at(size: float) -> float:
+            solver.restore(before)
+            return f() if solver.go(along, size) else np.nan
+
+        size = root(at, 0.0, first, self.step, last) if first * last < 0.0 else None
+        if size is None or not 0.0 < size < self.step or not np.isfinite(at(size)):
+            solver.restore(end)
+            return None
+        return size
+
+    def _limit(self, before: tuple[Any, ...], along: Direction, after: Direction) -> float | None:
+        """Go to the limit point within the present step, whose length to there it returns."""
+        solver = self.solver
+
+        def rate() -> float:
+            found = solver.direction(along)
+            return np.nan if found is None else found.factor
+
+        size = self._located(before, along, rate, along.factor, after.factor)
+        if size is not None:
+            self._note("limit", size)
+        return size
+
+    def _bifurcation(self, before: tuple[Any, ...], along: Direction, k: int) -> float | None:
+        """The same for the bifurcation at which the eigenvalue of number k changes its sign."""
+        solver = self.solver
+        end = solver.saved()
+        last = solver.eigenvalue(k)
+        solver.restore(before)
+        first = solver.eigenvalue(k)
+        solver.restore(end)
+        size = self._located(before, along, lambda: solver.eigenvalue(k), first, last)
+        if size is not None:
+            self._note("bifurcation", size)
+        return size
+
+    def _note(self, kind: str, size: float) -> None:
+        length = float(self.length + size)
+        point = {"kind": kind, "load_factor": float(self.solver.factor), "length": length, "row": self.rows}
+        self.info["critical_points"].append(point)
+        text = ("limit point: loads cannot grow beyond it, or not fall" if kind == "limit" else
+                "bifurcation: another path branches off; an imperfection in the shape of fb.modes(...) leads to it")
+        self.buffer.event({"kind": kind, "time": length, "text": f"load factor {self.solver.factor:.12g}: {text}"})

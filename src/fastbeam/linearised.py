@@ -1,0 +1,203 @@
+"""A scene linearised about one of its equilibria (theory.md 11): stiffness and masses on its unknowns as sparse matrices."""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .eigen import Pencil
+from .errors import SceneError
+from .kernels import step as kernels
+from .kernels.work import State
+from .maps import mass_map, velocity_map
+from .mapping import follow
+from .model import Model
+from .newton import Stepper
+from .starting import mended, turned
+from .static_contact import SaddleMatrix, StaticContacts
+
+Array = np.ndarray
+# skew part of the scaled stiffness that is no round-off
+SKEW = 1e-8
+
+
+class Linearisation:
+    """Stiffness and masses of a model about a state.
+
+    Parameters
+    ----------
+    model : Model
+    state : State or None
+        None: the reference.
+    sliding : bool [S]
+        Which sliders are free to slide.
+    factors : float64 [K]
+        Of the loads.
+    flat : bool
+        Motions in the plane of the scene alone.
+
+    Attributes
+    ----------
+    free : int64 [k]
+        Numbers of the unknowns of rows that are free.
+    lift : sparse [12 N, k]
+        These unknowns -> rates of all coordinates.
+    mass : sparse [k, k]
+    """
+
+    def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool) -> None:
+        assert model.uneliminated is not None
+        self.model = model
+        # spins that statics may hold are motions here
+        own = _released(model.uneliminated(planar=flat))
+        self.stepper = Stepper(own, np.ones(1), state, backend="superlu", static=True)
+        plane = self.stepper.plane
+        if flat and plane is None:
+            raise SceneError("planar=True: the state leaves the plane of the scene; leave planar out")
+        self.core, self.sliding = self.stepper.core, sliding
+        self.size = len(self.core.dofs)
+        self.contacts = StaticContacts(own, None if plane is None else plane.axes)
+        self.free = np.flatnonzero(self.contacts.free(self.size))
+        self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
+        inertia = mass_map(own)
+        self.mass = (self.lift.T @ (inertia @ self.lift)).tocsr()
+        self._shift_mass = self.lift.T @ inertia
+        self.loads = np.zeros_like(self.stepper.work.f_ext)
+        if self.core.loads.shape[0]:
+            kernels.external_forces(self.core.loads, factors, self.loads)
+        self._saddle = None
+        if own.n_constraints:
+            self._saddle = SaddleMatrix(self.core.pattern, self.size, self.core.n_sliders, self.core.n_forces)
+
+    @property
+    def q(self) -> Array:
+        """Coordinates in space [N, 4, 3]."""
+        return np.asarray(self.stepper.state.q).reshape(-1, 4, 3)
+
+    def assembled(self) -> tuple[Pencil, Array]:
+        """Stiffness and masses, and the forces and gaps that are left, with the present contact forces."""
+        from scipy import sparse
+        stepper, core = self.stepper, self.core
+        work, state, n = stepper.work, stepper.core_state, core.pattern.n
+        work.f_ext[:] = self.loads
+        border = None
+        if self._saddle is not None:
+            weights = self.contacts.weights(state.s)
+            border = self.contacts.border(weights, self.q.reshape(-1), state.force)
+            work.f_ext[:] += self.contacts.loads(weights, self.q.reshape(-1), state.force)
+        stepper.parts.start(0.0)
+        stepper.parts.assemble(0.0)
+        right = -work.r[:8 * n].reshape(n, 8)[:, :self.size].reshape(-1)[self.free]
+        keep = self.free
+        if self._saddle is None or border is None:
+            blocks = work.blocks[:8 * self.size * core.pattern.keys.size].reshape(-1, self.size, 8)
+            matrix = 2.0 * stepper.linear.superlu.matrix(blocks).tocsr()
+        else:
+            matrix = self._saddle.of(work.blocks, border, self.sliding, 0.0)
+            keep = np.concatenate((self.free, np.arange(self._saddle.nodes, self._saddle.n)))
+            slope = np.where(self.sliding, -border.sliding, 0.0)
+            right = np.concatenate((right, slope, border.gap.reshape(-1), border.joint_gap))
+        matrix = matrix[keep][:, keep]
+        multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
+        skew = (matrix - matrix.T).tocoo()
+        size = np.sqrt(np.abs(matrix.diagonal()))
+        scaled = np.abs(skew.data) / np.maximum(size[skew.row] * size[skew.col], 1e-300)
+        within = (size[skew.row] > 0.0) & (size[skew.col] > 0.0)
+        symmetric = not np.any(scaled[within] > SKEW)
+        if symmetric:
+            matrix = (0.5 * (matrix + matrix.T)).tocsr()
+        return Pencil(matrix, self.mass, multiplier, symmetric, self._idle_spins(matrix, sparse)), right
+
+    def _idle_spins(self, matrix: Any, sparse: Any) -> Any:
+        """Spins of beams of nets about their axes where that changes no stress, sparse [k, j]."""
+        k = self.free.size
+        none = sparse.csr_matrix((k, 0))
+        base, static = self.model, self.model.static_held
+        if static is None or static is base.held or self.size != 6:
+            return none
+        more = np.zeros(base.n_nodes, np.int64)
+        more[static.row] = static.mask
+        if base.held is not None:
+            more[base.held.row] &= ~base.held.mask
+        # by rows of the model in hand, whose numbers are other ones
+        nodes = np.flatnonzero(more[base.pattern.row_of])
+        at = np.full(self.core.pattern.n * self.size, -1)
+        at[self.free] = np.arange(k)
+        rows, columns, values = [], [], []
+        axis = self.q[:, 1]
+        count = 0
+        for net in self.model.names.get("nets", []):
+            starts = net["first"] + np.append(net["starts"], net["count"])
+            for a in np.flatnonzero(np.isin(starts[:-1], nodes)):
+                own = np.arange(starts[a], starts[a + 1])
+                where = at[6 * self.core.pattern.row_of[own][:, None] + 3 + np.arange(3)]
+                rows.append(where.reshape(-1))
+                columns.append(np.full(where.size, count))
+                values.append(axis[own].reshape(-1))
+                count += 1
+        if not count or min(map(np.min, rows)) < 0:
+            return none
+        still = sparse.csc_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(k, count))
+        left = abs(matrix[:k, :k] @ still).max()
+        weights = np.asarray((self.mass @ still).multiply(still).sum(axis=0))
+        if left > 1e-9 * np.max(np.abs(matrix.diagonal()[:k])) or not np.all(weights > 0.0):
+            return none
+        return still.tocsr()
+
+    def add_forces(self, change: Array) -> None:
+        """Add to the contact forces [F]."""
+        self.stepper.core_state.force[:] += change
+
+    # --- shapes ---------------------------------------------------------------------------------------------------------
+    def spread(self, vectors: Array) -> tuple[Array, Array]:
+        """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
+        whole = np.zeros((self.core.pattern.n * self.size, vectors.shape[1]))
+        whole[self.free] = vectors
+        rates = (self.lift @ vectors).T.reshape(vectors.shape[1], -1, 4, 3)
+        spins = 0.5 * np.cross(self.q[:, 1:], rates[:, :, 1:]).sum(axis=2)
+        return rates[:, :, 0].copy(), spins
+
+    def base_motion(self) -> Array:
+        """Products of the masses with unit motions of everything along x, y, z [k, 3], and the mass itself, kg."""
+        unit = np.zeros((len(self.q), 4, 3, 3))
+        unit[:, 0] = np.eye(3)
+        return np.asarray(self._shift_mass @ unit.reshape(-1, 3))
+
+    def moved(self, displacement: Array, spin: Array, slide: Array, velocity: Array, turning: Array) -> State:
+        """The equilibrium with its nodes moved [N, 3], triads turned by spins [N, 3] and sliders along their beams [S], and with
+        velocities and spins [N, 3]; joints and sliders are closed, which they are to first order."""
+        start = self.stepper.state
+        q = self.q.copy()
+        q[:, 0] += displacement
+        q[:, 1:] = turned(q[:, 1:], spin)
+        q = follow(self.model, q)
+        v = np.zeros_like(q)
+        v[:, 0] = velocity
+        v[:, 1:] = np.cross(turning[:, None, :], q[:, 1:])
+        fresh = self.model.state()
+        state = State(q.reshape(-1), follow(self.model, v).reshape(-1), start.s + slide, start.force.copy(), fresh.history)
+        return mended(self.model, state)
+
+    # --- what is said about a state ---------------------------------------------------------------------------------------
+    def sizes(self, change: Array) -> Array:
+        """Of changes of the unknowns [k], in sizes of the scene and rad."""
+        return np.abs(change) / np.where(self.free % self.size < self.core.dim, self.core.length, 1.0)
+
+    def label(self, unknown: int) -> tuple[str, str]:
+        """The node of an unknown, and the unit of its force."""
+        row, component = divmod(int(self.free[unknown]), self.size)
+        node = int(np.flatnonzero(self.core.pattern.row_of == row)[0])
+        return self.model.labels[node], "N" if component < self.core.dim else "N m"
+
+    def round_off(self, pencil: Pencil) -> float:
+        """Force, N, that round-off of coordinates makes of the stiffness."""
+        return 1e-13 * self.core.length * float(np.max(np.abs(pencil.stiffness.diagonal()), initial=0.0))
+
+
+def _released(model: Model) -> Model:
+    """The same without the spins that statics holds."""
+    plane = model.plane
+    if plane is not None:
+        plane = replace(plane, model=replace(plane.model, static_held=plane.model.held))
+    return replace(model, static_held=model.held, plane=plane)

@@ -1,0 +1,131 @@
+"""Natural modes of a scene about an equilibrium: what `modes` returns."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .arguments import Count, Number, checked
+from .errors import SceneError
+
+Array = np.ndarray
+
+
+class Modes:
+    """Natural vibrations of a scene about an equilibrium, by w^2, unstable ones first (theory.md 11).
+
+    Attributes
+    ----------
+    squared : float64 [n]
+        w^2, rad^2/s^2: negative where the motion grows, 0 where it is free (within the round-off of the stiffness).
+    angular, frequencies : float64 [n]
+        w, rad/s, and w/2 pi, Hz; 0 where the motion is free or grows without swinging.
+    growth : float64 [n]
+        Rate, 1/s, with which the motion grows; 0 of vibrations.
+    displacements, spins : float64 [n, N, 3]
+        Of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
+    slides : float64 [n, S]
+        Of the sliding coordinates, m.
+    modal_mass : float64 [n]
+        Of shapes of this size: twice the kinetic energy at unit velocity, kg (kg m^2 where triads turn).
+    effective_mass : float64 [n, 3]
+        Share of a mode in the inertia against motions of the base along x, y, z, kg; at a free or growing mode too.
+    residuals : float64 [n]
+        Of K x - B^T m - w^2 M x, next to the sum of the sizes of its terms.
+    uncertainty : float64 [n]
+        What round-off of the stiffness may make of w^2.
+    left_out : int
+        Beams of nets that may spin about their axes: their free motions are not among the modes.
+    is_complete : bool
+        Whether the number of pivots of K - w^2 M confirms that no mode below the last is missing.
+    info, names : dict
+        Facts; names of parts as in a `Result`.
+    positions : float64 [N, 3]
+        Of the equilibrium.
+    directors : float64 [N, 3, 3]
+    """
+
+    def __init__(self, values: Array, displacements: Array, spins: Array, slides: Array, modal_mass: Array,
+                 effective_mass: Array, residuals: Array, uncertainty: Array, source: Any, info: dict[str, Any],
+                 names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        root = np.sqrt(values.astype(complex))
+        self.squared = np.real(values).astype(float)
+        self.angular, self.growth = np.real(root), np.abs(np.imag(root))
+        self.frequencies = self.angular / (2.0 * np.pi)
+        self.displacements, self.spins, self.slides = displacements, spins, slides
+        self.modal_mass, self.effective_mass = modal_mass, effective_mass
+        self.residuals, self.uncertainty = residuals, uncertainty
+        self.left_out, self.is_complete = int(info["left_out"]), bool(info["complete"])
+        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
+        self._source = source
+
+    def __len__(self) -> int:
+        return self.squared.size
+
+    @property
+    def unstable(self) -> int:
+        """Number of modes that grow."""
+        return int(np.sum(self.growth > 0.0))
+
+    @checked(k=Count(0))
+    def shape(self, k: int) -> tuple[Array, Array]:
+        """Mode k as rates of positions [N, 3] and of directors [N, 3, 3].
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        self._check(k)
+        return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
+
+    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+        """A state to start a run from, or to draw: the equilibrium moved by amplitude cos(phase) times mode k, with the
+        velocities of a vibration, -amplitude w sin(phase) times the mode.
+
+        Triads turn by finite rotations; joints and sliders, which a mode closes to first order, are closed exactly. With
+        phase=-pi/2 the run starts from the equilibrium itself. Modes that are free or grow have the velocity
+        -amplitude sin(phase) times the mode.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
+        phase : float
+            rad.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        self._check(k)
+        a = amplitude * float(np.cos(phase))
+        rate = -amplitude * (float(self.angular[k]) or 1.0) * float(np.sin(phase))
+        x, turn = self.displacements[k], self.spins[k]
+        return self._source.moved(a * x, a * turn, a * self.slides[k], rate * x, rate * turn)
+
+    def table(self) -> str:
+        """Text: frequency, w, rate of growth, residual and effective masses of every mode."""
+        rows = [f"{'mode':>4} {'Hz':>14} {'rad/s':>14} {'growth 1/s':>11} {'residual':>9}   effective mass x, y, z [kg]"]
+        for k in range(len(self)):
+            masses = " ".join(f"{x:10.3g}" for x in self.effective_mass[k])
+            rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.angular[k]:14.8g} {self.growth[k]:11.4g} "
+                        f"{self.residuals[k]:9.1e}   {masses}")
+        more = []
+        if self.left_out:
+            more.append(f"{self.left_out} beams of nets may spin about their axes, which is not listed")
+        if not self.is_complete:
+            more.append("whether modes are missing between these was not confirmed by pivots")
+        return "\n".join([*rows, *more])
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def _check(self, k: int) -> None:
+        if k >= len(self):
+            raise SceneError(f"mode {k} does not exist: there are {len(self)}, counted from 0")

@@ -1,0 +1,177 @@
+"""Natural vibrations about an equilibrium, and the shapes of its unstable directions (theory.md 11)."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .arguments import Anything, Count, Flag, Number, Word, checked
+from .eigen import Eigen, SingularError, lowest
+from .errors import ConvergenceError, SceneError
+from .kernels.work import State
+from .linearised import Linearisation
+from .load_times import load_factors_at
+from .mode_shapes import Modes
+from .model import Model, check_model
+from .newton import BACKENDS
+from .starting import check_start
+from .statics import START, check_slider_forces, held_sliders, which_sliders
+
+Array = np.ndarray
+# a state whose nodes would move by less, in sizes of the scene and rad, is an equilibrium
+AT_REST = 1e-8
+# contact forces are found anew where they change by more
+SETTLED = 1e-9
+# share of the loads that may push along free motions as round-off
+UNBALANCED = 1e-9
+
+
+@checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
+         held=which_sliders, planar=Flag(), backend=Word())
+def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
+          held: bool | str | Sequence[str] = False, planar: bool | None = None, backend: str = "auto") -> Modes:
+    """The n lowest natural frequencies and modes of small vibrations about an equilibrium, with sliders, joints, bodies and
+    supports: (K - w^2 M) x = 0 with K the tangent of the equilibrium, contact forces included (theory.md 11).
+
+    Parameters
+    ----------
+    model : Model
+    state : State, optional
+        An equilibrium, `solve_static(...).state`; default: the reference. Velocities do not count.
+    n : int
+        Number of modes; unstable and free motions come first.
+    load_factor : float
+        Of all loads and gravity, as in `solve_static`; 0: the scene without loads.
+    at_time : float
+        Where time functions of loads are evaluated, s; needed when the scene has some.
+    held : bool, str or sequence of str
+        Sliders that stay where they are on their beams, as in `solve_static`.
+    planar : bool, optional
+        True: motions in the plane of the scene alone. Default: all motions in space, unless the model was compiled with
+        planar=True.
+    backend : {'auto', 'pardiso', 'superlu'}
+
+    Returns
+    -------
+    Modes
+        `.frequencies` (Hz), `.angular` (rad/s), `.growth`, `.displacements`, ..., `.state(k, amplitude)`; fewer than n where
+        there are no more.
+
+    Raises
+    ------
+    SceneError
+        The state is no equilibrium (says where and how far from one), or an argument is not usable.
+    ConvergenceError
+        The eigenvalues were not found: stiffness and masses are singular together.
+    """
+    check_model("modes", model)
+    stays = held_sliders(model, held)
+    check_slider_forces("modes", model, stays)
+    if backend not in BACKENDS:
+        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    flat = model.asked_for_plane if planar is None else planar
+    if flat and model.plane is None:
+        raise SceneError(f"planar=True: scene {model.scene_name!r} does not stay in a plane: {model.not_planar}")
+    factors = load_factor * load_factors_at("modes", model, at_time)
+    if state is not None:
+        state, _ = check_start(model, state, 1.0, at_rest=True)
+    about = Linearisation(model, state, ~stays, factors, flat)
+    if not np.any(about.mass.diagonal() > 0.0):
+        raise SceneError("modes: nothing that may move has a mass; give sections rhoA, or bodies")
+    try:
+        found = _settled(about, n, backend)
+    except SingularError:
+        raise ConvergenceError(f"modes of scene {model.scene_name!r} were not found: its stiffness and masses are singular "
+                               "together (a part without mass that nothing holds), or too far apart for round-off",
+                               state=state) from None
+    return _modes_of(about, found)
+
+
+def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
+    """Eigenvalues about the state, once contact forces are those of the equilibrium.
+
+    Raises
+    ------
+    SceneError
+        It is none.
+    """
+    k = about.free.size
+    for _ in range(4):
+        pencil, right = about.assembled()
+        found = lowest(pencil, n, backend)
+        # what pushes along free motions: round-off, or it is no equilibrium
+        free = found.vectors[:k, np.real(found.values) == 0.0]
+        along = free.T @ right[:k]
+        rest = right.copy()
+        rest[:k] -= about.mass @ (free @ along)
+        move = found.factors.solve(rest[:, None])[:, 0]
+        move[:k] -= free @ (free.T @ (about.mass @ move[:k]))
+        size = about.sizes(move[:k])
+        largest = int(np.argmax(size))
+        load = float(np.linalg.norm(about.loads)) + float(np.linalg.norm(right))
+        pushed = np.abs(free).max(axis=0, initial=0.0) @ np.abs(along) if along.size else 0.0
+        drifts = bool(np.linalg.norm(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
+        if drifts or not size[largest] <= AT_REST:
+            raise SceneError(_no_equilibrium(about, right, size, largest, drifts and pushed > 0.0))
+        change = move[k + about.core.n_sliders:]
+        if np.linalg.norm(change) <= SETTLED * np.linalg.norm(about.stepper.core_state.force):
+            break
+        about.add_forces(change)
+    return found
+
+
+def _no_equilibrium(about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
+    """What to say about a state that is none."""
+    force = np.abs(right[:about.free.size])
+    worst = int(np.argmax(force))
+    label, unit = about.label(worst)
+    text = f"modes: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
+    if drifts:
+        text += ", and nothing holds the scene against the sum of its loads"
+    else:
+        text += f"; {about.label(largest)[0]} would go on by about {size[largest]:.2g} of the size of the scene"
+    return text + (". Find it with result = fb.solve_static(model) and give state=result.state (at the load_factor that it has), "
+                   "or look at the scene without loads: load_factor=0")
+
+
+def _modes_of(about: Linearisation, found: Eigen) -> Modes:
+    """Shapes of unit size."""
+    k, s = about.free.size, about.core.n_sliders
+    pencil = found.factors.pencil
+    values, vectors = found.values, found.vectors
+    product = pencil.stiffness @ vectors
+    inertia = np.zeros_like(product)
+    first, second = (np.flatnonzero(sign * np.imag(values) > 0.0) for sign in (1.0, -1.0))
+    of_mass = pencil.mass @ vectors[:k]
+    inertia[:k] = of_mass * np.real(values)
+    inertia[:k, first] -= of_mass[:, second] * np.imag(values[first])
+    inertia[:k, second] += of_mass[:, first] * np.imag(values[first])
+    diagonal = np.abs(pencil.stiffness.diagonal())[:, None] + np.zeros(len(values))
+    size = np.abs(values) + abs(found.factors.shift)
+    diagonal[:k] += pencil.mass.diagonal()[:, None] * size
+    # of multipliers the entries of their rows
+    diagonal[diagonal == 0.0] = 1.0
+    diagonal[pencil.multiplier] = (1.0 / found.factors.scale[pencil.multiplier, None])**2
+    scale = 1.0 / np.sqrt(diagonal)
+    terms = np.linalg.norm(scale * (abs(pencil.stiffness) @ np.abs(vectors)), axis=0) + np.linalg.norm(
+        scale[:k] * of_mass * size, axis=0)
+    residuals = np.linalg.norm(scale * (product - inertia), axis=0) / np.maximum(terms, 1e-300)
+    moved, spins = about.spread(vectors[:k])
+    size = np.linalg.norm(moved, axis=2).max(axis=1, initial=0.0)
+    turns = np.linalg.norm(spins, axis=2).max(axis=1, initial=0.0)
+    size = np.where(size > 1e-6 * turns * about.model.length, size, turns)
+    size[size == 0.0] = 1.0
+    size[first] = size[second] = np.maximum(size[first], size[second])
+    # the sign that makes the largest component positive
+    flat = moved.reshape(len(size), -1)
+    if flat.size:
+        peak = flat[np.arange(len(size)), np.argmax(np.abs(flat) > (1.0 - 1e-6) * np.abs(flat).max(axis=1)[:, None], axis=1)]
+        size = np.where((peak < 0.0) & (np.imag(values) == 0.0), -size, size)
+    part = about.base_motion().T @ vectors[:k]
+    by = 1.0 / size[:, None, None]
+    info: dict[str, Any] = {"scene": about.model.scene_name, "method": "modes", "solver": found.factors.name,
+                            "left_out": pencil.still.shape[1], "complete": found.is_complete,
+                            "moves_in": "space" if about.size == 6 else "plane", "unknowns": k}
+    return Modes(values, by * moved, by * spins, vectors[k:k + s].T / size[:, None], 1.0 / size**2, (part**2).T, residuals,
+                 found.noise, about, info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())

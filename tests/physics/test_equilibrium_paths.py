@@ -1,0 +1,143 @@
+"""Equilibrium paths: exact trusses and columns, published limit loads of arches and frames, lateral buckling."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg as dense
+from scipy.optimize import brentq, minimize_scalar
+
+import fastbeam as fb
+from fastbeam import equilibrium_paths
+from fastbeam.arc_length import PathSolver
+
+Array = np.ndarray
+
+
+def section(EA: float, GA: float, EI: float, GJ: float = 1e3, EI3: float | None = None) -> fb.Section:
+    return fb.Section(EA=EA, GA2=GA, GA3=GA, GJ=GJ, EI2=EI, EI3=EI if EI3 is None else EI3, rhoA=1.0, rhoI2=0.1, rhoI3=0.1)
+
+
+def critical(result: fb.Result, kind: str) -> list[float]:
+    return [point["load_factor"] for point in result.info["critical_points"] if point["kind"] == kind]
+
+
+def test_truss_of_two_bars_goes_through_both_limit_points() -> None:
+    """P = 2 EA (1 - l/l0) z/l at the height z of the top, exactly; out on one side and back on the other."""
+    height, stiffness = 0.3, 1e4
+    rest = np.hypot(height, 1.0)
+    bar = section(stiffness, stiffness, 1e4)
+
+    def load(w: Any) -> Any:
+        z = height - w
+        length = np.hypot(1.0, z)
+        return -2.0 * stiffness * (length - rest) / rest * z / length
+
+    peak = float(load(minimize_scalar(lambda w: -load(w), bounds=(0.0, height), method="bounded", options={"xatol": 1e-12}).x))
+    bars = [fb.Beam.straight("a", (-1, 0, 0), (0, 0, height), section=bar, elements=2, degree=2),
+            fb.Beam.straight("b", (0, 0, height), (1, 0, 0), section=bar, elements=2, degree=2)]
+    model = fb.compile_scene(fb.Scene(*bars, fb.Pin(bars[0].start), fb.Pin(bars[1].end), fb.BallJoint(bars[0].end, bars[1].start),
+                                      fb.Load("push", bars[0].end, force=(0, 0, -1.5 * peak))))
+    result = fb.solve_path(model, points={"top": bars[0].end})
+    factor, w = result.series["load_factor"], height - result.point("top")[:, 2]
+    np.testing.assert_allclose(1.5 * factor * peak, load(w), atol=1e-11 * peak)
+    np.testing.assert_allclose(np.array(critical(result, "limit")) * 1.5, [1.0, -1.0], atol=1e-12)
+    assert factor[-1] == 1.0 and w[-1] > 2.0 * height
+    unstable = result.series["unstable_directions"]
+    assert (unstable[0], unstable.max(), unstable[-1]) == (0.0, 1.0, 0.0)
+    assert np.all(np.diff(result.t) > 0.0) and len(result.t_snap) == len(result.t)
+    assert {event["kind"] for event in result.events} == {"limit"}
+    # back again, from the end
+    back = fb.solve_path(model, start=result.state, load_factor=1.0, to=0.0, points={"top": bars[0].end})
+    assert back.series["load_factor"][-1] == 0.0
+    assert height - back.point("top")[-1, 2] == pytest.approx(2.0 * height, abs=1e-12)
+
+
+def determinant(load: float, ends: str, length: float, EI: float, EA: float, GA: float) -> float:
+    """Zero at the buckling loads of a column with shear that its load has shortened, by the matrix exponential."""
+    e = -load / EA
+    c = (1.0 + e) * GA + load
+    a = np.array([[0, load / GA + 1 + e, 0, 1 / GA], [0, 0, 1 / EI, 0], [0, -c * load / GA, 0, -c / GA], [0, 0, 0, 0.0]])
+    held = {"c": [0, 1], "p": [0, 2], "f": [2, 3]}
+    free = [i for i in range(4) if i not in held[ends[0]]]
+    return float(np.linalg.det(dense.expm(a * length)[np.ix_(held[ends[1]], free)]))
+
+
+@pytest.mark.parametrize(("ends", "bound"), [("cf", 1e-9), ("pp", 5e-9), ("cp", 2e-8)])
+def test_columns_branch_at_their_buckling_loads_with_order_six(ends: str, bound: float) -> None:
+    length, EI, EA, GA = 5.0, 1e3, 1e6, 1e5
+    loads = np.linspace(1.0, 1500.0, 800)
+    values = [determinant(x, ends, length, EI, EA, GA) for x in loads]
+    k = next(i for i in range(len(loads)) if values[i] * values[i + 1] < 0.0)
+    exact = brentq(determinant, loads[k], loads[k + 1], args=(ends, length, EI, EA, GA), xtol=1e-12, rtol=1e-14)
+    errors = []
+    for elements in (8, 16):
+        column = fb.Beam.straight("column", (0, 0, 0), (0, 0, length), section=section(EA, GA, EI), elements=elements)
+        parts: list[Any] = [column, (fb.Clamp if ends[0] == "c" else fb.Pin)(column.start)]
+        if ends[1] == "p":
+            # a roller on a stiff rail
+            rail = fb.Beam.straight("rail", (0, 0, length - 1), (0, 0, length + 1), section=section(1e9, 1e9, 1e9), elements=1,
+                                    degree=1)
+            parts += [rail, fb.Clamp(rail.start), fb.Clamp(rail.end), fb.Slider("roller", column.end, rail, at=1.0)]
+        scene = fb.Scene(*parts, fb.Load("press", column.end, force=(0, 0, -2.0 * exact)))
+        result = fb.solve_path(fb.compile_scene(scene), to=0.6)
+        assert critical(result, "limit") == [] and result.series["unstable_directions"][-1] == 1.0
+        found, = critical(result, "bifurcation")
+        errors.append(abs(2.0 * found - 1.0))
+    assert errors[1] < bound
+    assert errors[0] < 3e-9 or np.log2(errors[0] / errors[1]) > 5.5
+
+
+@pytest.mark.slow
+def test_lateral_buckling_of_a_strip() -> None:
+    """Prandtl: 4.012599344 sqrt(EI GJ)/L^2 for a strip that is infinitely stiff in its plane; the error is one over the ratio."""
+    found = []
+    for ratio in (1e4, 1e5):
+        strip = fb.Beam.straight("strip", (0, 0, 0), (1, 0, 0), section=section(100 * ratio, 100 * ratio, ratio, 1.0, 1.0),
+                                 elements=16)
+        scene = fb.Scene(strip, fb.Clamp(strip.start), fb.Load("tip", strip.end, force=(0, 0, -6.0)))
+        result = fb.solve_path(fb.compile_scene(scene, planar=False))
+        assert result.info["counted_in"] == "space"
+        found.append(6.0 * critical(result, "bifurcation")[0])
+    assert (10.0 * found[1] - found[0]) / 9.0 == pytest.approx(4.012599344, rel=1e-8)
+
+
+def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clamped and hinged, 215 degrees: P R^2/EI = 8.97 (F. W. DaDeppo, R. Schmidt, J. Appl. Mech. 42, 1975)."""
+    left: list[float] = []
+    record = equilibrium_paths._Path.record
+
+    def watch(self: Any, iterations: int, size: float, unstable: int | None) -> None:
+        solver: PathSolver = self.solver
+        solver.work.increment.control[0] = 0.0
+        _, right, loads = solver.equations()
+        left.append(float(np.max(np.abs(right)) / np.max(np.abs(loads))))
+        record(self, iterations, size, unstable)
+
+    monkeypatch.setattr(equilibrium_paths._Path, "record", watch)
+    half = np.deg2rad(107.5)
+    arch = fb.Beam.arc("arch", (-np.sin(half), 0, np.cos(half)), (np.cos(half), 0, np.sin(half)),
+                       (np.sin(half), 0, -np.cos(half)),
+                       radius=1.0, angle=2 * half, section=section(1e5, 1e5, 1.0), elements=16)
+    scene = fb.Scene(arch, fb.Clamp(arch.start), fb.Pin(arch.end), fb.Load("top", arch.at(arch.length / 2), force=(0, 0, -10.0)))
+    result = fb.solve_path(fb.compile_scene(scene))
+    limits = 10.0 * np.array(critical(result, "limit"))
+    assert limits[0] == pytest.approx(8.97, abs=0.005) and len(limits) == 2
+    assert result.series["load_factor"][-1] == 1.0
+    assert max(left) < 1e-10 and len(left) == len(result.t)
+
+
+def test_frame_of_lee_snaps_back() -> None:
+    """Two legs of 120 cm, E = 720, sections 3 x 2; limit loads 1.85 and -0.94 (with shear; Lee, Manuel, Rossow 1968)."""
+    E, area, inertia = 720.0, 6.0, 2.0
+    leg = section(E * area, E / 2.6 * area * 5 / 6, E * inertia)
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 120), section=leg, elements=5)
+    beam = fb.Beam.straight("beam", (0, 0, 120), (120, 0, 120), section=leg, elements=5)
+    scene = fb.Scene(column, beam, fb.Pin(column.start), fb.Pin(beam.end), fb.RigidConnection(column.end, beam.start),
+                     fb.Load("push", beam.at(24.0), force=(0, 0, -2.5)))
+    result = fb.solve_path(fb.compile_scene(scene), points={"load": beam.at(24.0)})
+    np.testing.assert_allclose(2.5 * np.array(critical(result, "limit")), [1.854, -0.939], atol=2e-3)
+    rows = [point["row"] for point in result.info["critical_points"]]
+    z = result.point("load")[rows[0]:rows[1] + 1, 2]
+    assert np.any(np.diff(z) > 0.0) and np.any(np.diff(z) < 0.0), "the load falls and its place turns back"

@@ -1,0 +1,95 @@
+"""Lowest eigenvalues of small matrices against dense ones, by both solvers."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg as dense
+from scipy import sparse
+
+from fastbeam.eigen import Pencil, SingularError, lowest
+
+Array = np.ndarray
+
+
+def chain(n: int, held: bool) -> Any:
+    """Masses of 1 on springs of 1 in a row."""
+    matrix = sparse.diags([np.full(n - 1, -1.0), np.full(n, 2.0), np.full(n - 1, -1.0)], [-1, 0, 1]).tolil()
+    if not held:
+        matrix[0, 0] = matrix[n - 1, n - 1] = 1.0
+    return matrix.tocsr()
+
+
+def pencil(stiffness: Any, mass: Any, multipliers: int = 0, symmetric: bool = True) -> Pencil:
+    n = stiffness.shape[0]
+    return Pencil(stiffness, mass, np.arange(n) >= n - multipliers, symmetric, sparse.csr_matrix((mass.shape[0], 0)))
+
+
+@pytest.mark.parametrize("backend", ["auto", "superlu"])
+@pytest.mark.parametrize("held", [True, False])
+def test_eigenvalues_that_come_six_times_are_all_found(backend: str, held: bool) -> None:
+    n = 30
+    stiffness = sparse.block_diag([chain(n, held)] * 6).tocsr()
+    found = lowest(pencil(stiffness, sparse.eye(6 * n).tocsr()), 24, backend)
+    k = np.arange(1, 5) if held else np.arange(4)
+    exact = 4.0 * np.sin(k * np.pi / (2 * (n + 1) if held else 2 * n))**2
+    np.testing.assert_allclose(found.values, np.repeat(exact, 6), rtol=1e-11)
+    assert found.is_complete
+    assert np.all((found.values == 0.0) == (np.repeat(exact, 6) == 0.0))
+
+
+@pytest.mark.parametrize("backend", ["auto", "superlu"])
+def test_constraints_twice_a_massless_coordinate_and_a_negative_eigenvalue(backend: str) -> None:
+    n = 20
+    stiffness = sparse.block_diag([chain(n, False), chain(n, False), sparse.csr_matrix([[1.0]])]).tolil()
+    # a massless spring from ground to coordinate 0, negative once it is condensed
+    stiffness[2 * n, 0] = stiffness[0, 2 * n] = -0.5
+    rows = np.zeros((3, 2 * n + 1))
+    rows[0, n - 1], rows[0, n] = 1.0, -1.0
+    rows[1] = 2.0 * rows[0]
+    rows[2, 5], rows[2, 6] = 1.0, -1.0
+    whole = sparse.bmat([[stiffness.tocsr(), -rows.T], [-rows, None]]).tocsr()
+    found = lowest(pencil(whole, sparse.eye(2 * n).tocsr(), 3), 8, backend)
+    allowed = dense.null_space(rows)
+    mass = np.diag([*np.ones(2 * n), 0.0])
+    exact = dense.eig(allowed.T @ stiffness.toarray() @ allowed, allowed.T @ mass @ allowed, right=False)
+    exact = np.sort(np.real(exact[np.isfinite(exact) & (np.abs(exact) < 1e6)]))
+    np.testing.assert_allclose(found.values, exact[:8], rtol=1e-10)
+    assert found.values[0] < 0.0 and found.is_complete
+    assert np.max(np.abs(rows @ found.vectors[:2 * n + 1])) < 1e-10
+    every = lowest(pencil(whole, sparse.eye(2 * n).tocsr(), 3), 100, backend)
+    np.testing.assert_allclose(every.values, exact, rtol=1e-9)
+
+
+def test_fewer_than_asked_for_and_nothing_but_zeros() -> None:
+    assert lowest(pencil(sparse.csr_matrix((3, 3)), sparse.eye(3).tocsr()), 5).values.tolist() == [0.0, 0.0, 0.0]
+    found = lowest(pencil(2.0 * sparse.eye(1).tocsr(), sparse.eye(1).tocsr()), 5)
+    np.testing.assert_allclose(found.values, [2.0], rtol=1e-14)
+
+
+def test_complex_pairs_of_an_unsymmetric_matrix() -> None:
+    draw = np.random.default_rng(3)
+    n = 30
+    stiffness = np.diag(np.arange(1.0, n + 1)) + 0.4 * draw.standard_normal((n, n))
+    found = lowest(pencil(sparse.csr_matrix(stiffness), sparse.eye(n).tocsr(), symmetric=False), 10)
+    exact = np.linalg.eigvals(stiffness)
+    for value in found.values:
+        assert np.min(np.abs(exact - value)) < 1e-9
+    pair = np.flatnonzero(np.imag(found.values) > 0.0)
+    assert pair.size
+    z = found.vectors[:, pair] + 1j * found.vectors[:, pair + 1]
+    np.testing.assert_allclose(stiffness @ z, found.values[pair] * z, atol=1e-8)
+
+
+def test_what_has_neither_mass_nor_stiffness_does_not_count() -> None:
+    stiffness = sparse.diags([2.0, 3.0, 0.0]).tocsr()
+    mass = sparse.diags([1.0, 1.0, 0.0]).tocsr()
+    np.testing.assert_allclose(lowest(pencil(stiffness, mass), 5).values, [2.0, 3.0], rtol=1e-9)
+
+
+def test_no_mass_at_all_is_refused_or_empty() -> None:
+    try:
+        assert lowest(pencil(sparse.eye(3).tocsr(), sparse.csr_matrix((3, 3))), 2).values.size == 0
+    except SingularError:
+        pass
