@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "GROUND",
-              "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
-              "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
-              "Signal", "Sleeve", "Slider", "Spring", "Stops", "UniversalJoint", "UserForce"],
+    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
+              "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
+              "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
+              "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+              "UniversalJoint", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],

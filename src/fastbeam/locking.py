@@ -158,7 +158,7 @@ class Locking:
         """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
         each."""
         self.lifting = [Awaited(k, LIFT, None) for k in self.sided if before is not None
-                        and state.history[HISTORY * k + HELD] == FREE
+                        and not self.sliders[k].one_sided.catch and state.history[HISTORY * k + HELD] == FREE
                         and pull(self.model, state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
         return bool(self.lifting)
 

@@ -165,7 +165,8 @@ class SliderForces:
         for slider in self.sliders:
             waits = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
             waits += [] if slider.release is None else [slider.release.when]
-            waits += [] if slider.one_sided is None else [*slider.one_sided.side.tolist(), slider.one_sided.restitution]
+            waits += [] if slider.one_sided is None else [*slider.one_sided.side.tolist(), slider.one_sided.restitution,
+                                                              float(slider.one_sided.catch)]
             out += [x if isinstance(x, float) else np.nan for x in waits] + [np.inf]
         return np.array(out)
 

@@ -241,3 +241,24 @@ def test_a_bead_lifts_off_where_it_would_have_to_be_pulled(planar: Any) -> None:
 
     # at the end of the step behind, as it pulls
     assert 0.0 < error(2e-3) < 3.0 * 2e-3 * 3.0
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_body_that_is_caught_loses_what_the_reduced_mass_says(planar: Any) -> None:
+    # a rigid rod at rest in space, hit in its middle by a body that slides along it with 0.5 m/s from then on, then pulled away
+    rod = fb.Beam.straight("rod", (-1, 0, 0), (1, 0, 0), section=RAIL, elements=2)
+    hub = fb.RigidBody("hub", mass=2.0, inertia=(1.0, 1.0, 1.0), position=(0, 0, 0))
+    body = fb.RigidBody("body", mass=3.0, inertia=(1.0, 1.0, 1.0), position=(-0.1, 0, 0.3), velocity=(0.5, 0, -1.5))
+    tied = [fb.RigidConnection(hub, rod.node(i)) for i in range(rod.n_nodes)]
+    slider = fb.Slider("s", body, rod, at=0.9, one_sided=fb.OneSided((0, 0, 1), catch=True))
+    pull = fb.Load("pull", body, force=(0, 0, 20.0), time=lambda t: float(t > 0.4))
+    result = run(fb.compile_scene(fb.Scene(rod, hub, body, slider, pull, *tied), planar=planar), 0.6)
+    other = 2.0 + 2.0 * RAIL.rhoA
+    ((kind, t),) = [(x["kind"], x["time"]) for x in result.events]
+    assert kind == "landed" and abs(t - 0.2) < 1e-13
+    assert abs(result.slider("s")["stop_loss"][-1] / (0.5 * 1.5**2 * 3.0 * other / (3.0 + other)) - 1.0) < 1e-10
+    before = result.t < 0.4
+    assert np.ptp(result.series["lin_mom"][before], axis=0).max() < 1e-12 and balanced(result)
+    # held from both sides
+    assert np.all(result.slider("s")["gap"][result.t >= t] < 1e-13)
+    assert result.slider("s")["force"][-1, 2] < -1.0

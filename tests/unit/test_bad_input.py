@@ -255,6 +255,9 @@ def calls(folder: Path) -> dict[str, Call]:
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
         "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
         "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
+            name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
+            linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
@@ -310,7 +313,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Stops": Call(fb.Stops, dict(start=0.1), dict(start=is_real, end=is_real, stiffness=is_real, restitution=is_real)),
         "Lock": Call(fb.Lock, {}, dict(when=CONDITION, at=is_real, until=CONDITION)),
         "Release": Call(fb.Release, dict(when=1.0), dict(when=CONDITION)),
-        "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real)),
+        "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real, catch=is_flag)),
         "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
             name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
             elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),
@@ -501,10 +504,12 @@ def public() -> Iterator[tuple[str, Any]]:
     """Every public call with arguments: functions, constructors, methods."""
     for name in set(fb.__all__) - OWN:
         thing = getattr(fb, name)
-        if not inspect.isclass(thing):
+        if callable(thing) and not inspect.isclass(thing):
             yield name, thing
             continue
-        yield name, thing.__init__
+        # an object of the package, such as GROUND, has methods alone
+        if inspect.isclass(thing):
+            yield name, thing.__init__
         for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
             if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:
                 yield f"{name}.{method}", found

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Number, Refusal, Vector, checked, real, shown
+from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene.checks import Array
 from fastbeam.scene.sliding import Stops, needed_arguments
@@ -130,7 +130,7 @@ class Release:
     when: Any
 
 
-@checked(side=Vector, restitution=Number(least=0.0, most=1.0))
+@checked(side=Vector, restitution=Number(least=0.0, most=1.0), catch=Flag())
 @dataclass(frozen=True, eq=False)
 class OneSided:
     """Contact that pushes only: the point lies on one side of the beam, lifts off where it would have to be pulled, and comes
@@ -148,6 +148,8 @@ class OneSided:
         Direction at t = 0 in which the point may lift off; it turns with the section of the beam.
     restitution : float
         From 0 (default: it does not bounce) to 1 (without loss).
+    catch : bool
+        Whether a point that is on the beam is held from both sides: it never lifts off.
 
     Raises
     ------
@@ -160,6 +162,7 @@ class OneSided:
     side: Array
     _: KW_ONLY
     restitution: float = 0.0
+    catch: bool = False
 
     def __post_init__(self) -> None:
         if not np.linalg.norm(self.side) > 0.0:
