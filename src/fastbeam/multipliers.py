@@ -132,8 +132,8 @@ class KeptLink(NamedTuple):
 
     @property
     def joint(self) -> str:
-        """Name of the joint, without its kind."""
-        quoted = re.fullmatch(r"[a-z ]+ '(.+)'", self.name)
+        """Name of the joint, without its kind and what of it this is."""
+        quoted = re.fullmatch(r"[a-z ]+ '(.+)'(?: \([a-z ]+\))?", self.name)
         return self.name if quoted is None else quoted[1]
 
     def forces(self, dim: int) -> int:

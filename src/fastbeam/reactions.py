@@ -12,6 +12,7 @@ from .kernels import step as kernels
 from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
+from .load_times import load_factors
 from .newton import Outcome, Stepper
 
 Array = np.ndarray
@@ -59,7 +60,7 @@ class Reactions:
         """Numbers of one evaluation."""
         return 6 * self.count
 
-    def of_step(self, before: State, middle: Array, h: float) -> Array:
+    def of_step(self, before: State, middle: Array, t: float, h: float) -> Array:
         """Means over the step that the stepper has just taken, [6 R].
 
         Parameters
@@ -68,9 +69,12 @@ class Reactions:
             At its begin, as the tables of the run have it.
         middle : float64 [N, 4, 3]
             Coordinates in its middle.
-        h : float
+        t, h : float
+            When it began, and its size, s.
         """
         own = self.own
+        if any(time is not None for time in own.model.load_times):
+            kernels.external_forces(own.core.loads, load_factors(own.model, np.full(1, t), np.full(1, h))[0], own.work.f_ext)
         if own.motion is not None:
             own.motion.given[:] = self.stepper.motion.given
         state = before._replace(force=own.core_state.force)
@@ -175,7 +179,7 @@ class ReactingStepper(Stepper):
             one = super().advance(t, h, 1, done + k)
             found = np.zeros((2, self.reactions.size))
             if one.steps:
-                found[:] = self.reactions.of_step(before, 0.5 * (q + self._coordinates()), h)
+                found[:] = self.reactions.of_step(before, 0.5 * (q + self._coordinates()), t + h * (done + k), h)
             one.force = np.hstack((one.force, found))
             result = one if result is None else one.after(result)
             if not one.steps or one.status != OK or self.stop():

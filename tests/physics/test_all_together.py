@@ -1,0 +1,77 @@
+"""One scene with everything that takes energy away, puts some in or remembers steps: the books close, rows add up, runs go on."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+ROPE = fb.Section.circle(radius=0.01, E=2e8, rho=1500.0, damping=2e-3)
+G = (0.0, 0.0, -9.81)
+
+
+def push(t, position, directors, velocity, spin, parameters, force, moment):
+    for c in range(3):
+        force[c] = parameters[0] * np.cos(7.0 * t) * directors[1, c] - parameters[1] * velocity[c]
+
+
+def scene() -> fb.Scene:
+    """A damped beam on a shaken hub, with an arm on a driven hinge at its end, a rubbing ring that is locked for a while, a
+    second one on a drive with an elastic stop, air, a load of time and a law of one's own."""
+    hub = fb.RigidBody("hub", mass=1.0, inertia=np.eye(3) * 0.01, position=(0, 0, 0))
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=ROPE, elements=5)
+    arm = fb.RigidBody("arm", mass=0.4, inertia=(0.001, 0.004, 0.004), position=(1.15, 0, 0))
+    ring, cart = fb.PointMass("ring", mass=0.05), fb.PointMass("cart", mass=0.08)
+    return fb.Scene(
+        hub, beam, arm, ring, cart,
+        fb.PrescribedMotion("shaker", hub, displacement=lambda t: (0.0, 0.01 * (1.0 - np.cos(20.0 * t)), 0.0)),
+        fb.RigidConnection(hub, beam.start, name="root"),
+        fb.RevoluteJoint(beam.end, arm.point((-0.15, 0, 0)), name="hinge", axis=(0, 1, 0), stiffness=0.8, damping=0.01,
+                         torque=lambda t: 0.2 * np.sin(11.0 * t)),
+        fb.Slider("ring on beam", ring, beam, at=0.3, friction=0.2, lock=fb.Lock(0.05, until=0.1)),
+        fb.Slider("cart on beam", cart, beam, at=0.6, rate=0.3, drive=fb.Drive(force=0.5),
+                  stops=fb.Stops(start=0.2, end=0.65, stiffness=200.0)),
+        fb.Drag("air", beam, normal=0.05, tangential=0.002, air=(3.0, 1.0, 0.0)),
+        fb.Load("pull", arm, force=(0, 0.5, 0), time=lambda t: np.sin(5.0 * t)),
+        fb.UserForce("law", arm, push, parameters=(0.3, 0.05)), gravity=G)
+
+
+OBSERVE = ("energy", "momentum", "slider", "joint", "reaction")
+
+
+def test_the_books_of_everything_close():
+    model = fb.compile_scene(scene())
+    run = fb.simulate(model, t_end=0.2, step=1e-3, every=1, observe=OBSERVE, progress=False)
+    parts = run.balance()
+    exchanged = max(np.max(np.abs(x - x[0])) for name, x in parts.items() if name != "sum")
+    assert np.max(np.abs(parts["sum"] - parts["sum"][0])) < 1e-12 * exchanged
+    assert run.drift("balance") < 1e-12
+    text = " ".join(parts)
+    for what in ("damping of beam", "friction of slider", "lock of slider", "drive of slider", "damper of joint",
+                 "motor of joint", "motion of", "drag", "loads"):
+        assert what in text, (what, list(parts))
+    assert [event["kind"] for event in run.events if event["kind"] in ("failed", "drift")] == []
+
+
+def test_a_run_of_everything_goes_on_bit_for_bit():
+    model = fb.compile_scene(scene())
+    whole = fb.simulate(model, t_end=0.12, step=1e-3, progress=False)
+    half = fb.simulate(model, t_end=0.06, step=1e-3, progress=False)
+    rest = fb.simulate(model, t_end=0.12, step=1e-3, start=half.checkpoint, progress=False)
+    assert all(np.array_equal(x, y) for x, y in zip(rest.state, whole.state))
+
+
+def test_reactions_of_everything_add_up():
+    model = fb.compile_scene(scene())
+    run = fb.simulate(model, t_end=0.04, step=1e-3, every=1, observe=OBSERVE, progress=False)
+    outside = run.reaction("shaker")["force"] + float(model.gravity_weight.sum()) * np.array(G)
+    outside[:, 1] += 0.5 * np.sin(5.0 * run.t)
+    rate = np.gradient(run.series["lin_mom"], run.t, axis=0)[2:-2]
+    # what is left is the air and the law of one's own, a few newtons
+    assert np.max(np.abs(rate - outside[2:-2])) < 3.0
+    assert np.isfinite(run.reaction("root")["force"]).all() and np.isfinite(run.reaction("hinge")["force"]).all()
+
+
+def test_what_order_four_cannot_do_is_named():
+    with pytest.raises(fb.SceneError, match="order=4"):
+        fb.simulate(fb.compile_scene(scene()), t_end=0.01, step=1e-3, order=4)
