@@ -13,10 +13,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import fastbeam as fb
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # degree -> (number of nodes, error) of every mesh
 Errors = dict[int, list[tuple[int, float]]]
@@ -59,7 +63,7 @@ def convergence_text(table: Errors) -> str:
     return "\n".join(lines)
 
 
-def plot_convergence(table: Errors) -> object:
+def plot_convergence(table: Errors) -> Figure:
     """Error over the number of nodes; dotted lines have the slope 2p."""
     from matplotlib.figure import Figure
     figure = Figure(figsize=(6.5, 4.8), layout="constrained")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.basis import CurveBasis
-from fastbeam.scene import Beam, Path, PointMass, RigidBody, Scene, Slider
+from fastbeam.scene import Beam, Drag, Path, PointMass, RigidBody, Scene, Slider
 
 Array = np.ndarray
 
@@ -136,12 +136,27 @@ def stresses_of_forms(kind: str, stress: Array, forms: tuple[Array, Array]) -> A
     return s
 
 
-def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array) -> Array:
-    """int B(qbar)^T s ds with the stresses of Sbar = C (E_n + E_n+1)/2 on the nodes of a beam, [n, 4, 3]; theory.md (4.1)."""
+def viscosity(beam: Beam) -> Array:
+    """D [6, 6] from a retardation time, six of them, or D itself; theory.md (2.5)."""
+    given = np.asarray(beam.section.damping)
+    return given if given.ndim == 2 else np.diag(np.broadcast_to(np.sqrt(given), 6)) @ beam.section.C @ np.diag(
+        np.broadcast_to(np.sqrt(given), 6))
+
+
+def dissipation(beam: Beam, q_n: Array, q_n1: Array, h: float) -> float:
+    """Energy that damping takes in a step, int DE . D DE/h ds; theory.md (2.6)."""
+    nodes = beam.basis.element_nodes
+    change = beam_strains(beam, q_n1[nodes]) - beam_strains(beam, q_n[nodes])
+    return float(np.einsum("egi,ij,egj,eg->", change, viscosity(beam), change, beam.basis.weight)) / h
+
+
+def internal_forces(beam: Beam, q_ref: Array, q_n: Array, q_n1: Array, h: float = np.inf) -> Array:
+    """int B(qbar)^T s ds with the stresses of Sbar = C (E_n + E_n+1)/2 + D DE/h on the nodes of a beam, [n, 4, 3]; theory.md
+    (4.1), (2.6)."""
     nodes = beam.basis.element_nodes
     forms = beam_forms(beam, q_n[nodes]), beam_forms(beam, q_n1[nodes])
-    mean = 0.5 * (strains_of(beam.strain, forms[0]) + strains_of(beam.strain, forms[1]))
-    stress = (mean - beam_strains(beam, q_ref[nodes])) @ beam.section.C
+    start, end = (strains_of(beam.strain, x) for x in forms)
+    stress = (0.5 * (start + end) - beam_strains(beam, q_ref[nodes])) @ beam.section.C + (end - start) @ viscosity(beam) / h
     b = form_matrix(beam, 0.5 * (q_n[nodes] + q_n1[nodes]))
     f = np.zeros_like(q_n)
     s = stresses_of_forms(beam.strain, stress, forms)
@@ -394,12 +409,29 @@ class Twin:
         """Coordinates, increments or rates with the dependent ones set from the others."""
         return (self.tie @ x.reshape(4 * self.n, 3)).reshape(self.n, 4, 3)
 
-    def beam_forces(self, q_n: Array, q_n1: Array) -> Array:
+    def beam_forces(self, q_n: Array, q_n1: Array, h: float = np.inf) -> Array:
         """Internal forces of all beams, [N, 4, 3]."""
         f = np.zeros_like(q_n)
         for beam in self.scene.beams:
             at = self.of_beam(beam)
-            f[at] += internal_forces(beam, self.reference[beam.name], q_n[at], q_n1[at])
+            f[at] += internal_forces(beam, self.reference[beam.name], q_n[at], q_n1[at], h)
+        return f
+
+    def resistance(self, drag: Drag, velocity: Array, d1: Array) -> Array:
+        """Minus the forces of the air on all nodes [N, 3]; theory.md (4.12)."""
+        f = np.zeros((self.n, 3))
+        size = np.zeros(self.n)
+        if isinstance(drag.on, Beam):
+            at = self.number(drag.on.start) + drag.on.basis.element_nodes
+            np.add.at(size, at, drag.on.basis.mass_phi.sum(axis=2))
+        else:
+            size[self.number(drag.on)] = 1.0
+        for k in np.flatnonzero(size):
+            w = velocity[k] - drag.air
+            t = d1[k] / np.linalg.norm(d1[k]) * isinstance(drag.on, Beam)
+            along, across = (w @ t) * t, w - (w @ t) * t
+            f[k] = size[k] * (drag.normal * np.linalg.norm(across) * across + drag.tangential * np.linalg.norm(along) * along
+                              + drag.linear * w)
         return f
 
     def reduced(self, q_mid: Array, f: Array) -> Array:
@@ -412,8 +444,10 @@ class Twin:
         dq = self.connected(increments(step.q_n, step.dphi, step.theta))
         q_n1, q_mid = step.q_n + dq, step.q_n + 0.5 * dq
         inertia = self.mass @ (2.0 / step.h**2 * (dq - step.h * step.v_n)).reshape(4 * self.n, 3)
-        f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1)
+        f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1, step.h)
         f -= self.load_forces(q_mid, *self.dead_loads(factor))
+        for drag in self.scene.drags:
+            f[:, 0] += self.resistance(drag, dq[:, 0] / step.h, q_mid[:, 1])
         contact = np.zeros((len(self.scene.sliders), 4))
         for k, slider in enumerate(self.scene.sliders):
             pull, contact[k] = self.slider_terms(slider, step.s_n[k], step.s_end[k], step.force[k], step.q_n, q_n1)

@@ -1,7 +1,8 @@
 """Random scenes as hypothesis strategies: data that is drawn, and `build`, which makes a scene of it, turned and reordered.
 
 All scenes have the same kinds of parts, so that few variants of the kernels are compiled: beams of both strain sets with inner
-nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`.
+nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`; two
+bodies on joints with axes where `jointed`.
 """
 from __future__ import annotations
 
@@ -85,7 +86,7 @@ def beams(draw: Draw, strain: str, inner: bool, planar: bool) -> tuple[str, dict
 
 
 @st.composite
-def scenes(draw: Draw, planar: bool = False, held: bool = False) -> Drawn:
+def scenes(draw: Draw, planar: bool = False, held: bool = False, jointed: bool = False) -> Drawn:
     """Two or three beams, a body, joints, one or two sliding masses, a rigid motion; see `Drawn`."""
     parts = [draw(beams("simo_reissner", True, planar)), draw(beams("green_lagrange", True, planar))]
     if draw(st.booleans()):
@@ -98,7 +99,37 @@ def scenes(draw: Draw, planar: bool = False, held: bool = False) -> Drawn:
                          draw(st.sampled_from(["own", "c1"]))) for _ in range(draw(st.integers(1, 2)))]}
     if held:
         rest |= {"gravity": draw(vectors(9.81, planar)), "force": draw(vectors(5.0, planar)), "wind": draw(vectors(1.0, planar))}
+    if jointed:
+        # turns about the normal and shifts in the plane of a planar scene
+        rest["joints"] = {"pinned": draw(st.sampled_from(["revolute", "universal"])), "offset": draw(vectors(0.4, planar)),
+                          "sliding": draw(st.sampled_from(["cylindrical", "prismatic"])), "way": draw(vectors(0.4, planar)),
+                          "turn": draw(number(-3, 3)), "masses": [draw(power(-1, 1)) for _ in range(2)],
+                          "axis": np.array((0.0, 0.0, 1.0)) if planar else draw(vectors(1.0, False)) + (0.0, 0.0, 2.0),
+                          "stiffness": draw(power(-1, 2)), "damping": draw(power(-2, 0))}
     return Drawn(parts, rest, planar, held)
+
+
+def _joints(of: dict[str, Any], body: fb.RigidBody, beam: fb.Beam, rotation: Array) -> list[Any]:
+    """A body on a hinge or cross with another, with a spring; one that slides on the end of a beam, with a damper."""
+    place = body.position + of["offset"] @ rotation.T
+    arm = fb.RigidBody("arm", mass=of["masses"][0], inertia=(0.2, 0.25, 0.3), position=place, directors=rotation.T)
+    point, axis = body.point(0.5 * of["offset"]), of["axis"] / np.linalg.norm(of["axis"])
+    across = np.array((np.cos(of["turn"]), np.sin(of["turn"]), 0.0))
+    across -= (across @ axis) * axis
+    if of["pinned"] == "revolute":
+        pinned: Any = fb.RevoluteJoint(point, arm.point(-0.5 * of["offset"]), "pinned", axis=rotation @ axis,
+                                       stiffness=of["stiffness"], rest=0.3)
+    else:
+        pinned = fb.UniversalJoint(point, arm.point(-0.5 * of["offset"]), "pinned", axis_a=rotation @ axis,
+                                   axis_b=rotation @ across)
+    tip = beam.reference(beam.length)[0][0]
+    block = fb.RigidBody("block", mass=of["masses"][1], inertia=(0.2, 0.25, 0.3), position=tip + of["way"] @ rotation.T,
+                         directors=rotation.T)
+    if of["sliding"] == "prismatic":
+        sliding: Any = fb.PrismaticJoint(beam.end, block, "sliding", axis=rotation @ across, damping=of["damping"])
+    else:
+        sliding = fb.CylindricalJoint(beam.end, block, "sliding", axis=rotation @ axis)
+    return [arm, block, pinned, sliding]
 
 
 def section(of: dict[str, Any]) -> fb.Section:
@@ -130,6 +161,8 @@ def build(drawn: Drawn, rotation: Array = np.eye(3), order: Any = None) -> fb.Sc
                         directors=rotation.T)
     hinge = body.point((made[1].reference(0.0)[0][0] - body.position) @ rotation)
     parts: list[Any] = [*made, body, fb.RigidConnection(made[0].end, body), fb.BallJoint(made[1].start, hinge)]
+    if "joints" in rest:
+        parts += _joints(rest["joints"], body, made[1], rotation)
     if len(made) > 2 and rest["link"]:
         parts.append(fb.RigidConnection(made[1].end, made[2].start))
     for k, (on, share, rate, mass, curve) in enumerate(rest["sliders"]):

@@ -5,14 +5,16 @@ coordinate is an unknown of the same step.
 """
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "InitialVelocity",
-              "Load", "Net", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
-              "Section", "Sleeve", "Slider", "Spring", "Stops"],
+    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
+              "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
+              "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
+              "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+              "UniversalJoint", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
@@ -21,21 +23,50 @@ _WHERE = {
     "vibration": ["modes"],
     "equilibrium_paths": ["solve_path"],
     "result": ["Result"],
+    "resultants": ["section_forces"],
     "reading": ["load_result"],
-    "plot": ["plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
+    "sweeping": ["Sweep", "load_sweep", "sweep"],
+    "animation": ["animate"],
+    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]
 
+if TYPE_CHECKING:
+    # what type checkers and editors read: the names of _WHERE once more
+    from .scene import (
+        BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, DistanceJoint as DistanceJoint,
+        DistributedLoad as DistributedLoad, Drive as Drive, Friction as Friction, InitialVelocity as InitialVelocity,
+        Load as Load, Net as Net, NodeRef as NodeRef, Path as Path, Pin as Pin, PointMass as PointMass, RigidBody as RigidBody,
+        RigidConnection as RigidConnection, RigidMotion as RigidMotion, Scene as Scene, Section as Section, Sleeve as Sleeve,
+        Slider as Slider, Spring as Spring, Stops as Stops,
+    )
+    from .errors import (
+        BackendError as BackendError, ConvergenceError as ConvergenceError, Interrupted as Interrupted,
+        ResultFileError as ResultFileError, SceneError as SceneError,
+    )
+    from .compile import compile_scene as compile_scene
+    from .checkpoint import Checkpoint as Checkpoint, load_checkpoint as load_checkpoint
+    from .run import simulate as simulate
+    from .statics import solve_static as solve_static
+    from .result import Result as Result
+    from .reading import load_result as load_result
+    from .sweeping import Sweep as Sweep, load_sweep as load_sweep, sweep as sweep
+    from .animation import animate as animate
+    from .plot import (
+        plot_balance as plot_balance, plot_invariants as plot_invariants, plot_overview as plot_overview,
+        plot_shapes as plot_shapes, plot_slider as plot_slider,
+    )
 
-def __getattr__(name: str) -> Any:
-    # modules load when first used: the import itself needs neither numba nor matplotlib nor h5py
-    if name not in _HOME:
-        raise AttributeError(f"module 'fastbeam' has no attribute {name!r}")
-    from importlib import import_module
-    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:
+    def __getattr__(name: str) -> Any:
+        # modules load when first used: the import itself needs neither numba nor matplotlib nor h5py
+        if name not in _HOME:
+            raise AttributeError(f"module 'fastbeam' has no attribute {name!r}")
+        from importlib import import_module
+        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,5 @@
-"""Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels."""
+"""Command line: `python -m fastbeam` lists the examples, `run NAME [--out DIR]` runs one, `warmup` compiles kernels, `doctor`
+tells and tests what is installed."""
 from __future__ import annotations
 
 import argparse
@@ -88,7 +89,11 @@ def main(arguments: list[str] | None = None) -> int:
     warm = commands.add_parser("warmup", help="compile the kernels of common scenes ahead of their first use")
     warm.add_argument("kinds", nargs="*", metavar="kind", help="of scenes: beam, slider, planar-slider, mechanism, "
                       "planar-mechanism, statics, planar-statics (default: all)")
+    commands.add_parser("doctor", help="print what is installed, and test it for a few seconds")
     chosen = parser.parse_args(arguments)
+    if chosen.command == "doctor":
+        from .doctor import examine
+        return examine(lambda text: print(text, flush=True))
     if chosen.command == "warmup":
         return warm_up(chosen.kinds)
     if chosen.command is None:

@@ -31,7 +31,7 @@ from ._folder import cache_folder
 F = TypeVar("F", bound=Callable[..., Any])
 
 __all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background", "compile_counts",
-           "compiled_law", "inlined", "kernel", "link_library", "one_variant", "work"]
+           "compiled_force", "compiled_law", "inlined", "kernel", "link_library", "one_variant", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -189,6 +189,19 @@ def work(source: BinaryIO) -> None:
 def compiled_law(function: Callable[..., float]) -> Any:
     """A function of three numbers as machine code that kernels call by its `.address`; it lives as long as this object."""
     return numba.cfunc("float64(float64, float64, float64)")(function)
+
+
+def compiled_force(law: Callable[..., None], n: int) -> tuple[Any, Any]:
+    """A law of a user force with n parameters as machine code that kernels call by its `.address`, and for Python; the code lives
+    as long as these objects."""
+    from numba import carray, types
+    inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
+
+    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
+    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
+        x, y = carray(given, (18,)), carray(found, (6,))
+        inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], carray(parameters, (n,)), y[:3], y[3:6])
+    return entry, inner
 
 
 def link_library(path: str) -> None:

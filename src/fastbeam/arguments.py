@@ -39,7 +39,7 @@ ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "ten
         "filename": "file", "path": "file", "restart": "start", "initial_state": "start", "load_steps": "load_step",
         "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name", "mu": "friction"}
 # what is not there at all: docs/limits.md
-ABSENT = ("damping", "spring", "motor", "contact", "follower", "drag", "plasticity", "prestress", "gpu", "axes", "dofs")
+ABSENT = ("spring", "motor", "contact", "follower", "plasticity", "prestress", "gpu", "axes", "dofs")
 
 
 class Refusal(ValueError):
@@ -407,6 +407,14 @@ def _checked(function: Any, kinds: dict[str, Any]) -> Any:
 
     call.kinds = kinds  # type: ignore[attr-defined]
     return call
+
+
+def spell_out(function: Any, of: Any) -> None:
+    """Let the signature of a function that hands on `**more` to a constructor name what stands for it, for help and editors."""
+    own = [p for p in signature(function).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    have = {p.name for p in own}
+    more = [p for p in signature(of).parameters.values() if p.kind is Parameter.KEYWORD_ONLY and p.name not in have]
+    function.__signature__ = signature(function).replace(parameters=[*own, *more])
 
 
 def _subject(function: Any, own: tuple[Any, ...], given: dict[str, Any]) -> str:

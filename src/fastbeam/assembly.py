@@ -3,17 +3,34 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from .kernels.along import Along
 from .kernels.beams import Beams
+from .kernels.laws import ELASTIC, KELVIN_VOIGT
+from .kernels.joint_motion import JointForces, JointMotion
 from .kernels.inner import Inner, NoInner
+from .kernels.prescribed import Prescribed, Reactions
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
-from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
+from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
+from .kernels.user_force import UserForces
 from .kernels.work import State, Work
 from .model import Model
 
+Array = np.ndarray
 
-def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None) -> tuple[Any, ...]:
+
+def strain_sets(model: Model, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
+    """The strain sets with the laws of the sections of a model; at rest all are elastic."""
+    damped = () if static or model.damped is None else model.damped.strains
+    simo, green = (KELVIN_VOIGT if name in damped else ELASTIC for name in ("simo_reissner", "green_lagrange"))
+    return SimoReissner(simo), GreenLagrange(green)
+
+
+def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None,
+             prescribed: Prescribed | None = None, law_work: Array | None = None,
+             motion: JointMotion | None = None) -> tuple[Any, ...]:
     """All that acts in a model, in the order of kernels/terms.py.
 
     Parameters
@@ -25,6 +42,12 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         Only what has a part in statics.
     along : Along, optional
         Forces along the beam on sliders, with the work arrays of this run.
+    prescribed : Prescribed, optional
+        Supports that move, with the work arrays of this run.
+    law_work : float64, optional
+        The work array of user forces in this run.
+    motion : JointMotion, optional
+        What joints leave free, with the work arrays of this run.
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
@@ -35,12 +58,20 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
             terms.append(model.sleeves)
     if inner is not None:
         terms.append(inner)
-    for strains, tables in ((SIMO_REISSNER, model.simo), (GREEN_LAGRANGE, model.green)):
+    losses: list[Any] = []
+    for strains, tables in zip(strain_sets(model, static), (model.simo, model.green)):
         if tables is not None:
             terms.append(Beams(strains, tables, NoInner() if inner is None else inner))
+            if strains.law is KELVIN_VOIGT:
+                losses.append(model.damped.term(strains, tables, model.loss_place))
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
-    return (*terms, *(x for x in (loads, bodies, *model.links, model.ties, held) if x is not None))
+    reactions = None if prescribed is None else Reactions(prescribed)
+    links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
+    forces = JointForces(motion) if motion is not None and model.motions.acts else None
+    drag = None if static else model.drag
+    others = prescribed, loads, bodies, drag, *links, forces, None if static else motion, model.ties, reactions, held
+    return (*terms, *losses, *(x for x in others if x is not None))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

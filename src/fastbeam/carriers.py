@@ -37,7 +37,7 @@ class Found:
 def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Array) -> Found | None:
     """All beams with sliders as carriers; None where one of the sliders does not allow it. Between the ends of its beam nothing
     but elements, loads and sliders may touch a node, and its point has to be a mass, or belong to a body, that is held by
-    nothing, joined to nothing else, and slides on this beam alone, without friction, drives and stops.
+    nothing, joined to nothing else, and slides on this beam alone, without friction, drives, stops, locks and release.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ def carriers_of(scene: Scene, nodes: NodeList, joints: Connections, linked: Arra
         if isinstance(slider.beam, Path):
             return None
         first = nodes.start(slider.beam)
-        forced = slider.friction is not None or slider.drive is not None or slider.stops is not None
-        if forced or isinstance(slider.point.owner, Beam) or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:
+        own = slider.slides_freely and not isinstance(slider.point.owner, Beam)
+        if not own or beam_of.setdefault(nodes.start(slider.point.owner), first) != first:
             return None
         beams[first] = slider.beam
         sliders.setdefault(first, []).append(k)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .assembly import strain_sets
 from .constraints import couplings_of, with_capacity
 from .iteration import Owner
 from .kernels import carriers as kernels
@@ -15,8 +16,7 @@ from .kernels.constraints import Constraints
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
 from .kernels.slider import ContactInRows, NoForceAlong, NoSleeves, Sliders, Sliding
-from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
-from .kernels.terms import NoTies, System
+from .kernels.terms import Equilibrium, NoTies, System
 from .kernels.work import aligned
 from .model import Model
 from .pattern import Pattern, ascending
@@ -118,9 +118,10 @@ class Group:
 
         # elements, and the blocks of all coupled rows
         parts, pairs = [], [np.stack((np.arange(n), np.arange(n)), axis=1)]
+        sets = strain_sets(model, isinstance(owner.system.method, Equilibrium))
         for _, green, first, count in c.tables[c.tables[:, 0] == g].tolist():
             tables, couples = local_elements(model.green if green else model.simo, first, count, row_of, n)
-            parts.append((tables, couples, GREEN_LAGRANGE if green else SIMO_REISSNER))
+            parts.append((tables, couples, sets[green]))
             pairs.append(couples[(couples < n).all(axis=1)])
         keys = ascending(np.concatenate([x[:, 0] * n + x[:, 1] for x in pairs]))
         block = np.append(np.searchsorted(keys, np.arange(n) * (n + 1)), keys.size)

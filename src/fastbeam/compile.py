@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,10 @@ import numpy as np
 from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
+from .dissipation import damped_of, with_drag
 from .errors import SceneError
+from .holding import Holding, trees
+from .joint_motion import motions_of
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -32,7 +36,7 @@ from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
-from .scene import Beam, Path, Scene
+from .scene import Beam, Path, RigidBody, Scene
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
 from .tables import pack_curves, pack_inner, pack_paths, pack_substructures
@@ -94,6 +98,7 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_compiled.parts = list(scene.parts)
     model = replace(
         model, plane=plane, not_planar=not_planar, asked_for_plane=planar is True,
+        find_holding=partial(_holding, as_compiled, numbered.nodes, numbered.joints),
         massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam)),
         uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
         uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))
@@ -148,10 +153,14 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     state, length = unpacked.state, unpacked.numbered.length
-    return Model(
+    slider_forces, laws = slider_forces_of(scene.sliders), links.loaded.forces
+    accounts = any(t is not None for t in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]) or laws)
+    loads_at = 0 if slider_forces is None else slider_forces.size
+    model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
-        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties), kept=unpacked.kept, ties=ties,
+        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at), kept=unpacked.kept,
+        ties=ties,
         held=held, static_held=_held(joints.held | idle, pattern) if idle.any() else held,
         curves=curves, sliders=sliders,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
@@ -162,8 +171,12 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
-        slider_forces=slider_forces_of(scene.sliders), sleeves=sleeves_of(scene, nodes, len(unpacked.kept)),
-        accounts_loads=any(time is not None for time in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:])))
+        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
+        damped=damped_of(scene, nodes), dragged=unpacked.dragged, prescribed=unpacked.prescribed,
+        user_forces=tuple(force.name for force in laws),
+        needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
+    model = with_drag(model, blocks.diagonal)
+    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model.motion_place))
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:
@@ -250,6 +263,32 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
     return pack(list({id(track): track for track in tracks}.values())), Sliders(curve, point, joints.spin_root.astype(np.int64))
 
 
+def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
+    """Supports, and joints that are eliminated."""
+    names, supports, turning = [], [], []
+    for support in [*scene.pins, *scene.clamps]:
+        owner = support.at.owner
+        names.append(str(support.name))
+        supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
+    names += [str(motion.name) for motion in scene.prescribed]
+    supports += [nodes.number(motion.at) for motion in scene.prescribed]
+    for net in scene.nets:
+        at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
+        for kind, held in (("pin", net.pins), ("clamp", net.clamps)):
+            for i in held.tolist():
+                if kind == "clamp" and net.ball[i]:
+                    turning += [(len(names), k) for k in at[node == i].tolist() if k != nodes.start(net) + net.junction[i]]
+                names.append(f"{kind} of {net.label} node {i}")
+                supports.append(int(nodes.start(net) + net.junction[i]))
+    named = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
+    closing = set(joints.loops.tolist())
+    named += [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for k, j in enumerate(scene.balls) if k not in closing]
+    pairs = np.array([x[:2] for x in named] + list(nodes.arm_owner), np.int64).reshape(-1, 2)
+    place = np.array(supports, np.int64)
+    return Holding(names, place, np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named], pairs[:len(named)],
+                   *trees(len(nodes), pairs, place))
+
+
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:
     """Names of the joints at every node that has some; those at points of a body also at its centre."""
     out: dict[int, list[str]] = {}
@@ -269,9 +308,12 @@ def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:
         ends = first + (b.basis.element_nodes[:, 0] if b.interpolation == "lagrange" else np.array([], int))
         last = first + b.n_nodes - 1
         beams.append({"name": b.name, "first": first, "count": b.n_nodes, "element_ends": [*ends.tolist(), last],
-                      "s": b.node_s.tolist(), "length": float(b.length)})
+                      "s": b.node_s.tolist(), "length": float(b.length), "degree": b.degree,
+                      **dict(zip(("half_2", "half_3", "round"), b.section.outline)),
+                      **({"spline_ends": b.basis.element_ends.tolist()} if b.interpolation == "bspline" else {})})
     nets = [{"name": net.name, "first": nodes.start(net), "count": net.n_nodes, "starts": net.node_start[:-1].tolist(),
-             "junctions": net.junction.tolist()} for net in scene.nets]
+             "junctions": net.junction.tolist(), "outlines": [x for section in net.sections for x in section.outline],
+             "outline_of": net.section_of.tolist() if len(net.sections) > 1 else []} for net in scene.nets]
     return {"beams": beams, **({"nets": nets} if nets else {}),
             "bodies": [{"name": p.name, "node": nodes.start(p)} for p in scene.bodies],
             "masses": [{"name": p.name, "node": nodes.start(p)} for p in scene.masses],

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import count
+from .assembly import strain_sets
 from .carrying import Group, Shared, Workspace
 from .errors import SceneError
 from .iteration import Iteration, Owner
@@ -24,8 +25,8 @@ from .kernels.inner import Inner, NoInner
 from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
+from .kernels.prescribed import Reactions
 from .kernels.slider import Sliding
-from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
 from .kernels.work import follow_increment, start_increment
 from .workspace import condensed_of, scratch_of
@@ -136,7 +137,8 @@ class CondensedIteration(Iteration):
         rest: list[Any] = []
         self._groups: list[tuple[ElementTables, Any, Chunk]] = []
         done = 0
-        for tables, groups, strains in ((model.simo, parts[0], SIMO_REISSNER), (model.green, parts[1], GREEN_LAGRANGE)):
+        self._at_rest = isinstance(owner.system.method, Equilibrium)
+        for tables, groups, strains in zip((model.simo, model.green), parts, strain_sets(model, self._at_rest)):
             n = 0 if tables is None else model.others(tables, groups)
             if tables is not None and n:
                 inner = NoInner() if owner.inner is None else owner.inner
@@ -144,20 +146,21 @@ class CondensedIteration(Iteration):
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), 2, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
-        self._held = tuple(x for x in owner.terms if isinstance(x, Held))
+        # reactions are what stands in rows before they are held
+        self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (Reactions, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
+        others = tuple(x for x in owner.terms if any(x is y for y in (*model.links, model.drag)))
         self._ties = model.ties
         self._carriers: list[Group] = []
         if model.carriers is not None:
             shared = Shared(model)
             self._carriers = [Group(owner, shared, g) for g in range(len(shared.groups))]
             self._spaces = [Workspace(scratch) for scratch in self._scratch]
-            self._held = tuple(_held_of_solver(x, model.pattern.n) for x in self._held)
+            self._held = tuple(_held_of_solver(x, model.pattern.n) if isinstance(x, Held) else x for x in self._held)
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
-        self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies)
-        self._at_rest = isinstance(owner.system.method, Equilibrium)
+        self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others)
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):

@@ -42,7 +42,7 @@ class ContactForces:
     @property
     def unknown(self) -> Array:
         """[F]"""
-        return np.full(self.stepper.model.n_forces, np.nan)
+        return np.full(self.stepper.recorded, np.nan)
 
     def first(self, clock: Clock) -> Array | None:
         """The force at the first row [F]; None where the run goes on from a checkpoint and the next step will tell."""

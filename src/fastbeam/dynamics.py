@@ -1,7 +1,9 @@
 """Time stepping above the single step: composition to order four, step control, runs that end at the end of a beam."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,8 @@ SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
 # a located end of a beam is met within this share of its length
 END_TOLERANCE = 1e-10
+# the time at which a condition begins to hold is met within this share of the step, round-off
+CONDITION = 1e-15
 # the error of a step to such an end is judged within this share of it, so that its halves stay inside
 INSIDE = 0.99
 # a step in which a triad turns by more is hard to solve, and beyond the second one does not resolve the rotation, rad
@@ -103,7 +107,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
 
     high, f_high = 1.0, way_left()
     low, reached = 0.0, start
-    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces)))
+    best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))
     halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
         f_low = way(reached[0].s)[0]
@@ -123,6 +127,44 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
             high, f_high = x, way_left() if outcome.status == SLIDER_END else -f_low
     stepper.load(reached)
     return *best, way(reached[0].s)[1]
+
+
+def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: float,
+                     reached: Callable[[State, float], tuple[float, list[Any]]]) -> tuple[float, Outcome, list[Any]]:
+    """Shorten a step from t, after which a condition holds, so that it ends where the first of them begins to.
+
+    Parameters
+    ----------
+    parts : int
+        The step consists of so many of the same size.
+    least : float
+        Share of the step: what holds by then holds now.
+    reached : callable
+        (state, t) -> how far the first condition is reached, negative before that, and which conditions hold.
+
+    Returns
+    -------
+    tuple
+        Size of the step, its outcome, and the conditions.
+    """
+    from scipy.optimize import brentq
+    start = stepper.save()
+
+    def trial(x: float) -> Outcome:
+        stepper.load(start)
+        return stepper.advance(t, x * h / parts, parts)
+
+    def beyond(x: float) -> float:
+        # a step that fails, or ends elsewhere, is too long
+        return reached(stepper.copy_state(), t + x * h)[0] if trial(x).status == OK else 1.0
+
+    if not beyond(least) < 0.0:
+        found = reached(stepper.copy_state(), t + least * h)[1]
+        stepper.load(start)
+        return 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.model.n_forces))), found
+    at = float(brentq(beyond, least, 1.0, xtol=CONDITION, rtol=CONDITION))
+    outcome = trial(at)
+    return at * h, outcome, reached(stepper.copy_state(), t + at * h)[1]
 
 
 @dataclass

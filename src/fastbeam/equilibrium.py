@@ -24,6 +24,7 @@ class StaticSolver:
         # the tangent lacks as much of symmetry as there is lacking of equilibrium: its symmetric part squares the increments as
         # well, unless moments act (theory.md 8)
         self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
+        self.moments |= bool(model.user_forces)
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
                                symmetric=not self.moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
@@ -45,10 +46,18 @@ class StaticSolver:
         """The present shape."""
         return self.stepper.state
 
+    def set_time(self, t: float, factor: float) -> None:
+        """At which time, and with which load factor, user forces and drives are evaluated."""
+        self.stepper.law_work[:2] = t, factor
+
     def _load(self, factors: Array) -> None:
         self.work.f_ext[:] = 0.0
         if self.core.loads.shape[0]:
             kernels.external_forces(self.core.loads, factors, self.work.f_ext)
+
+    def load_all(self, factors: Array) -> None:
+        """All that acts on nodes at the present shape, under load factors [K], into `work.f_ext`."""
+        self._load(factors)
 
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         """Solve for load factors [K]; on a failure or interrupt the state is the last equilibrium."""
@@ -74,6 +83,7 @@ class StaticSolver:
             status, sizes = self.stepper.parts.newton(0.0, self.max_iterations, LARGEST_INCREMENT, self.interrupts.serve)
         if status == SINGULAR and not self.stepper.pivots_everywhere:
             state.q[:] = before
+            self.fallback.set_time(*self.stepper.law_work[:2])
             status, sizes = self.fallback.equilibrium(factors)
             self.linear.fallbacks += status == OK
         if status != OK:
@@ -84,7 +94,9 @@ class StaticSolver:
     def _uneliminated(self, planar: bool) -> StaticSolver:
         uneliminated = self.stepper.model.uneliminated
         assert uneliminated is not None
-        return StaticSolver(uneliminated(planar=planar), self.state, self.max_iterations, "superlu")
+        other = StaticSolver(uneliminated(planar=planar), self.state, self.max_iterations, "superlu")
+        other.set_time(*self.stepper.law_work[:2])
+        return other
 
     @cached_property
     def fallback(self) -> StaticSolver:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .kernels.along import AGAINST, HISTORY, INCREMENT, POSITION, SIGN, STICKS, STOP_LOSS
+from .kernels.along import (AGAINST, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS, STOP_LOSS)
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, velocity_map
+from .mapping import contact
 from .model import Model
 from .nearest import nearest
 
@@ -79,10 +80,8 @@ class Impacts:
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
     """The state after slider k has met a rigid stop.
 
-    Of all jumps of velocities that connections, supports and sliders allow, the one of least kinetic energy with which the
-    velocity of k along its beam is -restitution times the one before: the impulse of the contact alone. Sliders whose motion is
-    prescribed, and those at rest against a stop, keep their velocities along the beam. The energy that is lost goes to the
-    history of the slider.
+    The velocity of k along its beam is -restitution times the one before, see `jump`. The energy that is lost goes to the history
+    of the slider.
 
     Parameters
     ----------
@@ -95,35 +94,61 @@ def strike(model: Model, state: State, k: int, at_end: bool, restitution: float)
         Whether the stop is the one towards the end of the beam.
     restitution : float
     """
+    tangent, rate = along(model, state, k)
+    after, loss = jump(model, state, k, np.eye(3), -(1.0 + restitution) * rate * tangent)
+    own = after.history[:model.work_place].reshape(-1, HISTORY)
+    own[k, STOP_LOSS] += loss
+    own[k, SIGN] = -np.sign(rate)
+    if rate != 0.0:
+        own[k, STICKS] = 0.0
+    if restitution * abs(rate) == 0.0:
+        own[k, SIGN], own[k, AGAINST] = 0.0, 1.0 if at_end else -1.0
+    return after
+
+
+def along(model: Model, state: State, k: int) -> tuple[Array, float]:
+    """Derivative by s of the curve under slider k [3], and ds/dt, m/s."""
+    _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
+    return tangent, float(relative @ tangent / (tangent @ tangent))
+
+
+def jump(model: Model, state: State, k: int, lead: Array, change: Array) -> tuple[State, float]:
+    """The state after an impact at slider k, and the energy that it took, J.
+
+    Of all jumps of velocities that connections, supports and sliders allow, the one of least kinetic energy with which the
+    velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
+    alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam.
+
+    Parameters
+    ----------
+    lead : float64 [m, 3]
+    change : float64 [m]
+        m/s.
+    """
     from scipy import sparse
     history = state.history.copy()
     own = history[:model.work_place].reshape(-1, HISTORY)
     matrix, tangents, _ = gap_rates(model, state)
-    rates = np.array([float((matrix[3 * j:3 * j + 3] @ state.v) @ x / (x @ x)) for j, x in enumerate(tangents)])
-    given = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0)
-    given[k] = True
-    jump = np.zeros(rates.size)
-    jump[k] = -(1.0 + restitution) * rates[k]
+    given = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
     rows: list[Any] = []
     right: list[Array] = []
     for j, tangent in enumerate(tangents):
-        lead = np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
-        rows.append(sparse.csr_matrix(lead) @ matrix[3 * j:3 * j + 3])
-        right.append(lead @ (jump[j] * tangent))
+        if j != k and own[j, HELD] == OFF:
+            continue
+        leads = lead if j == k else np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
+        rows.append(sparse.csr_matrix(leads) @ matrix[3 * j:3 * j + 3])
+        right.append(change if j == k else np.zeros(len(leads)))
     rows.append(matrix[3 * len(tangents):])
     right.append(np.zeros(matrix.shape[0] - 3 * len(tangents)))
     free = free_unknowns(model)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
     mass = (lift.T @ inertia @ lift).tocsr()
-    change = lift @ nearest(mass, (sparse.vstack(rows) @ lift).tocsr(), np.concatenate(right), np.zeros(free.size), free % 6 >= 3)
-    found = state.v + change
-    own[k, STOP_LOSS] -= float(change @ (inertia @ (state.v + 0.5 * change)))
+    by = lift @ nearest(mass, (sparse.vstack(rows) @ lift).tocsr(), np.concatenate(right), np.zeros(free.size), free % 6 >= 3)
+    found = state.v + by
     after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
-    own[:, SIGN] = np.where(given, own[:, SIGN], np.where(np.abs(after) > 1e-9 * np.max(np.abs(found)), np.sign(after),
-                                                          own[:, SIGN]))
-    own[k, SIGN] = -np.sign(rates[k])
-    own[own[:, SIGN] != 0.0, STICKS] = 0.0
-    if restitution * abs(rates[k]) == 0.0:
-        own[k, SIGN], own[k, AGAINST] = 0.0, 1.0 if at_end else -1.0
-    return State(state.q.copy(), found, state.s.copy(), state.force.copy(), history)
+    moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > 1e-9 * np.max(np.abs(found))) & (np.arange(after.size) != k)
+    own[moves, SIGN] = np.sign(after[moves])
+    own[moves, STICKS] = 0.0
+    return (State(state.q.copy(), found, state.s.copy(), state.force.copy(), history),
+            -float(by @ (inertia @ (state.v + 0.5 * by))))

@@ -8,6 +8,7 @@ from .errors import SceneError
 from .kernels.work import State
 from .multipliers import KeptLink
 from .numbering import NodeList
+from .prescribed import support_rates
 from .projection import along_curve, project
 from .scene import PointMass, RigidBody, Scene
 from .sections_held import Section
@@ -33,6 +34,10 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     n = len(nodes)
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
+    moving = support_rates(scene, nodes, joints)
+    for motion in scene.prescribed:
+        at = nodes.number(motion.at)
+        v[at], omega[at] = moving[0][at], moving[1][at] if motion.mask == 63 else omega[at]
     _follow_sliders(scene, nodes, v, lines)
     for x in (v, omega):
         # squares of smaller numbers are lost
@@ -42,7 +47,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
     changed = ""
     held = held_at_start(scene, nodes, joints, lines)
-    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held)
+    wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
         scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
         size, text = max(wrong)
@@ -51,15 +56,15 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
             given = v, omega
-            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held)
-            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held))
+            v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
+            size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
             if size > 1e-7 * scale:
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
-    # what is held stands still exactly, also after a projection: no step would correct it
-    v[~tied & (joints.held & 7 != 0)] = 0.0
-    omega[(joints.spin_root == np.arange(n)) & (joints.held & 56 != 0)] = 0.0
+    # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
+    for x, of, bits, own in ((v, moving[0], 7, ~tied), (omega, moving[1], 56, joints.spin_root == np.arange(n))):
+        x[own & (joints.held & bits != 0)] = of[own & (joints.held & bits != 0)]
     follows = _tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
@@ -111,6 +116,8 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
     lines = _contact_lines(scene, nodes)
     for slider, line in zip(scene.sliders, lines):
         point, mass = line[3], slider.point.owner
+        if slider.starts_off:
+            continue
         curve = line[1] @ nodes.phi[line[0]]
         gap = float(np.linalg.norm(nodes.phi[point] - curve))
         if not (isinstance(mass, PointMass) and mass.position is None) and gap > 1e-9 * slider.beam.length:
@@ -120,12 +127,14 @@ def place_points(scene: Scene, nodes: NodeList) -> None:
                              "position")
         nodes.phi[point] = curve
     for slider, (number, values, _, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         gap = float(np.linalg.norm(nodes.phi[point] - values @ nodes.phi[number]))
         if gap > 1e-12 * (slider.beam.length + float(np.max(np.abs(nodes.phi[point])))):
             raise SceneError(f"slider {slider.name!r}: {slider.point} lies {gap:.3g} m off {slider.beam.label} "
                              f"at={slider.at:.6g} where another slider puts it; give positions and at= with all digits, at nodes "
                              "of curved beams")
-    moved = {line[3] for line in lines}
+    moved = {line[3] for slider, line in zip(scene.sliders, lines) if not slider.starts_off}
     for ball in scene.balls:
         a, b = nodes.number(ball.a), nodes.number(ball.b)
         gap = float(np.linalg.norm(nodes.phi[a] - nodes.phi[b]))
@@ -168,7 +177,7 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
     """A point mass without a velocity of its own moves with its slider."""
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         mass = slider.point.owner
-        if isinstance(mass, PointMass) and mass.velocity is None:
+        if isinstance(mass, PointMass) and mass.velocity is None and not slider.starts_off:
             moved = any(m.objects is None or mass in m.objects for m in scene.motions)
             along = (slopes @ nodes.phi[number]) * (slider.rate or 0.0)
             if slider.rate is not None or not moved:
@@ -192,7 +201,7 @@ def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Arra
 
 def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omega: Array,
               lines: list[tuple[Array, Array, Array, int]], kept: list[KeptLink], held: list[tuple[int, Section]],
-              ) -> list[tuple[float, str]]:
+              moving: tuple[Array, Array]) -> list[tuple[float, str]]:
     """(size in m/s, what) of what the velocities violate, the worst of every kind."""
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
@@ -202,17 +211,19 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
             ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
-            ("support of {}", v, ~tied & (joints.held & 7 != 0)),
-            ("support of {} (rotation)", omega * size, alone & (joints.held & 56 != 0) & turning)):
+            ("support of {}", v - moving[0], ~tied & (joints.held & 7 != 0)),
+            ("support of {} (rotation)", (omega - moving[1]) * size, alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:
             amount = np.linalg.norm(error[k], axis=1)
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
-        a, b = link.node
-        out.append((float(np.linalg.norm(link.law.lead(nodes.phi[b] - nodes.phi[a]) @ (v[b] - v[a]))), link.name))
+        rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
+        out.append((float(np.linalg.norm(rates)) * (size if link.law.is_angle else 1.0), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         relative = v[point] - values @ v[number]
         tangent = slopes @ nodes.phi[number]
         rate = float(relative @ tangent / (tangent @ tangent))

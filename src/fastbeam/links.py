@@ -7,21 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ._outside import is_outside
 from .connections import Connections
 from .errors import SceneError
-from .multipliers import Distance, KeptLink, Together
+from .joint_tables import conditions_of, joint_conditions
+from .multipliers import Distance, KeptLink, Law, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
 from .kernels.terms import assemble
 from .numbering import NodeList
 from .scene import BallJoint, DistanceJoint, Scene, Spring
+from .scene.joints import AxisJoint
 from .scene.links import Link
+from .user_forces import Loaded
 
 Array = np.ndarray
 
@@ -50,13 +53,17 @@ class Ends:
         Number of the first among all constraints.
     ties
         Tied nodes, or NoTies.
+    spin_row : int64 [L, 2]
+        Rows of the residual that have the spins of the nodes.
+    laws : list of Law
+        Of joints with multipliers.
     """
 
     def __init__(self, parts: list[Any], node: Array, phi: Array, row_of: Array, blocks: Blocks | None, first: int,
-                 ties: Any) -> None:
-        self.parts, self.node, self.ties = parts, node, ties
+                 ties: Any, spin_root: Array, laws: list[Any]) -> None:
+        self.parts, self.node, self.ties, self.laws = parts, node, ties, laws
         a, b = node.T
-        self.row = row_of[node]
+        self.row, self.spin_row = row_of[node], row_of[spin_root[node]]
         self.block = np.zeros((0, 4), np.int64)
         if blocks is not None:
             self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
@@ -75,8 +82,8 @@ class Entry:
         The table of all links of this kind from their `Ends`.
     couples : bool
         Whether it adds to the blocks between its nodes.
-    law : Together, Distance or None
-        Of a joint with multipliers: what it keeps.
+    law : Law or None
+        Of a joint with multipliers: what it keeps; that of joints with axes depends on the joint.
     needs_distance : bool
         Whether it makes no sense between points at the same place.
     """
@@ -84,7 +91,7 @@ class Entry:
     noun: type
     table: Callable[[Ends], Any]
     couples: bool = True
-    law: Together | Distance | None = None
+    law: Law | None = None
     needs_distance: bool = False
 
 
@@ -97,11 +104,23 @@ def _distances(ends: Ends) -> DistanceJoints:
     return DistanceJoints(ends.node, ends.row, ends.block, ends.distance, ends.first, ends.ties)
 
 
-# those whose force is a vector come before those with one force
+class Group(NamedTuple):
+    """All links of one kind: an entry, nouns (None where there is none), nodes [L, 2], and of joints with multipliers what each
+    keeps and what to say about it."""
+
+    entry: Entry
+    parts: list[Any]
+    node: Array
+    laws: list[Any]
+    words: list[str]
+
+
+# those whose force is a vector come before those with single forces
 REGISTRY = [
     Entry(Spring, _springs),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
     Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
+    Entry(AxisJoint, joint_conditions),
 ]
 
 
@@ -174,36 +193,56 @@ class Links:
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
-        self._nodes, self._root = nodes, joints.row_root
-        self.groups: list[tuple[Entry, list[Any], Array]] = []
+        self._nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
+        self.loaded = Loaded(scene, nodes)
+        self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
-            if type(x) not in known:
+            if type(x) not in known and not isinstance(x, AxisJoint):
                 raise SceneError(f"{_label(x)}: a scene takes no {type(x).__name__} before "
                                  f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
+        with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
+        # joints with axes and their nodes; one of the laws of each
+        self.with_axes = list(zip(with_axes, _nodes_of(with_axes, nodes).tolist()))
+        self._law_of: dict[int, Any] = {}
         for entry in REGISTRY:
             parts: list[Any] = [x for x in scene.links if type(x) is entry.noun]
             node = _nodes_of(parts, nodes)
+            laws, words = [entry.law] * len(parts), [""] * len(parts)
             if entry.noun is BallJoint:
-                parts, node = [balls[j] for j in joints.loops], pairs[joints.loops]
+                # points of other joints are held together in the same way
+                pinned = [x for x in with_axes if x.is_pinned]
+                parts = [*(balls[j] for j in joints.loops), *pinned]
+                node = np.concatenate((pairs[joints.loops], _nodes_of(pinned, nodes)))
+                laws, words = [entry.law] * len(parts), [""] * len(parts)
+            elif entry.noun is AxisJoint:
+                sets = [(x, at, *found) for x, at in self.with_axes
+                        for found in conditions_of(x, at, nodes.phi, nodes.directors)]
+                self._law_of = {id(x[0]): x[3] for x in sets}
+                parts, laws, words = [x[0] for x in sets], [x[3] for x in sets], [x[2] for x in sets]
+                node = np.array([x[1] for x in sets], np.int64).reshape(-1, 2)
             if entry.needs_distance:
                 _check_distances(parts, node, nodes.phi)
             if parts:
-                self.groups.append((entry, parts, node))
+                self.groups.append(Group(entry, parts, node, laws, words))
+
+    def law_of(self, joint: AxisJoint) -> Any:
+        """Conditions of a joint, for the axes that its nodes carry."""
+        return self._law_of[id(joint)]
 
     @property
     def touched(self) -> Array:
-        """All nodes that a link touches; they are not eliminated inside elements and beams."""
-        return np.unique(np.concatenate([np.zeros(0, np.int64), *(node.reshape(-1) for _, _, node in self.groups)]))
+        """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
+        return np.unique(np.concatenate([self.loaded.node, *(group.node.reshape(-1) for group in self.groups)]))
 
     @property
     def pairs(self) -> Array:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self._nodes)
         out = [np.zeros(0, np.int64)]
-        for entry, _, node in self.groups:
-            if entry.couples:
-                a, b = self._root[node].T
+        for group in self.groups:
+            if group.entry.couples:
+                a, b = self._root[group.node].T
                 out += [a * n + a, a * n + b, b * n + a, b * n + b]
         return np.concatenate(out)
 
@@ -212,20 +251,25 @@ class Links:
         """Joints with multipliers, in the order of their constraints."""
         nodes = self._nodes
         out = []
-        for entry, parts, node in self.groups:
-            if entry.law is not None:
-                out += [KeptLink(_label(part) if part else _label_of(nodes, a, b), (a, b), entry.law)
-                        for part, (a, b) in zip(parts, node.tolist())]
+        for group in self.groups:
+            out += [KeptLink((_label(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
+                    for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
+                    if law is not None]
         return out
 
-    def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any) -> tuple[Any, ...]:
-        """The tables of all kinds of links that the scene has; sliders: constraints before theirs."""
+    def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int) -> tuple[Any, ...]:
+        """The tables of all kinds of links that the scene has; sliders: constraints before theirs; loads_at: place of the work of
+        loads in the history."""
         out, first = [], sliders
-        for entry, parts, node in self.groups:
-            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties)
+        for entry, parts, node, laws, _ in self.groups:
+            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties, self._spin_root,
+                        laws)
             table = entry.table(ends)
             out.append(_tested(entry, table) if is_outside(entry.noun) else table)
-            first += len(parts) if entry.law is not None else 0
+            first += sum(law is not None for law in laws)
+        if self.loaded.forces:
+            q = np.concatenate((self._nodes.phi[:, None], self._nodes.directors), axis=1)
+            out.append(self.loaded.table(row_of, blocks, q, loads_at))
         return tuple(out)
 
 

@@ -15,15 +15,10 @@ Array = np.ndarray
 def load_factors(model: Model, times: Array, steps: Array) -> Array:
     """Mean factor of every load vector over steps [t, t + h], [n, K]: three Gauss points, so that impulses of smooth loads
     are exact to order 6 and a step stays symmetric."""
-    x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
-    w = np.array([5.0, 8.0, 5.0]) / 18.0
     out = np.ones((len(times), len(model.load_times)))
-    points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
     for k, time in enumerate(model.load_times):
         if time is not None:
-            values = np.array([factor_at(time, float(t)) for t in points]).reshape(-1, 3)
-            # written out: a matrix product rounds a row differently in calls of different length
-            out[:, k] = w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
+            out[:, k] = mean_factors(time, times, steps)
     return out
 
 
@@ -40,8 +35,18 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     return np.array([1.0 if time is None else factor_at(time, at_time or 0.0) for time in model.load_times])
 
 
-def factor_at(time: Callable[[float], float], t: float) -> float:
-    """A time function at t as a number.
+def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of a load or of gravity") -> Array:
+    """Means of a time function over steps [t, t + h], [n]."""
+    x = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
+    w = np.array([5.0, 8.0, 5.0]) / 18.0
+    points = (np.asarray(times)[:, None] + x * np.asarray(steps)[:, None]).reshape(-1)
+    values = np.array([factor_at(time, float(t), who) for t in points]).reshape(-1, 3)
+    # written out: a matrix product rounds a row differently in calls of different length
+    return w[0] * values[:, 0] + w[1] * values[:, 1] + w[2] * values[:, 2]
+
+
+def factor_at(time: Callable[[float], float], t: float, who: str = "of a load or of gravity") -> float:
+    """A time function at t as a number; who: whose it is.
 
     Raises
     ------
@@ -51,6 +56,6 @@ def factor_at(time: Callable[[float], float], t: float) -> float:
     value = time(t)
     factor = real(value)
     if factor is None or not abs(factor) <= LARGEST:
-        raise SceneError("time function of a load or of gravity: must return a finite number, got "
+        raise SceneError(f"time function {who}: must return a finite number, got "
                          f"{shown(value)} at t = {t:.6g} s")
     return factor

@@ -140,6 +140,7 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
         for i in range(3):
             matrix[3 * k + i, 12 * number + i] = -shape[0]
             matrix[3 * k + i, 12 * point + i] = 1.0
-    bent = [link.law.bend(*(y[link.node[1]] - y[link.node[0]] for y in (x, v))) for link in model.kept]
-    every = sparse.vstack((matrix.tocsr(), gap_matrix(model.kept, x)), format="csr")
+    q, rates = (y.reshape(n, 4, 3) for y in (state.q, state.v))
+    bent = [link.law.bend(*(y[list(link.node)] for y in (q, rates))) for link in model.kept]
+    every = sparse.vstack((matrix.tocsr(), gap_matrix(model.kept, q)), format="csr")
     return every, tangents, np.concatenate((convective.reshape(-1), *bent))

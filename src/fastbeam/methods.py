@@ -83,6 +83,38 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
     return Method(name, None, np.array([am, af, 0.25 * (gamma + 0.5)**2, gamma]), rho)
 
 
+def check_forces(method: Method, composed: bool, model: Model, core: Model) -> None:
+    """Refuse what forces along beams on sliders, damping, supports that move and user forces do not go together with.
+
+    Parameters
+    ----------
+    composed : bool
+        Whether steps are composed of substeps, some of them backward.
+    model, core : Model
+        And the tables that a run goes on.
+
+    Raises
+    ------
+    SceneError
+    """
+    compared = method.middle is not None or method.parameters is not None
+    laws = [f"user force {name!r}" for name in model.user_forces]
+    absent = [*(["supports that move"] if core.prescribed is not None else []), *laws, *core.losses,
+              *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
+    if compared and absent:
+        raise SceneError(f"method {method.name!r} does not know {', '.join(absent[:3])}; use the default method")
+    backward = [*core.losses, *(f"user force {name!r}" for name in model.needs_forward_steps)]
+    if core.slider_forces is not None and core.slider_forces.dissipates:
+        backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
+    if composed and core.slider_forces is not None and core.slider_forces.lets_go:
+        raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
+                         "follows; use order=2")
+    if composed and backward:
+        other = ", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""
+        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in; use "
+                         f"order=2{other}")
+
+
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:
     """Work arrays of a method, None where it needs none."""
     if method.parameters is None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from .arguments import Count, checked, shown
 from .errors import SceneError
+from .holding import Holding
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
 from .kernels.curves import Curves, Paths
@@ -85,12 +86,24 @@ class Model:
     load_names : list of str
         What each time function belongs to.
     slider_forces : slider_forces.SliderForces or None
-        Friction, drives and stops of sliders.
+        Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
         The sliders that are sleeves.
+    damped : dissipation.Damped or None
+        Beams and nets whose sections have damping.
+    dragged : dissipation.Dragged or None
+        Nodes with drag; `drag` its tables.
+    prescribed : prescribed.PrescribedMotions or None
+        Supports that move.
+    motions : joint_motion.Motions or None
+        What joints with axes leave free.
     accounts_loads : bool
-        Whether loads have no potential: they change in time, or are moments. In a plane as in space, because states of both hold
-        the same numbers of the steps before.
+        Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
+        of both hold the same numbers of the steps before.
+    user_forces, needs_forward_steps : tuple of str
+        Names of the forces that follow laws of the user's own, and of those among them that dissipate.
+    find_holding : callable
+        Makes `holding` when it is first asked for.
     """
 
     scene_name: str
@@ -140,7 +153,21 @@ class Model:
     load_names: list[str] = field(default_factory=list)
     slider_forces: Any = None
     sleeves: Sleeves | None = None
+    damped: Any = None
+    dragged: Any = None
+    drag: Any = None
+    prescribed: Any = None
     accounts_loads: bool = False
+    user_forces: tuple[str, ...] = ()
+    needs_forward_steps: tuple[str, ...] = ()
+    find_holding: Callable[[], Holding] | None = None
+
+    @cached_property
+    def holding(self) -> Holding:
+        """Supports, and joints that are eliminated."""
+        assert self.find_holding is not None
+        return self.find_holding()
+    motions: Any = None
 
     @property
     def held_mask(self) -> Array:
@@ -149,6 +176,16 @@ class Model:
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
         return of_row[self.pattern.row_of]
+
+    @property
+    def reaction_names(self) -> list[str]:
+        """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
+        return [*self.holding.support_names, *self.holding.joint_names, *self.kept_names]
+
+    @property
+    def kept_names(self) -> list[str]:
+        """Names of the joints with multipliers; a joint may be several links."""
+        return list(dict.fromkeys(link.joint for link in self.kept))
 
     @property
     def n_sliders(self) -> int:
@@ -264,7 +301,13 @@ class Model:
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
-                      self.slider_forces.restitutions]
+                      self.slider_forces.restitutions, self.slider_forces.plan]
+        if self.prescribed is not None:
+            parts += [self.prescribed.own]
+        if self.motions is not None:
+            parts += self.motions.table[:-2]
+        if self.dragged is not None:
+            parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -288,7 +331,10 @@ class Model:
 
     def state(self) -> State:
         """A fresh copy of the initial state."""
-        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), np.zeros(self.history_size))
+        history = np.zeros(self.history_size)
+        if self.slider_forces is not None:
+            history[:self.work_place] = self.slider_forces.initial_history
+        return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     @property
     def slider_limits(self) -> Array:
@@ -311,7 +357,38 @@ class Model:
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before."""
+        return self.motion_place + (0 if self.motions is None else self.motions.size)
+
+    @property
+    def motion_place(self) -> int:
+        """Where the numbers of free coordinates of joints begin."""
+        return self.drive_place + len(self.works)
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What takes energy away besides sliders: its numbers stand behind the work of loads."""
+        damped = () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
+        return damped + (() if self.dragged is None else tuple(self.dragged.labels))
+
+    @property
+    def works(self) -> tuple[str, ...]:
+        """What puts energy in besides loads and drives of sliders: its numbers come last."""
+        return () if self.prescribed is None else tuple(self.prescribed.labels)
+
+    @property
+    def drive_place(self) -> int:
+        """Where the works of moving supports stand."""
+        return self.loss_place + len(self.losses)
+
+    @property
+    def loss_place(self) -> int:
+        """Where the energies stand that were taken away."""
         return self.work_place + self.accounts_loads
+
+    @property
+    def balances(self) -> bool:
+        """Whether the energy has a balance: something takes energy away or puts some in."""
+        return self.motion_place > 0 or (self.motions is not None and self.motions.exchanges)
 
     @property
     def work_place(self) -> int:

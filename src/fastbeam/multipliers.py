@@ -1,91 +1,161 @@
-"""Joints that multipliers hold, as NumPy sees them: their gaps, functions of r = x_b - x_a, and what these change with."""
+"""Joints that multipliers hold, as NumPy sees them: their gaps, functions of the coordinates of both nodes, and what these change
+with.
+
+Coordinates x [2, 4, 3] are position and directors of nodes a and b.
+"""
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import re
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 Array = np.ndarray
 
 
+class Law(Protocol):
+    """What a joint keeps."""
+
+    is_vector: bool  # whether its gap is a vector in space
+    is_angle: bool   # whether its gap is one of directions, not of points
+
+    def forces(self, dim: int) -> int:
+        """Number of multipliers where positions have so many components."""
+
+    def gap(self, x: Array, at_start: Array) -> Array:
+        """[m], m or rad, from the coordinates and those of the reference shape."""
+
+    def lead(self, x: Array) -> Array:
+        """Derivative [m, 2, 4, 3] of the gap by the coordinates."""
+
+    def bend(self, x: Array, rate: Array) -> Array:
+        """Minus what the second derivative in time of the gap has besides accelerations, [m]."""
+
+    def curvature(self, x: Array, force: Array) -> Array:
+        """Second derivative [24, 24] of force . gap by the coordinates."""
+
+    def within(self, axes: Array) -> Array:
+        """The conditions that are left in a plane of these axes [3, 3] from those in space, [m in the plane, m]."""
+
+
 class Together:
-    """Of a ball joint: both points stay together. The gap is r, the force a vector."""
+    """Of a ball joint: both points stay together. The gap is r = x_b - x_a, the force a vector."""
 
-    is_vector = True
+    is_vector, is_angle = True, False
 
-    def gap(self, r: Array, at_start: Array) -> Array:
-        """[3], m, from r and that of the reference shape."""
-        return r
+    def forces(self, dim: int) -> int:
+        """As of `Law`."""
+        return dim
 
-    def lead(self, r: Array) -> Array:
-        """Derivative [m, 3] of the gap by r."""
-        return np.eye(3)
+    def gap(self, x: Array, at_start: Array) -> Array:
+        """As of `Law`."""
+        return x[1, 0] - x[0, 0]
 
-    def bend(self, r: Array, rate: Array) -> Array:
-        """Minus what the second derivative in time of the gap has besides accelerations, [m], m/s^2."""
+    def lead(self, x: Array) -> Array:
+        """As of `Law`."""
+        out = np.zeros((3, 2, 4, 3))
+        out[:, 1, 0], out[:, 0, 0] = np.eye(3), -np.eye(3)
+        return out
+
+    def bend(self, x: Array, rate: Array) -> Array:
+        """As of `Law`."""
         return np.zeros(3)
 
-    def curvature(self, r: Array, force: Array) -> Array:
-        """Second derivative [3, 3] of force . gap by r."""
-        return np.zeros((3, 3))
+    def curvature(self, x: Array, force: Array) -> Array:
+        """As of `Law`."""
+        return np.zeros((24, 24))
+
+    def within(self, axes: Array) -> Array:
+        """As of `Law`."""
+        return axes[:2]
 
 
 class Distance:
     """Of a distance joint: the length of r stays. One gap, and one force, which pushes along r."""
 
-    is_vector = False
+    is_vector, is_angle = False, False
 
-    def gap(self, r: Array, at_start: Array) -> Array:
-        """As `Together.gap`, [1]."""
-        return np.array([np.linalg.norm(r) - np.linalg.norm(at_start)])
+    def forces(self, dim: int) -> int:
+        """As of `Law`."""
+        return 1
 
-    def lead(self, r: Array) -> Array:
-        """As `Together.lead`."""
-        return r[None] / np.linalg.norm(r)
+    def gap(self, x: Array, at_start: Array) -> Array:
+        """As of `Law`."""
+        return np.array([np.linalg.norm(x[1, 0] - x[0, 0]) - np.linalg.norm(at_start[1, 0] - at_start[0, 0])])
 
-    def bend(self, r: Array, rate: Array) -> Array:
-        """As `Together.bend`."""
-        along = self.lead(r) @ rate
-        return -(rate @ rate - along**2) / np.linalg.norm(r)
+    def lead(self, x: Array) -> Array:
+        """As of `Law`."""
+        out = np.zeros((1, 2, 4, 3))
+        out[0, 1, 0], out[0, 0, 0] = self._along(x), -self._along(x)
+        return out
 
-    def curvature(self, r: Array, force: Array) -> Array:
-        """As `Together.curvature`."""
-        n = self.lead(r)
-        return force[0] / np.linalg.norm(r) * (np.eye(3) - n.T @ n)
+    @staticmethod
+    def _along(x: Array) -> Array:
+        r = x[1, 0] - x[0, 0]
+        return r / np.linalg.norm(r)
+
+    def bend(self, x: Array, rate: Array) -> Array:
+        """As of `Law`."""
+        moving = rate[1, 0] - rate[0, 0]
+        along = self._along(x) @ moving
+        return np.array([-(moving @ moving - along**2) / np.linalg.norm(x[1, 0] - x[0, 0])])
+
+    def curvature(self, x: Array, force: Array) -> Array:
+        """As of `Law`."""
+        n, length = self._along(x), np.linalg.norm(x[1, 0] - x[0, 0])
+        bent = force[0] / length * (np.eye(3) - np.outer(n, n))
+        out = np.zeros((24, 24))
+        for i in (0, 12):
+            for j in (0, 12):
+                out[i:i + 3, j:j + 3] = bent if i == j else -bent
+        return out
+
+    def within(self, axes: Array) -> Array:
+        """As of `Law`."""
+        return np.eye(1)
 
 
 class KeptLink(NamedTuple):
-    """A joint between two nodes that is held by multipliers.
+    """A joint, or a part of the conditions of one, between two nodes that is held by multipliers.
 
     Attributes
     ----------
     name : str
     node : (int, int)
         Nodes a and b.
-    law : Together or Distance
+    law : Law
     """
 
     name: str
     node: tuple[int, int]
-    law: Together | Distance
+    law: Law
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint, without its kind."""
+        quoted = re.fullmatch(r"[a-z ]+ '(.+)'", self.name)
+        return self.name if quoted is None else quoted[1]
 
     def forces(self, dim: int) -> int:
         """Number of its multipliers where positions have so many components."""
-        return dim if self.law.is_vector else 1
+        return self.law.forces(dim)
+
+    def by_motion(self, x: Array) -> list[tuple[int, Array, Array]]:
+        """Of both nodes the number, and the derivatives of the gaps by velocity and spin [m, 3]; x [2, 4, 3]."""
+        lead = self.law.lead(x)
+        return [(self.node[k], lead[:, k, 0], np.cross(x[k, 1:], lead[:, k, 1:]).sum(axis=1)) for k in (0, 1)]
 
 
-def gap_matrix(kept: list[KeptLink], x: Array) -> Any:
-    """Derivative of all gaps [m, 12 N] by the coordinates, sparse, at positions x [N, 3]."""
+def gap_matrix(kept: list[KeptLink], q: Array) -> Any:
+    """Derivative of all gaps [m, 12 N] by the coordinates, sparse, at coordinates q [N, 4, 3]."""
     from scipy import sparse
     rows, columns, data = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
     m = 0
     for link in kept:
-        a, b = link.node
-        lead = link.law.lead(x[b] - x[a])
-        i, j = np.nonzero(np.ones(lead.shape))
-        for node, sign in ((b, 1.0), (a, -1.0)):
-            rows.append(m + i)
-            columns.append(12 * node + j)
-            data.append(sign * lead[i, j])
+        lead = link.law.lead(q[list(link.node)]).reshape(-1, 24)
+        i, j = np.nonzero(lead)
+        rows.append(m + i)
+        columns.append(12 * np.array(link.node)[j // 12] + j % 12)
+        data.append(lead[i, j])
         m += len(lead)
-    return sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(m, 12 * len(x)))
+    return sparse.csr_matrix((np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))), shape=(m, 12 * len(q)))

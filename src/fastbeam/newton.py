@@ -15,19 +15,23 @@ from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
 from .iteration import LEFT, Iteration
+from .joint_motion import check_motions
 from .kernels import step as kernels
-from .kernels.along import AGAINST, HISTORY, SIGN, STICKS, DriveSchedule, put_drives
+from .kernels.along import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
 from .kernels.constraints import Constraints
+from .kernels.joint_motion import MotorSchedule
 from .kernels.observe import slider_motion
+from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
-from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System
+from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
+from .kernels.user_force import UserForceTimes
 from .kernels.work import State
 from .linsolve import LinearSystem
 from .load_times import load_factors
-from .methods import Method, empty_rates, start_rates
+from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
 from .starting import own_state
-from .workspace import check_border, contact_of, entries_of, inner_of, work_of
+from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -143,8 +147,19 @@ class Stepper:
         self.alpha = empty_rates(method, model.n_nodes)
         self._static = static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
-        self._check_forces(compared)
-        self.terms = terms_of(core, self.inner, static, self.along)
+        self.prescribed = None
+        if core.prescribed is not None and not static:
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, len(core.dofs))
+        if not static:
+            check_forces(method, self.weights.size > 1, model, core)
+        check_motions(model.motions, method.name if compared else None, self.weights.size, static)
+        self.motion = None
+        if core.motions is not None and core.motions.rows.size:
+            self.motion = core.motions.work()
+            core.motions.settle(self.core_state, self.state.q.reshape(-1, 4, 3), core.motion_place)
+        # of user forces: the time in the middle of a step, and the load factor in statics
+        self.law_work = law_work()
+        self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -170,16 +185,6 @@ class Stepper:
         elif self.along is not None:
             self._start_sliding()
 
-    def _check_forces(self, compared: bool) -> None:
-        """Refuse what forces along beams on sliders do not go together with."""
-        if self.along is None:
-            return
-        if compared:
-            raise SceneError(f"method {self.method.name!r} has no friction, drives and stops of sliders; use the default method")
-        if self.weights.size > 1 and self.core.slider_forces.dissipates:
-            raise SceneError("order=4 has a step backward in time, in which friction, damping, forces of (t, s, rate) and rigid "
-                             "stops would put energy in; use order=2")
-
     def _start_sliding(self) -> None:
         """Signs of the velocities of sliders with Coulomb friction. What a run before left at rest, held by friction or against a
         stop, stays there: its velocity is what the step left in which it came to rest, of second order."""
@@ -188,13 +193,18 @@ class Stepper:
         slider_motion(model.curves, model.sliders, contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
         moving = np.abs(rates) > 1e-12 * np.max(np.abs(self.core_state.v), initial=0.0)
         own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
-        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0)
+        moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
 
     @property
     def state(self) -> State:
         """The present state: the arrays themselves, or what they mean in space where the run is planar."""
         return self.core_state if self.plane is None else self.plane.expand(self.core_state)
+
+    @property
+    def recorded(self) -> int:
+        """Number of forces in an outcome."""
+        return self.model.n_forces
 
     @property
     def memory(self) -> Array:
@@ -330,13 +340,13 @@ class Stepper:
             if self.method.at_end:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, load_factors(model, starts, lengths)
-        drives = self._drives(t, h, n, done)
+        schedules = self._schedules(t, h, n, done)
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
-                kernels.run(*self._loop(loads, factors, drives, h, n, counts, sizes, force))
+                kernels.run(*self._loop(loads, factors, schedules, h, n, counts, sizes, force))
             result = Outcome(int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]), sizes, self._in_space(force))
         else:
-            result = self._python_run(factors if self._timed else None, h, n, drives)
+            result = self._python_run(factors if self._timed else None, h, n, schedules)
         reached = result.steps
         if self.rows is not None and self.rows.factors.failed[0]:
             # what the step has done does not count: rows of a run do not depend on when there was room
@@ -358,17 +368,29 @@ class Stepper:
             return result
         self.fallback._augment(h)
         at = reached * self.weights.size
-        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1, tuple(x[at:] for x in drives))
+        pivoting = self.fallback._python_run(factors[at:] if self._timed else None, h, 1,
+                                             self.fallback._schedules(t, h, 1, done + reached))
         if pivoting.status not in (OK, SLIDER_END):
             return result
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
-    def _drives(self, t: float, h: float, n: int, done: int) -> tuple[Array, ...]:
-        """What drives are given in n steps, as `SliderForces.schedule`; empty where nothing depends on time."""
-        if self.along is None or not self.core.slider_forces.timed:
-            return ()
-        return self.core.slider_forces.schedule(*self._substeps(t, h, n, done))
+    def _schedules(self, t: float, h: float, n: int, done: int) -> tuple[Any, ...]:
+        """What drives, motors, supports that move and user forces are given in n steps; empty where nothing depends on time."""
+        out: list[Any] = []
+        if self.along is not None and self.core.slider_forces.timed:
+            out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
+        if self.motion is not None and self.core.motions.timed:
+            out.append(MotorSchedule(self.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
+        if self.prescribed is not None:
+            # a substep ends, to the last bit, where the next begins
+            times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
+            axes = None if self.plane is None else self.plane.axes
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, axes)))
+        if self.model.user_forces:
+            starts, sizes = self._substeps(t, h, n, done)
+            out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
+        return tuple(out)
 
     def _substeps(self, t: float, h: float, n: int, done: int) -> tuple[Array, Array]:
         """Times at which the substeps of n steps begin, and their sizes."""
@@ -376,12 +398,10 @@ class Stepper:
         starts = t + h * (np.arange(done, done + n)[:, None] + begins)
         return starts.reshape(-1), np.tile(self.weights * h, n)
 
-    def _loop(self, loads: Array | None, factors: Array, drives: tuple[Array, ...], h: float, n: int, counts: Array, sizes: Array,
-              force: Array) -> tuple[Any, ...]:
+    def _loop(self, loads: Array | None, factors: Array, schedules: tuple[Any, ...], h: float, n: int, counts: Array,
+              sizes: Array, force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
-        terms = self.terms if loads is None else (Loads(loads, factors), *self.terms)
-        if drives:
-            terms = (DriveSchedule(self.along, *drives), *terms)
+        terms = (*schedules, *(() if loads is None else (Loads(loads, factors),)), *self.terms)
         return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
@@ -389,7 +409,7 @@ class Stepper:
         if self.linear.is_compiled and self.core.substructures is None:
             empty = np.zeros(0)
             begin_background(kernels.run, self._loop(self.core.loads if self._timed else None, self._factors,
-                                                     self._drives(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
+                                                     self._schedules(0.0, 0.0, 1, 0), 1.0, 1, np.zeros(0, np.int64), empty,
                                                      np.zeros((0, 0))))
 
     def _in_space(self, force: Array) -> Array:
@@ -401,7 +421,7 @@ class Stepper:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
 
-    def _python_run(self, factors: Array | None, h: float, n: int, drives: tuple[Array, ...] = ()) -> Outcome:
+    def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, state.force.size))
@@ -414,8 +434,8 @@ class Stepper:
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)
-                if drives:
-                    put_drives(DriveSchedule(self.along, *drives), None, k * self.weights.size + m)
+                for schedule in schedules:
+                    put_loads(schedule, None, k * self.weights.size + m)
                 status, sizes = (LEFT, np.zeros(0)) if k + m > 0 and self.stop() else self._python_step(weight * h)
                 iterations += len(sizes)
                 if status == LEFT:

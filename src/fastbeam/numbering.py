@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .scene import Beam, Net, NodeRef, RigidBody, Scene
+from .scene.fixed import Ground
 from .scene.nets import NetBeam
 
 Array = np.ndarray
@@ -45,7 +46,8 @@ class Labels(Sequence):
 
 
 class NodeList:
-    """Global numbers of all nodes: beams, nets, bodies, masses, and one node for every used point of a body off its centre."""
+    """Global numbers of all nodes: beams, nets, bodies, masses, and one node for every used point of a body off its
+    centre and of the ground."""
 
     def __init__(self, scene: Scene) -> None:
         self.first: dict[int, int] = {}
@@ -75,11 +77,19 @@ class NodeList:
                                        2 if isinstance(part, RigidBody) else 9)
         self.arms: dict[tuple[int, tuple[float, ...]], int] = {}
         self.arm_owner: list[tuple[int, int]] = []
+        # points of the ground
+        self.ground: list[int] = []
         points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
+        points += [force.at for force in scene.user_forces if not isinstance(force.at, Beam)]
         points += [node for joint in [*scene.balls, *scene.rigid, *scene.links] for node in (joint.a, joint.b)]
         for node in points:
             key = (id(node.owner), tuple(node.offset.tolist()))
-            if isinstance(node.owner, Beam) or node.is_center or key in self.arms:
+            fixed = isinstance(node.owner, Ground)
+            if isinstance(node.owner, Beam) or (node.is_center and not fixed) or key in self.arms:
+                continue
+            if fixed:
+                self.arms[key] = add(node.label, node.offset[None], np.array(node.owner.directors)[None], 2)
+                self.ground.append(self.arms[key])
                 continue
             self.arms[key] = add(node.label, scene.position_of(node)[None], np.array(node.owner.directors)[None], 4)
             self.arm_owner.append((self.first[id(node.owner)], self.arms[key]))
@@ -89,6 +99,11 @@ class NodeList:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def coordinates(self, nodes: Sequence[int]) -> Array:
+        """Reference positions and directors of some nodes, [n, 4, 3]."""
+        pick = list(nodes)
+        return np.concatenate((self.phi[pick, None], self.directors[pick]), axis=1)
 
     def start(self, part: Any) -> int:
         """Global number of the first node of a beam, a beam of a net, a net, body or mass.
@@ -111,6 +126,6 @@ class NodeList:
         """Global number of a node of the scene."""
         if isinstance(node.owner, Beam):
             return self.start(node.owner) + node.index
-        if node.is_center:
+        if node.is_center and not isinstance(node.owner, Ground):
             return self.start(node.owner)
         return self.arms[id(node.owner), tuple(node.offset.tolist())]

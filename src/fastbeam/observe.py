@@ -9,20 +9,23 @@ import numpy as np
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
-from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, STOP_LOSS
+from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HELD, HISTORY, LOCK_LOSS, OFF, STOP_LOSS
 from .kernels.kinds import SPACE
 from .kernels.step import energy_of
 from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .result import ALONG, EXCHANGED, ResultHeader
+from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS
+from .result import ResultHeader
+from .resultants import Sections
 from .sections_held import Section, sections
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "inner")
+KINDS = ("energy", "momentum", "slider", "inner", "joint", "velocity", "section", "reaction")
+LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
 EPSILON = float(np.finfo(float).eps)
@@ -36,9 +39,9 @@ class Observer:
     Parameters
     ----------
     model : Model
-    kinds : sequence of {'energy', 'momentum', 'slider', 'inner'}
+    kinds : sequence of {'energy', 'momentum', 'slider', 'inner', 'velocity', 'section', 'reaction'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
-        Positions to record.
+        Positions to record, velocities and section forces where these are asked for.
 
     Raises
     ------
@@ -52,6 +55,9 @@ class Observer:
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
+        self.velocity = "velocity" in kinds and bool(self.points)
+        self.sections = [_section(model, name, what) for name, what in (points or {}).items()] if "section" in kinds else []
+        self.reactions = model.reaction_names if "reaction" in kinds else []
         self._p = np.zeros(12 * model.n_nodes)
         self._out = np.zeros(9)
         self._work = np.zeros(6)
@@ -59,11 +65,12 @@ class Observer:
         self._contact = contact_of(model) if self.slider else None
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
-        self.balance = self.energy and model.history_size > 0
+        self.joint = "joint" in kinds and model.motions is not None
+        self.balance = self.energy and model.balances
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
-        self._sections: list[Section] = []
+        self._directions: list[Section] = []
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -83,11 +90,27 @@ class Observer:
             out |= dict.fromkeys(ALONG, (s,))
         if self.energy and self.model.slider_forces is not None:
             out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
+        if self.energy:
+            out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
+        if self.model.motions is not None:
+            free = (len(self.model.motions.names),)
+            out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
         if self.points:
             out["points"] = (len(self.points), 3)
+        if self.velocity:
+            out["point_velocity"] = (len(self.points), 3)
+        if self.sections:
+            out |= {"section_force": (len(self.points), 3), "section_moment": (len(self.points), 3)}
+        if self.reactions:
+            out["reaction"] = (len(self.reactions), 2, 3)
         return out
+
+    @property
+    def needs_forces(self) -> bool:
+        """Whether rows hold forces that steps tell."""
+        return self.slider or bool(self.reactions)
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -102,6 +125,10 @@ class Observer:
         if self.energy:
             out["kinetic"] = float(self._out[0])
             out["strain"] = strain_energy(model, state.q, self._work)
+            if model.motions is not None:
+                in_joints = model.motions.exchanged(state, model.motion_place)
+                out |= in_joints
+                out["strain"] += float(np.sum(in_joints["joint_energy"]))
             phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
@@ -117,29 +144,50 @@ class Observer:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
-            self._sections = sections(model, state.s, state.q.reshape(-1, 4, 3))
+            self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
                                   rate)
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             self._moment = t, state.s.copy(), rate, history, tangent
-            out["slide_rate"] = rate
+            out["slide_rate"] = np.where(history[:, HELD] == OFF, 0.0, rate)
         if (self.slider or self.energy) and model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
-                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s)}
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s),
+                    "lock_loss": history[:, LOCK_LOSS]}
+        if self.joint:
+            out |= model.motions.row(state, model.motion_place)
         if self.balance:
             self._balance(out, state)
         if self.points:
             q = state.q.reshape(-1, 4, 3)
             out["points"] = np.array([np.einsum("ma,mac->c", weights, q[nodes]) for nodes, weights in self.points.values()])
+        if self.velocity:
+            v = state.v.reshape(-1, 4, 3)
+            out["point_velocity"] = np.array([np.einsum("ma,mac->c", weights, v[at]) for at, weights in self.points.values()])
+        if self.sections:
+            self._section_forces(out, state.q.reshape(1, -1, 4, 3))
         return out
+
+    def _section_forces(self, out: dict[str, Any], q: Array) -> None:
+        """At all points that lie on beams, NaN at others."""
+        out |= {"section_force": np.full((len(self.points), 3), np.nan), "section_moment": np.full((len(self.points), 3), np.nan)}
+        for k, section in enumerate(self.sections):
+            if section is not None:
+                found = section.at(np.zeros(1), q[:, :, 0], q[:, :, 1:])
+                out["section_force"][k] = found.N[0, 0], found.Q2[0, 0], found.Q3[0, 0]
+                out["section_moment"][k] = found.T[0, 0], found.M2[0, 0], found.M3[0, 0]
 
     def _balance(self, out: dict[str, Any], state: State) -> None:
         """What is stored and was dissipated, less what was put in."""
         model = self.model
         stored, sizes = out["total"], [self.scale["total"]]
+        lost, put_in = (state.history[begin:begin + len(of)].copy() for begin, of in (
+            (model.loss_place, model.losses), (model.drive_place, model.works)))
+        out |= {name: x for name, x in (("losses", lost), ("works", put_in)) if x.size}
+        sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
         if model.accounts_loads:
             out["external_work"] = float(state.history[model.work_place])
             # their potential is in the total as if they were constant
@@ -149,26 +197,40 @@ class Observer:
             history = state.history[:model.work_place].reshape(-1, HISTORY)
             if model.accounts_loads:
                 stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
-            stored += float(np.sum(history[:, (FRICTION_LOSS, STOP_LOSS)])) - float(np.sum(history[:, DRIVE_WORK]))
-            sizes += np.sum(np.abs(history[:, (FRICTION_LOSS, STOP_LOSS, DRIVE_WORK)]), axis=0).tolist()
+            stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
+            sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
+        stored += float(np.sum(lost)) - float(np.sum(put_in))
+        if model.motions is not None:
+            stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
+            sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
-    def add_forces(self, row: dict[str, Any], force: Array) -> None:
-        """Contact forces to a row, moments of sleeves and forces along the beam; force: of all constraints [F] at its time."""
+    def add_forces(self, row: dict[str, Any], force: Array, share: float | None = None) -> None:
+        """Forces to a row; force: of all constraints [F] at its time, then those of supports and joints where they are asked for;
+        share: load factor of an equilibrium."""
+        if self.reactions:
+            row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
+        if self.slider:
+            self._add_contact_forces(row, force[:self.model.n_forces], share)
+
+    def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
+        """Contact forces, moments of sleeves and forces along the beam."""
         s = self.model.n_sliders
         row["contact_force"] = force[:3 * s].reshape(-1, 3)
-        push = np.zeros(s)
+        push, edges = np.zeros(s), np.zeros(s)
         if self.moments:
             row["contact_moment"] = np.zeros((s, 3))
-            own = force[force.size - 3 * len(self._sections):].reshape(-1, 3)
-            for k, section, mu in zip(self.model.sleeve_pairs[:, 0], self._sections, own):
+            own = force[force.size - 3 * len(self._directions):].reshape(-1, 3)
+            bores = self.model.sleeves.edges.reshape(-1, 2)
+            for k, section, mu, bore in zip(self.model.sleeve_pairs[:, 0], self._directions, own, bores):
                 row["contact_moment"][k] = section.moment(mu)
                 push[k] = section.values(1) @ mu[:section.pairs]
+                edges[k] = bore @ (np.hypot(mu[0], mu[1]), abs(mu[2]))
         if self.forces is not None:
-            found = self.forces.at_row(*self._moment, row["contact_force"], push)
+            found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
-                    "stop_force": found.stop}
+                    "stop_force": found.stop, "lock_force": found.lock}
 
     def scales(self, step: float) -> dict[str, float]:
         """Sizes of the conserved series, by which their drift is measured: the largest that occurred, and of a scene at rest that
@@ -219,6 +281,12 @@ class Observer:
         """Header of the result."""
         model = self.model
         names = {**model.names, "points": list(self.points)}
+        if self.reactions:
+            names["reactions"] = self.reactions
+        names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
+        if model.motions is not None:
+            kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
+            names |= {"joints": model.motions.names, "coordinates": kinds}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
@@ -241,19 +309,27 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
 
 def conserved(model: Model) -> list[str]:
     """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
-    out = ["gap"]
-    if model.history_size:
+    out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
+    if model.balances:
         out.append("balance")
-    if not model.accounts_loads and (model.slider_forces is None or not model.slider_forces.exchanges):
+    exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
+    if not (model.accounts_loads or model.losses or model.works or exchanging):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
-    if not len(model.loads) and not held:
+    if not len(model.loads) and not held and model.drag is None:
         out += ["lin_mom", "ang_mom"]
     return out
 
 
 def _tied_rows(model: Model) -> Array:
     return model.ties.row if model.ties is not None else np.zeros(0, np.int64)
+
+
+def _section(model: Model, name: str, what: Any) -> Sections | None:
+    """The section of an observed point; None where it lies on no beam."""
+    if isinstance(what, NodeRef) and isinstance(what.owner, Beam):
+        what = what.owner, float(what.owner.basis.node_s[what.index])
+    return Sections(model, *what) if isinstance(what, tuple) else None
 
 
 def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:

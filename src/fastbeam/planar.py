@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .connections import TRIAD
+from .joint_motion import motions_in_plane
+from .joint_tables import conditions_in_plane, kept_in_plane
 from .kernels.beam import ElementTables
 from .kernels.inner import Inner, NoColumns, store_size
+from .kernels.joint_conditions import JointConditions
 from .kernels.kinds import PLANE
 from .kernels.layout import CONSTANTS, FACTORS, NODES, POINTS, REFERENCE
 from .kernels.nodes import Held
@@ -55,6 +58,8 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 
 
 def _plane_of(unpacked: Unpacked) -> Plane:
+    for force in unpacked.numbered.links.loaded.forces:
+        raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
     rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
@@ -62,12 +67,22 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               (v[:, 0], "the initial velocity of {} points out of the plane"),
               (unpacked.gravity[None], "gravity points out of the plane"),
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
+    turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
+    if unpacked.dragged is not None:
+        air = np.zeros((len(q), 3))
+        air[unpacked.dragged.node] = unpacked.dragged.air
+        within.append((air, "the air at {} moves out of the plane"))
+    if unpacked.prescribed is not None:
+        for way, axes in unpacked.prescribed.directions(len(q)):
+            within.append((way, "the motion of {} leaves the plane"))
+            turning.append((axes, "the rotation of {} is not about the normal of the plane"))
     speed, push = (float(np.max(np.abs(x), initial=0.0)) for x in (v[:, 0], rows[:, :, :3]))
     spins = _without_noise(np.cross(q[:, 1:], v[:, 1:]).sum(axis=1), speed / length)
     across = [(spins, "the initial spin of {} is not about the normal of the plane")]
     across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
                for x in rows[:, :, 3:6]]
+    across += turning
     normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
     axes = _axes(normal)
     normal = axes[2]
@@ -82,7 +97,9 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     u = flat[np.arange(len(q)), k]
     factor = flat * (np.conj(u) / np.abs(u))[:, None]
     vectors = unpacked.state.s.size + sum(link.law.is_vector for link in unpacked.kept)
-    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors)
+    singles = kept_in_plane(unpacked.kept, normal)[1]
+    single = sum(link.forces(3) for link in unpacked.kept if not link.law.is_vector)
+    plane = Plane(axes, float(q[0, 0] @ normal), _snapped(factor), _snapped(q[:, 1:] @ normal), vectors, singles, single)
     check_state(unpacked.state.q, unpacked.state.v, plane, length)
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
@@ -181,12 +198,12 @@ def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> Non
         kinds = np.stack((elements.section[some], c, s))
         first = np.flatnonzero(np.concatenate(([True], np.any(kinds[:, 1:] != kinds[:, :-1], axis=0))))
         within, beyond = _sections(c[first], s[first])
-        C = elements.stiffness[elements.section[some[first]]]
-        inner, outer, cross = (np.einsum("eia,eij,ejb->eab", x, C, y)
-                               for x, y in ((within, within), (beyond, beyond), (beyond, within)))
-        scale = np.einsum("eaa,ebb->eab", outer, inner)
-        refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)), "the section of {} couples strains in the plane with others",
-               first)
+        for C in (elements.stiffness, elements.viscosity):
+            inner, outer, cross = (np.einsum("eia,eij,ejb->eab", x, C[elements.section[some[first]]], y)
+                                   for x, y in ((within, within), (beyond, beyond), (beyond, within)))
+            scale = np.einsum("eaa,ebb->eab", outer, inner)
+            refuse(np.any(cross**2 > TOLERANCE**2 * scale, axis=(1, 2)),
+                   "the section of {} couples strains in the plane with others", first)
         e0 = elements.reference_strains[some]
         beyond = np.repeat(beyond, np.diff(np.append(first, some.size)), axis=0)
         off = np.abs(np.einsum("eia,epi->epa", beyond, e0)) > TOLERANCE * max(1.0, float(np.max(np.abs(e0))))
@@ -237,11 +254,16 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
                           numbers_of(found.ties), ties.moves)
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
+    kept = kept_in_plane(model.kept, axes[2])[0]
+    links = [_link(table, model, plane, ties) for table in model.links]
     sleeves, moments = sleeves_in_plane(model, plane)
+    if sleeves is not None:
+        sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
+        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
+        simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, links=tuple(_link(table, ties) for table in model.links), ties=ties, held=_held(model.held),
+        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties, held=_held(model.held),
         static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
 
 
@@ -256,10 +278,10 @@ def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> Ele
         for begin in range(0, every.size, CHUNK // 8):
             some = every[begin:begin + CHUNK // 8]
             part_of = np.searchsorted(begins, some, side="right") - 1
-            constants, strains = zip(*(_group_tables(*_some_groups(*parts[k], some[part_of == k] - begins[k]), plane)
-                                       for k in np.unique(part_of)))
-            meta[some, CONSTANTS] = pool.share(np.concatenate(constants))
-            meta[some, REFERENCE] = pool.append(np.concatenate(strains))
+            constants, viscosity, strains = (np.concatenate(x) for x in zip(*(
+                _group_tables(*_some_groups(*parts[k], some[part_of == k] - begins[k]), plane) for k in np.unique(part_of))))
+            meta[some, CONSTANTS] = pool.constants(constants, viscosity if packer.is_damped else None)
+            meta[some, REFERENCE] = pool.append(strains)
     meta[:, FACTORS] = np.where(meta[:, FACTORS] >= 0, meta[:, FACTORS] // 4, -1)
     return ElementTables(meta, pool.array(), tables.nodes, tables.rows, tables.blocks)
 
@@ -268,21 +290,21 @@ def _some_groups(elements: Elements, lane: Array, groups: Array) -> tuple[Elemen
     return elements, lane.reshape(-1, 8)[groups].reshape(-1)
 
 
-def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array, Array]:
-    """Constants and reference strains of groups of 8 elements, int [8 G]: [G, doubles] each."""
+def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array, Array, Array]:
+    """Constants, viscosities and reference strains of groups of 8 elements, int [8 G]: [G, doubles] each."""
     groups = lane.size // 8
     cos, sin = _angles(elements, lane, plane)
     c, s = cos[:, 0].reshape(groups, 8), sin[:, 0].reshape(groups, 8)
     within, _ = _sections(c, s)
     section = elements.section[lane].reshape(groups, 8)
-    inner = np.einsum("glia,glij,gljb->glab", within, elements.stiffness[section], within)
+    inner, viscous = (np.einsum("glia,glij,gljb->glab", within, x[section], within).reshape(groups, 8, 9).transpose(0, 2, 1)
+                      for x in (elements.stiffness, elements.viscosity))
     e0 = elements.reference_strains[lane]
     e0 = e0.reshape(groups, 8, *e0.shape[1:]).transpose(0, 2, 1, 3)
     strains = np.einsum("glia,gpli->gpal", within, e0)
     rho, i2, i3 = np.moveaxis(elements.inertia[section], 2, 0)
     inertia = np.stack((rho, i2 * c * c + i3 * s * s), axis=1)
-    flat = group_tables(elements, lane, PLANE, inner.reshape(groups, 8, 9).transpose(0, 2, 1), inertia)
-    return flat, strains.reshape(groups, -1)
+    return group_tables(elements, lane, PLANE, inner, inertia), viscous.reshape(groups, -1), strains.reshape(groups, -1)
 
 
 def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | None:
@@ -305,11 +327,19 @@ def _inner(inner: Inner | None, tables: list[ElementTables | None]) -> Inner | N
     return inner._replace(store=np.zeros(inner.store.size // 4), where=where)
 
 
-def _link(table: Any, ties: PlanarTies | None) -> Any:
-    """Springs and joints have the same tables, but for the tied nodes at their ends."""
-    if "ties" not in table._fields:
+def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> Any:
+    """Springs and joints have the same tables, but for the tied nodes at their ends and the axes that joints carry. None where
+    nothing is left of them in the plane."""
+    if isinstance(table, JointConditions):
+        table = conditions_in_plane(table, model.kept, plane)
+    if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)
+
+
+def _drag(drag: Any, axes: Array) -> Any:
+    """Drag has the same tables, but for the velocity of the air."""
+    return None if drag is None else drag._replace(air=(drag.air.reshape(-1, 3) @ axes[:2].T).reshape(-1))
 
 
 def _held(held: Held | None) -> Held | None:

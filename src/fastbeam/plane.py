@@ -35,6 +35,10 @@ class Plane:
         Constant component of the directors along the normal.
     vectors : int
         Forces of constraints that are vectors; behind them come single ones.
+    singles : int64 [*]
+        Of these the numbers of those that act in the plane.
+    single : int
+        Number of all of these in space.
     moments : float64 [O, 3]
         Of sleeves: their three multipliers in space next to the one in the plane. They come last.
     model : Model
@@ -46,6 +50,8 @@ class Plane:
     factor: Array
     normal: Array
     vectors: int
+    singles: Array
+    single: int
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     model: Any = None
 
@@ -69,7 +75,7 @@ class Plane:
         force = to_plane(state.force[:vectors].reshape(-1, 3), self.axes)
         about = np.sum(self.moments * state.force[moments:].reshape(-1, 3), axis=1)
         return State(numbers_of(q), numbers_of(v), state.s.copy(),
-                     np.concatenate((numbers_of(force), state.force[vectors:moments], about)), state.history.copy())
+                     np.concatenate((numbers_of(force), state.force[vectors:moments][self.singles], about)), state.history.copy())
 
     def expand(self, flat: State) -> State:
         """Coordinates in space."""
@@ -94,8 +100,10 @@ class Plane:
         """Forces of all constraints [*] in space."""
         vectors, moments = 2 * self.vectors, force.size - len(self.moments)
         about = force[moments:, None] * self.moments
+        single = np.zeros(self.single)
+        single[self.singles] = force[vectors:moments]
         return np.concatenate((to_space(np.ascontiguousarray(force[:vectors]).view(complex), self.axes).reshape(-1),
-                               force[vectors:moments], about.reshape(-1)))
+                               single, about.reshape(-1)))
 
     def holds(self, state: State) -> bool:
         """Whether a state lies in the plane."""

@@ -18,14 +18,14 @@ Line = tuple[Array, Array, Array, int]
 
 
 def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[Elements], v: Array, omega: Array,
-            lines: list[Line], kept: list[KeptLink], held: list[tuple[int, Section]],
+            lines: list[Line], kept: list[KeptLink], held: list[tuple[int, Section]], moving: tuple[Array, Array],
             ) -> tuple[Array, Array, tuple[float, float]]:
     """Velocities and spins [N, 3] that all connections, supports and sliders allow, and the kinetic energy before and after, J.
 
-    Weighed by the masses alone; what has no inertia changes as little as it may.
+    Weighed by the masses alone; what has no inertia changes as little as it may. moving: velocities and spins of supports.
     """
     mass = mass_matrix(scene, nodes, elements)
-    matrix, right = _constraints(scene, nodes, joints, lines, kept, held)
+    matrix, right = _constraints(scene, nodes, joints, lines, kept, held, moving)
     given = np.concatenate((v, omega), axis=1).reshape(-1)
     x = nearest(mass, matrix, right, given, np.arange(given.size) % 6 >= 3)
     found = x.reshape(-1, 6)
@@ -34,7 +34,7 @@ def project(scene: Scene, nodes: NodeList, joints: Connections, elements: list[E
 
 
 def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line],
-                 kept: list[KeptLink], held: list[tuple[int, Section]]) -> tuple[Any, Array]:
+                 kept: list[KeptLink], held: list[tuple[int, Section]], moving: tuple[Array, Array]) -> tuple[Any, Array]:
     """Rows of all constraints on (v, omega) of all nodes, sparse [m, 6 N], and their right-hand sides [m]."""
     from scipy import sparse
     rows: list[Array] = []
@@ -68,14 +68,16 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         add(parts, np.zeros(3))
     for k in np.flatnonzero(joints.held).tolist():
         if joints.held[k] & 7 and k not in joints.entries:
-            add([(k, 0, eye)], np.zeros(3))
+            add([(k, 0, eye)], moving[0][k])
         if joints.held[k] & 56 and joints.spin_root[k] == k:
-            add([(k, 1, eye)], np.zeros(3))
+            add([(k, 1, eye)], moving[1][k])
     for link in kept:
-        a, b = link.node
-        lead = link.law.lead(nodes.phi[b] - nodes.phi[a])
-        add([(b, 0, lead), (a, 0, -lead)], np.zeros(len(lead)))
+        by_motion = link.by_motion(nodes.coordinates(link.node))
+        parts = [(node, which, lead) for node, *both in by_motion for which, lead in enumerate(both)]
+        add(parts, np.zeros(len(parts[0][2])))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
+        if slider.starts_off:
+            continue
         tangent = slopes @ nodes.phi[number]
         if slider.rate is None:
             # any speed along the tangent: two rows across it

@@ -46,7 +46,7 @@ def load_result(path: str | PathLike[str]) -> Result:
     h5py = import_h5py()
     path = Path(path)
     for attempt in reversed(range(ATTEMPTS)):
-        left_open = _check_file(path)
+        left_open = check_file(path)
         try:
             return _load(h5py, path, left_open)
         except ResultFileError:
@@ -59,8 +59,8 @@ def load_result(path: str | PathLike[str]) -> Result:
 
 def _load(h5py: Any, path: Path, left_open: bool) -> Result:
     try:
-        with _LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
-            return _Reader(h5py, file, path, left_open).result()
+        with LeftOpen(path) if left_open else path.open("rb") as raw, h5py.File(raw, "r") as file:
+            return Reader(h5py, file, path, left_open).result()
     except ResultFileError:
         raise
     except MemoryError as error:
@@ -69,7 +69,7 @@ def _load(h5py: Any, path: Path, left_open: bool) -> Result:
         raise ResultFileError(f"result file '{path}': damaged ({type(error).__name__}: {error})") from error
 
 
-class _Reader:
+class Reader:
     """Reads one open file. Whoever wrote it may have meant harm: types, layouts and sizes are checked before anything is read."""
 
     def __init__(self, h5py: Any, file: Any, path: Path, left_open: bool) -> None:
@@ -248,7 +248,7 @@ def _expect(name: str, value: Any, kind: Any) -> None:
         raise ValueError(f"{name} is a {type(value).__name__}")
 
 
-def _check_file(path: Path) -> bool:
+def check_file(path: Path) -> bool:
     """Whether the file was never closed by its writer, from the superblock (HDF5 file format, version 3).
 
     Raises
@@ -275,7 +275,7 @@ def _check_file(path: Path) -> bool:
     return True
 
 
-class _LeftOpen(io.RawIOBase):
+class LeftOpen(io.RawIOBase):
     """A file whose writer runs or was killed, shown with the superblock of one that was closed.
 
     HDF5 opens such a file only as a reader beside a writer, and then waits without end where a checksum stays wrong.

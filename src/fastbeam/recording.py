@@ -88,7 +88,7 @@ class Rows:
         that the run ends."""
         if self.pending is None:
             return
-        if self.observer.slider:
+        if self.observer.needs_forces:
             self.observer.add_forces(self.pending[1], np.asarray(self._force(t, size, after, steps)))
         (time_of_row, row), self.pending = self.pending, None
         self._feed("append", row, time_of_row)

@@ -49,11 +49,14 @@ def describe(scene: Scene, model: Model) -> str:
         masses = model.bodies.node.size - len(scene.bodies)
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
                      f"{_plural(masses, 'point mass').replace('masss', 'masses')}")
-    loops = sum(link.law.is_vector for link in model.kept)
+    loops = sum(link.law.is_vector for link in model.kept) - sum(getattr(link, "is_pinned", False) for link in scene.links)
     if loops:
         lines.append(f"  closed loops       {_plural(loops, 'ball joint')} held by multipliers")
     for noun, count in Counter(type(link).kind for link in scene.links).items():
         lines.append(f"  {noun + 's':18} {_plural(count, noun)} between two points")
+    if model.user_forces:
+        lines.append(f"  user forces        {_plural(len(model.user_forces), 'law')}: {', '.join(model.user_forces[:4])}"
+                     + (", ..." if len(model.user_forces) > 4 else ""))
     if model.n_rows < model.n_nodes:
         shared = _plural(model.n_nodes - model.n_rows, "beam end")
         lines.append(f"  shared rows        {shared} of nets share the unknowns of another")

@@ -14,29 +14,14 @@ import numpy as np
 
 from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, checked, shown
 from .errors import SceneError
-
-Rows = Mapping[str, Any]
+from .exchanged import balance_of, joint_of
+from .exports import Exports
+from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, Readings
+from .rows import RowBuffer, Rows, listing
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
-# series of sliders with friction, drives or stops: velocity, forces on the point in the direction of growing s, energies
-EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss")
-ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", *EXCHANGED)
 # rows of Result.table: series, label, unit
-# one row of the series that pictures and tables read; words: as many as there are names of that kind
-ROWS: dict[str, tuple[int | str, ...]] = {
-    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
-                     "iterations", "step_size", "load_factor", "unstable_directions"), ()),
-    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
-    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)),
-    **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "points": ("points", 3)}
-# what the entries of names hold: numbers of nodes, or of nodes from 'first' on
-PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
-# what to write for series that are not there
-HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
-         "momentum": "momenta are 'lin_mom' and 'ang_mom'",
-         **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
-         **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 INVARIANTS = (("kinetic", "kinetic energy", "J"), ("potential", "potential energy", "J"), ("total", "total energy", "J"),
               ("balance", "energy balance", "J"),
               ("lin_mom", "linear momentum", "kg m/s"), ("ang_mom", "angular momentum", "kg m^2/s"),
@@ -79,65 +64,6 @@ class ResultHeader:
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
         """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3)."""
         return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3)}
-
-
-class RowBuffer:
-    """Columns that grow geometrically, so that appending costs O(1) per row.
-
-    Parameters
-    ----------
-    shapes : dict
-        Name -> shape of one row.
-    dtypes : dict, optional
-        Name -> type, float64 where absent.
-    capacity : int
-        Rows allocated at first.
-    """
-
-    def __init__(self, shapes: Mapping[str, tuple[int, ...]], dtypes: Mapping[str, type] | None = None,
-                 capacity: int = 64) -> None:
-        dtypes = dtypes or {}
-        self.n_rows = 0
-        self._capacity = max(1, int(capacity))
-        self._data = {name: np.empty((self._capacity, *shape), dtype=dtypes.get(name, np.float64))
-                      for name, shape in shapes.items()}
-
-    def __len__(self) -> int:
-        return self.n_rows
-
-    def append(self, rows: Rows, n: int | None = None) -> None:
-        """Add one row (n None) or a block of n rows (every array with first axis n).
-
-        Raises
-        ------
-        ValueError
-            The names are not those of the buffer, or a value has the wrong shape. The buffer is then unchanged.
-        """
-        if rows.keys() != self._data.keys():
-            raise ValueError(_name_mismatch(rows.keys(), self._data.keys()))
-        first, last = self.n_rows, self.n_rows + (1 if n is None else n)
-        if last > self._capacity:
-            self._grow(last)
-        for name, column in self._data.items():
-            value = np.asarray(rows[name])
-            expected = column.shape[1:] if n is None else (n, *column.shape[1:])
-            if value.shape != expected:
-                raise ValueError(f"series '{name}': expected shape {expected}, got {value.shape}")
-            column[first:last] = value
-        # counted last: a refused row leaves nothing behind
-        self.n_rows = last
-
-    def views(self) -> dict[str, np.ndarray]:
-        """Name -> array [n_rows, ...] without copying; later growth does not change them."""
-        return {name: column[: self.n_rows] for name, column in self._data.items()}
-
-    def _grow(self, needed: int) -> None:
-        capacity = max(needed, 2 * self._capacity)
-        grown = {name: np.empty((capacity, *old.shape[1:]), dtype=old.dtype) for name, old in self._data.items()}
-        for name, old in self._data.items():
-            grown[name][: self.n_rows] = old[: self.n_rows]
-        # an interrupt finds all columns grown or none
-        self._data, self._capacity = grown, capacity
 
 
 class ResultBuffer:
@@ -233,7 +159,7 @@ SERIES, NAMED = Series(), Word()
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
          phi=SERIES, directors=SERIES, events=Items(dict))
-class Result:
+class Result(Readings, Exports):
     """A finished or aborted run.
 
     Parameters
@@ -243,10 +169,10 @@ class Result:
     info : dict
         JSON-able facts about the run (scene, method, step, solver, iterations, wall time, versions, ...).
     names : dict of lists
-        'sliders' and 'points': names in the order of the series. 'beams': {'name', 'first', 'count', 'element_ends'} with
-        first node, number of nodes and element end nodes in the global list. 'nets': {'name', 'first', 'count', 'starts',
-        'junctions'}, the last two of every beam and every node of the net, counted from 'first'. 'bodies' and 'masses':
-        {'name', 'node'}.
+        'sliders', 'points', 'losses', 'works': names in the order of the series. 'beams': {'name', 'first', 'count',
+        'element_ends'} with first node, number of nodes and element end nodes in the global list. 'nets': {'name', 'first',
+        'count', 'starts', 'junctions'}, the last two of every beam and every node of the net, counted from 'first'. 'bodies' and
+        'masses': {'name', 'node'}.
         'slider_nodes': node of each slider's point (optional).
     t : ndarray [n]
         Times of the rows, s.
@@ -254,7 +180,8 @@ class Result:
         'kinetic', 'potential', 'strain', 'gravity', 'total' [n] (J); 'lin_mom' (kg m/s), 'ang_mom' (kg m^2/s) [n, 3]; 'gap',
         's_slide' [n, n_sliders] (m); 'contact_force' [n, n_sliders, 3] (N; info['contact_force'] says which it is, NaN where no
         steps tell it); 'contact_moment' of sleeves [n, n_sliders, 3] (N m, on the holder); 'points', 'slider_position' [n, ...,
-        3] (m); 'iterations', 'step_size' [n]. Only what was recorded is present.
+        3] (m); 'losses', 'works' [n, parts] (J), energies taken away and put in since the start;
+        'iterations', 'step_size' [n]. Only what was recorded is present.
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
     events : list of dict
@@ -305,10 +232,24 @@ class Result:
                 out[key] = self.series[series][:, k]
         return out
 
+    @checked(name=NAMED)
+    def joint(self, name: str) -> dict[str, np.ndarray]:
+        """What a joint with axes leaves free, zero at t = 0, [n]: angle (rad) and spin (rad/s), distance (m) and speed (m/s);
+        energy of its spring, loss of its damper and work of its motor (J).
+
+        Raises
+        ------
+        SceneError
+            There is no such joint, or it leaves nothing free.
+        """
+        self._index("joints", "joint", name)
+        return joint_of(self, name)
+
     @checked()
     def balance(self) -> dict[str, np.ndarray]:
         """Energies of all parts over time, [n] each, J: what is stored ('kinetic', 'strain', 'stops', 'gravity'), what was taken
-        away ('friction of slider ...'), and with a minus what was put in ('drive of slider ...', 'loads'); 'sum' is constant.
+        away ('friction of slider ...', 'damping of beam ...', 'damper of joint ...'), and with a minus what was put in ('drive of
+        slider ...', 'motor of joint ...', 'motion of ...', 'loads'); 'sum' is constant.
 
         Where loads change in time or are moments, 'loads' is their work and that of gravity since the start.
 
@@ -317,24 +258,8 @@ class Result:
         SceneError
             The run did not record energies.
         """
-        energies = {name: np.asarray(self._series(name)) for name in ("kinetic", "strain")}
-        stops = self.series["stop_energy"].sum(axis=1) if "stop_energy" in self.series else np.zeros(len(self.t))
-        if np.any(stops):
-            energies["stops"] = stops
-        if "external_work" in self.series:
-            energies["loads"] = -self.series["external_work"]
-        else:
-            energies["gravity"] = self._series("gravity")
-            loads = self._series("potential") - energies["strain"] - energies["gravity"] - stops
-            if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(self._series("potential")), initial=0.0)):
-                energies["loads"] = loads
-        accounts = ("friction_loss", "friction", 1.0), ("stop_loss", "stops", 1.0), ("drive_work", "drive", -1.0)
-        for series, noun, sign in accounts:
-            for k, name in enumerate(self.names.get("sliders", []) if series in self.series else []):
-                if np.any(self.series[series][:, k]):
-                    energies[f"{noun} of slider {name!r}"] = sign * self.series[series][:, k]
-        energies["sum"] = np.sum(list(energies.values()), axis=0)
-        return energies
+        self._series("kinetic")
+        return balance_of(self)
 
     @checked(name=NAMED)
     def deviation(self, name: str) -> np.ndarray:
@@ -432,14 +357,14 @@ class Result:
     def _series(self, name: str) -> np.ndarray:
         if name not in self.series:
             hint = HINTS.get(name, "")
-            raise SceneError(f"series '{name:.60}' was not recorded: choose from {_listing(self.series)}{hint and f'; {hint}'}")
+            raise SceneError(f"series '{name:.60}' was not recorded: choose from {listing(self.series)}{hint and f'; {hint}'}")
         return self.series[name]
 
     def _index(self, kind: str, noun: str, name: str) -> int:
         known = self.names.get(kind, [])
         if name not in known:
-            raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {_listing(known)}")
-        k, columns = known.index(name), self._series("s_slide" if kind == "sliders" else "points").shape[1]
+            raise SceneError(f"{noun} '{name:.60}' is not in this result: choose from {listing(known)}")
+        k, columns = known.index(name), self._series(COLUMNS[kind]).shape[1]
         if k >= columns:
             raise SceneError(f"{noun} '{name:.60}' has no rows: the series of this result hold {columns} of {len(known)}")
         return k
@@ -462,7 +387,7 @@ class Result:
 
     def _check_names(self, n_nodes: int | None) -> None:
         """What `names` says about nodes fits their number (None: no shapes are there)."""
-        for kind in ("sliders", "points"):
+        for kind in (*COLUMNS, "losses", "works"):
             if not all(isinstance(name, str) for name in self.names.get(kind, [])):
                 raise SceneError(f"names: '{kind}' must hold texts, got {shown(self.names[kind])}")
         nodes = self.names.get("slider_nodes", [])
@@ -486,13 +411,3 @@ class Result:
 def _is_node(k: Any, n: int | None) -> bool:
     """Whether k is the number of one of n nodes (None: of any number)."""
     return isinstance(k, (int, np.integer)) and not isinstance(k, bool) and 0 <= k and (n is None or k < n)
-
-
-def _listing(names: Iterable[str]) -> str:
-    return ", ".join(f"'{name}'" for name in sorted(names)) or "nothing (none recorded)"
-
-
-def _name_mismatch(got: Iterable[str], expected: Iterable[str]) -> str:
-    missing, extra = set(expected) - set(got), set(got) - set(expected)
-    parts = [f"missing {_listing(missing)}"] * bool(missing) + [f"not in the header {_listing(extra)}"] * bool(extra)
-    return "rows do not match the header: " + "; ".join(parts)

@@ -15,31 +15,26 @@ from .arguments import Anything, Count, FilePath, Flag, Function, Instance, Numb
 from .callback import Callback
 from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check_times, start_clock
 from .contact_force import AT_END, AT_ROWS, ContactForces
-from .dynamics import UNRESOLVED_TURN, StepControl, composition, failure, run_to_end_of_beam
+from .dynamics import StepControl, composition, failure
+from .encounters import CONDITION, Encounters
 from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
 from .impacts import Impacts
 from .interrupt import Calls, Interrupts
-from .kernels.step import NOT_CONVERGED, OK, SLIDER_END
+from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
+from .locking import Locking
 from .methods import choose_method
 from .model import Model, check_model
 from .newton import AUGMENTATION, Outcome, Stepper
 from .observe import OBSERVED, POINTS, Observer, conserved
 from .progress import Progress
+from .reactions import ReactingStepper
 from .recording import Rows
-from .resolution import Resolution
 from .result import Result
-from .starting import AT_STOP, check_start
+from .starting import check_start
+from .watching import Watch
 
 Array = np.ndarray
-# steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
-STEPS_A_LOOK = 50
-# relative drift of an invariant beyond which round-off cannot be all
-LARGEST_DRIFT = 1e-6
-# what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
-NEXT_TO_NOTHING = 1e-6
-# events of one kind that name a part each
-MOST_NAMED = 100
 TIME, STEP = Number(unit="s"), Number(above=0.0, unit="s")
 START = Instance((State, Checkpoint), "a State (result.state, model.state()) or Checkpoint")
 
@@ -51,7 +46,7 @@ START = Instance((State, Checkpoint), "a State (result.state, model.state()) or 
          augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
-             observe: Sequence[str] = ("energy", "momentum", "slider"), points: Mapping[str, Any] | None = None,
+             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Any] | None = None,
              every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
@@ -81,8 +76,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
         sliders do not allow is refused; a support holds its node where the state has it.
-    observe : sequence of {'energy', 'momentum', 'slider', 'inner'}
-        What is recorded; `()` computes none of it.
+    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'inner', 'velocity', 'section', 'reaction'}
+        What is recorded: 'velocity', 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2).
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
     every : int
@@ -92,12 +87,10 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     file : path
         Write the result to this HDF5 file as the run goes.
     checkpoint, checkpoint_every : path, float
-        Keep a checkpoint in this file, renewed at the first row that many seconds after the last one (0: at every row) and when
-        the run ends. An older checkpoint of that name is replaced.
+        Renew a checkpoint in this file at the first row that many seconds after the last one (0: at every row) and at the end.
     callback : callable
-        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space that
-        cannot be written to. It may watch and record; where it changes what a load's time function returns, the load acts a step
-        late: an event says so, and step control refuses it.
+        Called with (t, state) at every row but the first; returning True ends the run there. The state is a copy in space, not to
+        be written to. Where it changes what a load's time function returns, an event says so, and step control refuses it.
     tolerance : float
         Step control: local error of a position per step, relative to the size of the scene.
     min_step, max_step : float
@@ -171,7 +164,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         control = StepControl(tolerance, order, smallest, largest)
         check_times(clock.now, t_end, smallest, "min_step")
     memory = start.memory if isinstance(start, Checkpoint) else None
-    stepper = Stepper(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
+    make = ReactingStepper if "reaction" in observe else Stepper
+    stepper = make(model, weights, state, max_iterations, backend, chosen, clock.now, memory, augmentation, threads)
     run = _Run(model, stepper, Observer(model, observe, points), clock, t_end, order, snapshots, file, overwrite, callback,
                control, progress, checkpoint, checkpoint_every)
     run.notes = notes
@@ -179,7 +173,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     return run.go(every)
 
 
-class _Run:
+class _Run(Encounters):
     """One run: drives the stepper and feeds rows to memory and file."""
 
     def __init__(self, model: Model, stepper: Stepper, observer: Observer, clock: Clock, t_end: float, order: int,
@@ -196,10 +190,9 @@ class _Run:
         at_end = stepper.method.at_end
         if observer.slider:
             self.info["contact_force"] = AT_END if at_end else AT_ROWS
-        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.slider and not at_end else None
+        forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.needs_forces and not at_end else None
         self.rows = Rows(observer, stepper, clock, forces, t_end, observer.header(self.info), snapshots, file, overwrite)
         self.memory, self.event = self.rows.memory, self.rows.event
-        self.turns_are_resolved = True
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.iterations = self.steps = 0
         # kind and text of what is to be said of the start
@@ -209,8 +202,8 @@ class _Run:
         self.impacts = Impacts(model)
         # whether the clock lags behind the state
         self.between = False
-        self.resolution: Resolution | None = None
-        self.next_look, self.steps_to_look = clock.now, STEPS_A_LOOK
+        self.locking = Locking(model)
+        self.watch = Watch(model, stepper, self.event, clock.now, t_end)
 
     def keep_checkpoint(self, present: Checkpoint | None = None) -> None:
         """Renew the checkpoint file, at the end of a run or where its time has come."""
@@ -227,39 +220,6 @@ class _Run:
         return self.clock.checkpoint(self.model, self.stepper.copy_state(), self.control is not None, self.stepper.memory,
                                      self.impacts.times)
 
-    # --- what a user must not miss ------------------------------------------------------------------------------------
-    def name_massless(self) -> None:
-        """An event for each beam whose triads nothing holds."""
-        massless = self.model.massless if self.stepper.plane is None else ()
-        for beam in massless[:MOST_NAMED]:
-            self.event({"kind": "massless", "time": self.t_start,
-                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
-                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
-        if len(massless) > MOST_NAMED:
-            self.event({"kind": "massless", "time": self.t_start,
-                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
-
-    def watch_turns(self, t: float, h: float) -> None:
-        """An event where a step turns a triad further than it can resolve, once a run."""
-        node, turn = self.stepper.largest_turn()
-        if turn > UNRESOLVED_TURN and self.turns_are_resolved:
-            self.turns_are_resolved = False
-            self.event({"kind": "unresolved", "time": t,
-                        "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
-                                f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
-
-    def watch_drift(self) -> None:
-        """An event where the conserving step did not conserve: then its equations were not solved."""
-        if self.stepper.method.name == "energy_momentum":
-            result = self.memory.close(self.info)
-            for name in self.info["conserved"]:
-                drift = result.drift(name) if name in result.series else 0.0
-                if not drift <= LARGEST_DRIFT:
-                    self.event({"kind": "drift", "time": self.clock.now,
-                                "text": f"{name} should be constant and drifted by {drift:.2g} of its size: do not trust this "
-                                        "run; use a smaller step, bring the scene near the origin and at rest, and compare "
-                                        "with solver='sparse', eliminate_inner=False"})
-
     def call_back(self, t: float, size: float) -> bool:
         """Call the user's function; whether the run ends here. Loads that it changes are lagging."""
         known = self.callback.found
@@ -271,20 +231,6 @@ class _Run:
                                        "time alone", step=self.steps, time=t, state=self.stepper.copy_state())
             self.event({"kind": "lagging load", "time": t, "text": f"{text}: halve the step to see how much"})
         return stop
-
-    def watch_mesh(self, t: float, last: bool = False) -> None:
-        """Remember where elements do not resolve the present shape, a few times a run; at the end events say so."""
-        if not self.observer.energy:
-            return
-        if self.resolution is None:
-            self.resolution = Resolution(self.model)
-        if last or (t >= self.next_look and self.steps >= self.steps_to_look):
-            self.resolution.look(t, self.stepper.state.q)
-            self.next_look = t + (self.t_end - self.t_start) / self.resolution.looks
-            self.steps_to_look = self.steps + STEPS_A_LOOK
-        if last:
-            for event in self.resolution.events():
-                self.event(event)
 
     # --- the run ------------------------------------------------------------------------------------------------------
     def go(self, every: int) -> Result:
@@ -300,18 +246,21 @@ class _Run:
         try:
             # the first row compiles the kernels of its quantities
             self.stepper.begin_compilation()
+            if self.happen(clock.now):
+                clock.before = clock.before_size = None
             self.rows.first()
             for kind, text in self.notes:
                 self.event({"kind": kind, "time": self.t_start, "text": text})
-            self.name_massless()
+            self.watch.massless()
             for t, outcome, size, row_due in self.chunks(every):
                 self.took(t, outcome, size)
                 self.between = False
                 if row_due:
                     self.rows.open(t, outcome.iterations // max(outcome.steps, 1), size)
                     if outcome.status == OK:
-                        self.watch_turns(t, size)
-                    self.watch_mesh(t)
+                        self.watch.turns(t, size)
+                    if self.observer.energy:
+                        self.watch.mesh(t, self.steps)
                     if self.callback is not None:
                         with self.interrupts.at_once():
                             ended = self.call_back(t, size)
@@ -341,9 +290,9 @@ class _Run:
             if self.control is not None:
                 self.info |= {"tolerance": self.control.tolerance, "accepted": self.control.accepted,
                               "rejected": self.control.rejected}
-            if not self.between:
-                self.watch_mesh(clock.now, last=True)
-            self.watch_drift()
+            if not self.between and self.observer.energy:
+                self.watch.mesh(clock.now, self.steps, last=True)
+            self.watch.drift(clock.now, self.memory.close(self.info), self.info["conserved"])
             self.rows.end(self.info)
         # the clock knows no time for a state that a second Ctrl-C left somewhere in a step
         present = None if self.between else self.present()
@@ -379,32 +328,32 @@ class _Run:
         t, h = clock.now, clock.size
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
         quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
-        left, last = clock.plan(self.t_end) if self.control is None else (0, 0.0)
+        end, left, last = self.plan()
         while t < self.t_end:
             begin = time.perf_counter()
             self.between = True
             whole = left > 0
             if self.control is not None:
                 planned = min(max(h, self.control.smallest), self.control.largest)
-                rest = self.t_end - t
+                rest = end - t
                 # neither a sliver at the end nor a step beyond the largest
                 sliver = planned < rest < (1.0 + SLIVER) * planned
                 cut = 0.5 * rest if sliver and rest > self.control.largest else rest if sliver else min(planned, rest)
-                size, h, outcome = self.calls.controlled(self.control, t, cut, self.steps)
+                size, h, outcome = self.controlled(t, cut)
                 # a step that was cut to meet the end says nothing about the next
                 h = max(h, planned) if size == rest or size == cut != planned else h
-                reached = self.t_end if size == rest else t + size
+                reached = end if size == rest else t + size
             elif whole:
                 size = self.step
-                outcome = self.calls.advance(clock.origin, size, min(every, left), clock.done)
+                outcome = self.advance(clock.origin, size, min(every, left), clock.done)
                 left -= outcome.steps
                 reached = clock.count(outcome.steps)
                 if outcome.status == OK and not left and not last:
-                    reached = self.t_end
+                    reached = end
             else:
                 size = last
-                outcome = self.calls.advance(t, size, 1)
-                reached = self.t_end
+                outcome = self.advance(t, size, 1)
+                reached = end
             if outcome.status == OK and not outcome.steps:
                 # left before the first step was done
                 self.between, h = False, clock.size
@@ -413,14 +362,15 @@ class _Run:
             if not whole:
                 reached = reached if outcome.status == OK else t
                 clock.leave_grid(reached)
-            if outcome.status == SLIDER_END:
+            if outcome.status in (SLIDER_END, CONDITION):
                 self.progress.update(reached - t)
                 clock.size = h
-                goes_on = yield from self.end_of_beam(reached, outcome, size)
+                ends = self.end_of_beam if outcome.status == SLIDER_END else self.to_condition
+                goes_on = yield from ends(reached, outcome, size)
                 if not goes_on:
                     return
                 t = clock.now
-                left, last = clock.plan(self.t_end) if self.control is None and t < self.t_end else (0, 0.0)
+                end, left, last = self.plan()
                 continue
             if outcome.status != OK:
                 failed = failure(self.stepper, outcome, reached, self.steps + outcome.steps, size)
@@ -431,61 +381,16 @@ class _Run:
             self.progress.update(reached - t)
             t = clock.now = reached
             clock.size, self.impacts.in_a_row = h, 0
+            if self.locking.lifting or t >= end and self.locking.next_time(self.stepper.state) <= t:
+                # the row of this time is behind what happens now
+                self.took(t, outcome, size)
+                outcome = replace(outcome, steps=0, iterations=outcome.iterations // max(outcome.steps, 1))
+                self.happen(t)
+                self.count_from(t)
+                end, left, last = self.plan()
             yield t, outcome, size, True
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
-
-    def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
-        """A step to the end of the beam, or the rigid stop, that a slider reached; whether the run goes on behind it."""
-        if outcome.steps:
-            yield t, replace(outcome, status=OK), h, True
-        self.between, self.calls.intact = True, False
-        last, final, slider = run_to_end_of_beam(self.stepper, t, h)
-        s = float(self.stepper.state.s[slider])
-        low, high = self.model.slider_limits[slider]
-        end = "end" if s >= 0.5 * (low + high) else "start"
-        is_impact = self.impacts.is_rigid(slider, end == "end")
-        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
-        if last > 0.0:
-            t = self.t_end if is_impact and self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last
-            self.progress.update(last)
-            self.clock.leave_grid(t)
-        if is_impact and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
-            self.took(t, final, last)
-            # where a step a little longer takes another branch of friction, this one ends before the stop
-            if arrives:
-                self.impact(slider, t, end)
-            # the row, the callback and the checkpoint of this time are behind the impact
-            self.count_from(t)
-            if last > 0.0:
-                yield t, replace(final, steps=0), last, True
-            self.between = False
-            return True
-        if last > 0.0:
-            yield t, final, last, True
-        self.between = False
-        if is_impact:
-            raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
-        name = self.model.names["sliders"][slider]
-        self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
-                    "text": f"slider {name!r} reached the {end} of its {self.model.track} at t = {t:.6g} s; the run ends here"})
-        return False
-
-    def impact(self, slider: int, t: float, end: str) -> None:
-        """A slider has met a rigid stop: go on with the velocities behind that."""
-        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step))
-        if self.impacts.number <= MOST_NAMED:
-            name = self.model.names["sliders"][slider]
-            self.event({"kind": "impact", "time": t, "slider": name, "end": end,
-                        "text": f"slider {name!r} met its stop at the {end} at t = {t:.6g} s"})
-
-    def count_from(self, t: float) -> None:
-        """Count steps from a time within one; forces of rows look ahead there."""
-        clock = self.clock
-        clock.now, clock.before, clock.before_size = t, None, None
-        if self.control is None:
-            clock.origin, clock.done, clock.on_grid = t, 0, True
-        self.rows.reopen(t)
 
 
 @cache

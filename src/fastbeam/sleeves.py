@@ -38,7 +38,10 @@ def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
             of_slider[k] = len(axes)
             axes.append(_axes(slider, nodes))
     keyed = np.array([sleeve.keyed for sleeve in scene.sleeves], np.int64)
-    return Sleeves(of_slider, np.array([len(scene.sliders) + joints]), keyed, np.concatenate(axes).reshape(-1))
+    edges = np.array([(2.0 / sleeve.length if sleeve.length else 0.0, 1.0 / sleeve.key_radius if sleeve.key_radius else 0.0)
+                      for sleeve in scene.sleeves])
+    return Sleeves(of_slider, np.array([len(scene.sliders) + joints]), keyed, np.concatenate(axes).reshape(-1),
+                   edges.reshape(-1))
 
 
 def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:

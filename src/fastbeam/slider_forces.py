@@ -1,14 +1,16 @@
-"""Friction, drives and stops of sliders as tables, what drives are given in every step, and their forces at rows."""
+"""Friction, drives, stops and locks of sliders as tables, what drives are given in every step, and their forces at rows."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ._jit import compiled_law
 from .errors import SceneError
-from .kernels.along import AGAINST, CONTROL, FORCE, HISTORY, INCREMENT, LAW, NO_DRIVE, POSITION, SIGN, Along
+from .kernels.along import (AGAINST, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, NO_DRIVE, OFF, POSITION, SIGN, TURNS,
+                            Along)
 from .scene import Drive, Slider
 from .scene.checks import called
 from .scene.sliding import FORWARD, SHORT
@@ -30,6 +32,7 @@ class AtRow:
     friction: Array
     drive: Array
     stop: Array
+    lock: Array
 
 
 class SliderForces:
@@ -51,7 +54,8 @@ class SliderForces:
         self._laws: dict[int, Any] = {}
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
                             np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n),
-                            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64))
+                            np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
+                            np.zeros(n, np.int64))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
 
@@ -95,7 +99,23 @@ class SliderForces:
     @property
     def acts_on(self) -> Array:
         """Whether a slider has any, bool [S]."""
-        return np.array([x.friction is not None or x.drive is not None or x.stops is not None for x in self.sliders])
+        return np.array([not x.slides_freely for x in self.sliders])
+
+    @property
+    def lets_go_of(self) -> Array:
+        """Whether a slider is locked at some time or may leave its beam, bool [S]."""
+        return np.array([not (x.lock is None and x.release is None and x.one_sided is None) for x in self.sliders])
+
+    @property
+    def hold_by_friction(self) -> Array:
+        """Which sliders Coulomb friction can hold at rest, bool [S]."""
+        t = self.tables
+        return (t.friction > 0.0) & (t.smoothing == 0.0) & ~np.isin(t.drive, (POSITION, INCREMENT))
+
+    def has_functions(self, of: Array) -> bool:
+        """Whether drives of some sliders, bool [S], are functions of time alone that count when nothing moves."""
+        return any(x is not None and not x.takes_state and (callable(x.position) or callable(x.force))
+                   for x, mine in zip(self._drives, of) if mine)
 
     @property
     def dissipates(self) -> bool:
@@ -106,8 +126,49 @@ class SliderForces:
 
     @property
     def exchanges(self) -> bool:
-        """Whether the total energy changes: there is more than stops."""
-        return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE))
+        """Whether the total energy changes: there is more than elastic stops."""
+        return self.dissipates or bool(np.any(self.tables.drive != NO_DRIVE)) or self.lets_go
+
+    @property
+    def lets_go(self) -> bool:
+        """Whether sliders are locked or leave their beams."""
+        return bool(self.lets_go_of.any())
+
+    @property
+    def leaves(self) -> bool:
+        """Whether a slider may leave its beam."""
+        return any(x.release is not None or x.one_sided is not None for x in self.sliders)
+
+    @property
+    def locked_at_start(self) -> Array:
+        """Whether sliders are locked from the start, bool [S]."""
+        return np.array([x.lock is not None and x.lock[0].from_start for x in self.sliders])
+
+    @property
+    def off_at_start(self) -> Array:
+        """Whether points are away from their beams at the start, bool [S]."""
+        return np.array([x.starts_off for x in self.sliders])
+
+    @property
+    def initial_history(self) -> Array:
+        """`State.history` at the start, float64 [9 S]."""
+        out = np.zeros((len(self.sliders), HISTORY))
+        locked = self.locked_at_start
+        out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
+        out[self.off_at_start, HELD] = OFF
+        return out.reshape(-1)
+
+    @property
+    def plan(self) -> Array:
+        """What locks and releases wait for, as numbers: times and places, NaN where it is something else; float64 [*]."""
+        out: list[float] = []
+        for slider in self.sliders:
+            waits = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
+            waits += [] if slider.release is None else [slider.release.when]
+            waits += [] if slider.one_sided is None else [*slider.one_sided.side.tolist(), slider.one_sided.restitution,
+                                                              float(slider.one_sided.catch)]
+            out += [x if isinstance(x, float) else np.nan for x in waits] + [np.inf]
+        return np.array(out)
 
     @property
     def size(self) -> int:
@@ -118,7 +179,17 @@ class SliderForces:
         """The tables with arrays of one run; mass: of the scene, kg."""
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against")})
+                                       ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held")})
+
+    @cached_property
+    def sides(self) -> Array:
+        """In which direction of the triads of their beams sliders may lift off, 0 where they may not, float64 [S, 3]."""
+        out = np.zeros((len(self.sliders), 3))
+        for k, slider in enumerate(self.sliders):
+            if slider.one_sided is not None:
+                out[k] = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
+        out[:, 0] = 0.0
+        return out
 
     # --- what drives are given ----------------------------------------------------------------------------------------
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
@@ -215,7 +286,8 @@ class SliderForces:
         beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
         return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
 
-    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array) -> AtRow:
+    def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array,
+               edges: Array, share: float | None = None) -> AtRow:
         """Forces along the beam at time t.
 
         Parameters
@@ -223,17 +295,21 @@ class SliderForces:
         t : float
         s, rate : float64 [S]
             Places, m, and velocities ds/dt, m/s.
-        history : float64 [S, 6]
+        history : float64 [S, 9]
             Of the state.
         tangent, force : float64 [S, 3]
             Derivatives of the curves by s; contact forces, N.
         push : float64 [S]
             Of the moments of sleeves along the beam, N.
+        edges : float64 [S]
+            What these moments press on the edges of bores, N.
+        share : float, optional
+            The load factor of an equilibrium.
         """
         table, sign = self.tables, history[:, SIGN]
         along = np.sum(force * tangent, axis=1)
         long = np.linalg.norm(tangent, axis=1)
-        across = np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) * long
+        across = (np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) + edges) * long
         along = along - push
         stiff = table.stops[:, 2]
         beyond = np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)
@@ -241,7 +317,7 @@ class SliderForces:
         drive = np.zeros(len(s))
         prescribed = np.isin(table.drive, (POSITION, INCREMENT))
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
-            drive[k] = self._drive_at(k, t, s[k], rate[k])
+            drive[k] = self._drive_at(k, t, s[k], rate[k]) if share is None else self.at_rest(k, t, s[k], share)
         direction = np.where(prescribed, np.sign(rate), sign)
         smooth = table.smoothing > 0.0
         direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), direction)
@@ -253,7 +329,10 @@ class SliderForces:
         against = history[:, AGAINST] != 0.0
         friction = np.where(against, np.clip(along - drive, -table.friction * across, table.friction * across), friction)
         stop = np.where(against, along - drive - friction, stop)
-        return AtRow(along, friction, drive, stop)
+        locked, off = history[:, HELD] == LOCKED, history[:, HELD] == OFF
+        friction, drive = np.where(locked | off, 0.0, friction), np.where(off, 0.0, drive)
+        stop = np.where(off | locked & ~(stiff > 0.0), 0.0, stop)
+        return AtRow(along, friction, drive, stop, np.where(locked, along - drive - stop, 0.0))
 
     def _drive_at(self, k: int, t: float, s: float, rate: float) -> float:
         kind, gains = self.tables.drive[k], self.tables.gains[k]
@@ -264,6 +343,19 @@ class SliderForces:
             return given[0]
         return float(np.clip(gains[0] * (given[0] - s) + gains[1] * (given[1] - rate), -gains[2], gains[2]))
 
+    def at_rest(self, k: int, t: float, s: float, share: float) -> float:
+        """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor
+        `share`, with which it grows like a load."""
+        kind, gains = self.tables.drive[k], self.tables.gains[k]
+        if kind == LAW:
+            return share * float(self.sliders[k].drive.force(t, s, 0.0))
+        given = self._given(k, t, 0.0)[0]
+        return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - s), -gains[2], gains[2])))
+
+    def place_given(self, k: int, t: float) -> float:
+        """Where a drive puts slider k at time t, m."""
+        return self._value(k, "position", t)
+
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
     """None where no slider has any.
@@ -273,7 +365,7 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
     SceneError
         A prescribed position does not begin where its slider stands.
     """
-    if all(x.friction is None and x.drive is None and x.stops is None for x in sliders):
+    if all(x.slides_freely for x in sliders):
         return None
     found = SliderForces(sliders)
     for k in np.flatnonzero(found.tables.drive == POSITION).tolist():

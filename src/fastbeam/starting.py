@@ -8,6 +8,7 @@ import numpy as np
 
 from .arguments import shown
 from .errors import SceneError
+from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
 from .mapping import contact, curve_at, follow
@@ -152,13 +153,15 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
     add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * TIED, MENDABLE)
     add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", TIED * speed + noise, MENDABLE * speed)
     add("the spin of {} is", (v - rate)[led, 1:] * length, led, "m/s", TIED * speed + noise, MENDABLE * speed)
-    held = model.held_mask
-    held[_follows(model)] = 0
+    held = _standing(model)
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
         add(what, v[still, part] * (1.0 if bits == 7 else length), still, "m/s", 1e-12 * speed, MENDABLE * speed)
+    away = off_beam(model, state)
     for k, name in enumerate(model.names["sliders"]):
+        if away[k]:
+            continue
         gap, tangent, relative = contact(model, k, state.s[k], q, v)
         across = relative - (relative @ tangent) / (tangent @ tangent) * tangent
         out.append(Misfit(f"slider {name!r}: its point lies", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
@@ -175,20 +178,29 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
                           float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
     for link in model.kept:
-        a, b = link.node
-        r, moving = q[b, 0] - q[a, 0], v[b, 0] - v[a, 0]
-        gap, rate = link.law.gap(r, _at_start(model, link)), link.law.lead(r) @ moving
-        out.append(Misfit(f"{link.name}: its points lie", float(np.linalg.norm(gap)), "m", GAP * reach, MENDABLE * length))
-        out.append(Misfit(f"{link.name}: the velocity of its points is", float(np.linalg.norm(rate)), "m/s",
-                          UNTRUE * speed + noise, np.inf))
+        x, moving = q[list(link.node)], v[list(link.node)]
+        gap, rate = link.law.gap(x, _at_start(model, link)), np.einsum("msic,sic->m", link.law.lead(x), moving)
+        # the size of the scene makes a velocity of the rate of an angle
+        place, what, unit = ("its directions are", "the rate of its directions is", "rad") if link.law.is_angle else (
+            "its points lie", "the velocity of its points is", "m")
+        big, wide = (1.0, length) if link.law.is_angle else (reach, 1.0)
+        out.append(Misfit(f"{link.name}: {place}", float(np.linalg.norm(gap)), unit, GAP * big,
+                          MENDABLE * (1.0 if link.law.is_angle else length)))
+        out.append(Misfit(f"{link.name}: {what}", float(np.linalg.norm(rate)) * wide, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
     return out
 
 
+def off_beam(model: Model, state: State) -> Array:
+    """Whether sliders have left their beams, bool [S]."""
+    if model.slider_forces is None:
+        return np.zeros(model.n_sliders, bool)
+    return np.asarray(state.history[:model.work_place].reshape(-1, HISTORY)[:, HELD] == OFF)
+
+
 def _at_start(model: Model, link: KeptLink) -> Array:
-    """x_b - x_a of a joint in the reference shape."""
-    a, b = (model.q0.reshape(-1, 12)[k, :3] for k in link.node)
-    return b - a
+    """Coordinates of both nodes of a joint in the reference shape, [2, 4, 3]."""
+    return model.q0.reshape(-1, 4, 3)[list(link.node)]
 
 
 def _follows(model: Model) -> Array:
@@ -206,11 +218,19 @@ def _joint_of(model: Model, node: int) -> str:
     return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
 
 
+def _standing(model: Model) -> Array:
+    """Of every node which of its unknowns a support holds still, int64 [N]."""
+    held = model.held_mask
+    held[_follows(model)] = 0
+    if model.prescribed is not None:
+        held[np.isin(model.pattern.row_of, model.pattern.row_of[model.prescribed.own])] = 0
+    return held
+
+
 def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
-    held = model.held_mask
-    held[_follows(model)] = 0
+    held = _standing(model)
     away = np.where(held & 7 != 0, np.linalg.norm(off[:, 0], axis=1), 0.0)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
@@ -227,6 +247,8 @@ def mended(model: Model, state: State) -> State:
     """The nearest state that ties, supports and sliders allow: velocities weighed by the masses, places so that bodies and masses
     give way before beams are bent."""
     from scipy import sparse
+    if off_beam(model, state).any():
+        raise SceneError("mend_start: a slider has left its beam; start from the state of a run without mending it")
     q, v = state.q.reshape(-1, 4, 3).copy(), state.v.reshape(-1, 4, 3).copy()
     s = state.s.copy()
     q = follow(model, q)
@@ -285,7 +307,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
                 out[2 * k + j, 12 * nodes + c] = -values * axis[c]
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
     x = q[:, 0]
-    own = [link.law.gap(x[link.node[1]] - x[link.node[0]], _at_start(model, link)) for link in model.kept]
+    own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in model.kept]
     directions = []
     for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q.reshape(-1, 4, 3))):
         # the place of the sleeve follows its point along the beam
@@ -297,7 +319,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             way[0, 12 * int(model.sliders.point[k]) + c] = tangent[c] / (tangent @ tangent)  # type: ignore[union-attr]
         directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
         own.append(section.values())
-    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, x), *directions), format="csr"),
+    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, q), *directions), format="csr"),
             np.concatenate((gaps, *own)))
 
 

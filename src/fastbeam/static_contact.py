@@ -4,9 +4,10 @@
     force       +F_k on the point, -N_A F_k on node A
     sliding     F_k . c'(s_k) = 0,   c' = sum_A N'_A phi_A
 
-They make W - (loads) - sum_k F_k . g_k stationary. Tied nodes and held unknowns pass through the map from the unknowns of the
-rows to the positions of all nodes; how that map changes with the shape belongs to the tangent of the nodes, which is assembled
-with the contact forces among the loads.
+They make W - (loads) - sum_k F_k . g_k stationary. Of a slider that slips with friction the last one has the term sigma mu F_n
+|c'|, sigma the direction of the slip. Tied nodes and held unknowns pass through the map from the unknowns of the rows to the
+positions of all nodes; how that map changes with the shape belongs to the tangent of the nodes, which is assembled with the
+contact forces among the loads.
 """
 from __future__ import annotations
 
@@ -17,13 +18,15 @@ import numpy as np
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
-from .multipliers import gap_matrix
+from .multipliers import Distance, KeptLink, gap_matrix
 from .pattern import Pattern
 from .sections_held import Section, sections
 
 Array = np.ndarray
 # entries of constraints that a structure keeps, next to those that there are
 MOST_IDLE = 3
+# a part of the contact force across the beam that is round-off of the force
+ALONG_ONLY = 1e-12
 
 
 class Border(NamedTuple):
@@ -39,6 +42,10 @@ class Border(NamedTuple):
     bent: Any         # sparse [m, m]: second derivative of - sum F . gap of joints and sleeves, N/m
     turns: Any        # sparse [F, S]: minus the derivative of directions in sleeves by s, rad/m
     idle: Array       # int64 [I]: multipliers that stay zero
+    normal: Any = None    # float64 [S], N: F_n |c'|, what presses and rubs, with the moments of sleeves
+    size: Any = None      # float64 [S], N: of the contact forces
+    rubbing: Any = None   # sparse [S, m]: of friction in the sliding equations, by the unknowns of the nodes; None without
+    by_force: Any = None  # sparse [S, F]: the same by the multipliers
 
 
 class Weights(NamedTuple):
@@ -86,7 +93,7 @@ class StaticContacts:
         self._s: Array | None = None
         self._weights: Weights | None = None
         ends = np.array([link.node for link in model.kept], np.int64).reshape(-1)
-        at = (12 * np.unique(ends)[:, None] + np.arange(3)).reshape(-1)
+        at = (12 * np.unique(ends)[:, None] + np.arange(12)).reshape(-1)
         self._joint_ties, self._joint_nodes = _reduced(sparse.csr_matrix(
             (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self.ties)
 
@@ -145,8 +152,8 @@ class StaticContacts:
         unknowns = (6 * nodes[:, None] + np.arange(6)).reshape(-1)
         return velocity_map(q.reshape(-1, 4, 3)[nodes]) @ self.rows[unknowns]
 
-    def border(self, weights: Weights, q: Array, force: Array) -> Border:
-        """At coordinates q [12 N] and forces of all constraints."""
+    def border(self, weights: Weights, q: Array, force: Array, slip: Array | None = None) -> Border:
+        """At coordinates q [12 N] and forces of all constraints; slip [S]: coefficients of friction with the sign of the slip."""
         from scipy import sparse
         gap, tangent, second = ((w @ q).reshape(-1, 3) for w in weights[:3])
         gradient, turn = weights.by_unknowns or self._by_unknowns(weights, q)
@@ -159,7 +166,49 @@ class StaticContacts:
         border = Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
                         sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent,
                         sparse.csr_matrix((force.size, s)), np.zeros(0, np.int64))
-        return border if self.model.sleeves is None else self._with_sleeves(border, q, force)
+        if self.model.sleeves is not None:
+            border = self._with_sleeves(border, q, force)
+        return border if slip is None else self._with_friction(border, slip, force, turn, second)
+
+    def _with_friction(self, border: Border, slip: Array, force: Array, turn: Any, second: Array) -> Border:
+        """The same with what presses and rubs; turn: derivative of the tangents by the unknowns of the nodes [d S, m]; second: of
+        the tangents by s [S, d]."""
+        from scipy import sparse
+        t, (s, d) = border.tangent, border.tangent.shape
+        f = force[:s * d].reshape(s, d)
+        long, size = np.linalg.norm(t, axis=1), np.linalg.norm(f, axis=1)
+        part = np.sum(f * t, axis=1) / long**2
+        across = f - part[:, None] * t
+        normal = np.linalg.norm(across, axis=1)
+        edges, of_edges = self._edges(force)
+        # the derivatives of (|F_across| + edges) |c'|
+        bare = np.where(normal > ALONG_ONLY * size, normal, np.inf)
+        by_force = (slip * long / bare)[:, None] * across
+        by_tangent = (slip * (normal + edges) / long)[:, None] * t - (slip * part * long / bare)[:, None] * across
+        of, column = np.repeat(np.arange(s), d), np.arange(s * d)
+        rubbing = sparse.csr_matrix((by_tangent.reshape(-1), (of, column)), shape=(s, s * d)) @ turn
+        pressed = sparse.csr_matrix((by_force.reshape(-1), (of, column)), shape=(s, force.size))
+        normal = (normal + edges) * long
+        return border._replace(normal=normal, size=size + edges, sliding=border.sliding + slip * normal, rubbing=rubbing,
+                               bend=border.bend + np.sum(by_tangent * second, axis=1),
+                               by_force=pressed + sparse.diags(slip * long) @ of_edges)
+
+    def _edges(self, force: Array) -> tuple[Array, Any]:
+        """What the moments of sleeves press on the edges of their bores, N [S], and its derivative by the multipliers [S, F]."""
+        from scipy import sparse
+        model = self.model
+        press, value, row, column = np.zeros(model.n_sliders), [], [], []
+        count = 3 if self.axes is None else 1
+        first = force.size - count * len(model.sleeve_pairs)
+        for o, k in enumerate(model.sleeve_pairs[:, 0].tolist()):
+            at = first + count * o + np.arange(count)
+            bore, key = model.sleeves.edges[2 * o:2 * o + 2]
+            bending = float(np.linalg.norm(force[at[:2]]))
+            press[k] = bore * bending + (key * abs(force[at[2]]) if count == 3 else 0.0)
+            value += [*(bore * force[at[:2]] / (bending or 1.0)), *(key * np.sign(force[at[2:]]))]
+            row += [k] * count
+            column += at.tolist()
+        return press, sparse.csr_matrix((value, (row, column)), shape=(model.n_sliders, force.size))
 
     def _with_sleeves(self, border: Border, q: Array, force: Array) -> Border:
         """The same with the directions that sleeves hold, whose multipliers come last."""
@@ -207,43 +256,61 @@ class StaticContacts:
     def _joints(self, q: Array, force: Array) -> tuple[Array, Any, Any]:
         """Of joints with multipliers: gaps, their derivatives by the unknowns of the nodes, and second ones of -force . gap."""
         from scipy import sparse
-        kept, x = self.model.kept, q.reshape(-1, 4, 3)[:, 0]
+        kept, x = self.model.kept, q.reshape(-1, 4, 3)
         m = self.rows.shape[1]
         if not kept:
             return np.zeros(0), sparse.csr_matrix((0, m)), sparse.csr_matrix((m, m))
-        at_start = self.model.q0.reshape(-1, 4, 3)[:, 0]
+        at_start = self.model.q0.reshape(-1, 4, 3)
         gaps, within = [np.zeros(0)], []
-        second: list[tuple[int, int, Array]] = []
+        second: list[tuple[list[int], Array]] = []
         for link, part in zip(kept, self._parts(force)):
-            a, b = link.node
-            r = x[b] - x[a]
-            gap = link.law.gap(r, at_start[b] - at_start[a])
-            axes = np.eye(1) if not link.law.is_vector else np.eye(3) if self.axes is None else self.axes[:2]
-            gaps.append(axes @ gap)
-            within.append(axes)
+            pair = list(link.node)
+            gaps.append(self._within(link) @ link.law.gap(x[pair], at_start[pair]))
+            within.append(self._within(link))
             if not link.law.is_vector:
-                bend = link.law.curvature(r, part)
-                second += [(i, j, -bend if i == j else bend) for i in (a, b) for j in (a, b)]
+                second.append((pair, -link.law.curvature(x[pair], part)))
         lift = self._joint_ties @ self._rates(q, self._joint_nodes)
         lead = sparse.block_diag(within, format="csr") @ gap_matrix(kept, x) @ lift
         bent = sparse.csr_matrix((m, m))
         if second:
-            i, j = (np.array([entry[k] for entry in second]) for k in (0, 1))
-            values = np.array([entry[2] for entry in second])
-            rows, columns = np.broadcast_arrays((12 * i)[:, None, None] + np.arange(3)[:, None],
-                                                (12 * j)[:, None, None] + np.arange(3))
+            at = (12 * np.array([pair for pair, _ in second])[:, :, None] + np.arange(12)).reshape(-1, 24)
+            values = np.array([bend for _, bend in second])
+            rows, columns = np.broadcast_arrays(at[:, :, None], at[:, None])
             curved = sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
-            bent = (lift.T @ curved @ lift).tocsr()
+            bent = (lift.T @ curved @ lift + self.rows.T @ self._turned(x, force) @ self.rows).tocsr()
         return np.concatenate(gaps), lead, bent
 
+    def _within(self, link: KeptLink) -> Array:
+        """What the equations take of the conditions of a joint, [m, m in space]."""
+        return np.eye(link.forces(3)) if self.axes is None else link.law.within(self.axes)
+
+    def _turned(self, x: Array, force: Array) -> Any:
+        """What - force . gap of joints gets from the second change of directors with the spins, sparse [6 N, 6 N]; coordinates x
+        [N, 4, 3]."""
+        from scipy import sparse
+        n = self.model.n_nodes
+        roots, blocks = [np.zeros(0, np.int64)], [np.zeros((0, 3, 3))]
+        for link, part in zip(self.model.kept, self._parts(force)):
+            if link.law.is_vector or isinstance(link.law, Distance):
+                continue
+            pair = list(link.node)
+            push = np.einsum("m,msic->sic", part, link.law.lead(x[pair]))[:, 1:]
+            d = x[pair, 1:]
+            dyad = np.einsum("sic,sie->sce", push, d)
+            roots.append(self.model.spin_root[pair])
+            blocks.append(np.einsum("sic,sic->s", push, d)[:, None, None] * np.eye(3) - 0.5 * (dyad + dyad.transpose(0, 2, 1)))
+        at = 6 * np.concatenate(roots)[:, None] + 3 + np.arange(3)
+        values = np.concatenate(blocks)
+        rows, columns = np.broadcast_arrays(at[:, :, None], at[:, None])
+        return sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(6 * n, 6 * n))
+
     def _parts(self, force: Array) -> list[Array]:
-        """Forces of every joint with multipliers in space, [3] or [1], from all of them."""
+        """Forces of every joint with multipliers in space from all of them."""
         out, at = [], 0
         for link in self.model.kept:
-            m = link.forces(3 if self.axes is None else 2)
-            part = force[at:at + m]
-            out.append(part if self.axes is None or not link.law.is_vector else part @ self.axes[:2])
-            at += m
+            within = self._within(link)
+            out.append(within.T @ force[at:at + len(within)])
+            at += len(within)
         return out
 
     def loads(self, weights: Weights, q: Array, force: Array) -> Array:
@@ -253,17 +320,19 @@ class StaticContacts:
         own = self.model.n_sliders * (2 if flat else 3)
         f = force[:own].reshape(-1, 2) @ self.axes[:2] if self.axes is not None else force[:own]
         of_node = (weights[0].T @ f.reshape(-1)).reshape(n, 12)[:, :3]
-        x = q.reshape(-1, 4, 3)[:, 0]
+        x = q.reshape(-1, 4, 3)
+        turning: list[tuple[int, Array]] = []
         for link, part in zip(self.model.kept, self._parts(force[own:])):
-            a, b = link.node
-            push = link.law.lead(x[b] - x[a]).T @ part
-            of_node[b] += push
-            of_node[a] -= push
+            for node, by_v, by_spin in link.by_motion(x[list(link.node)]):
+                of_node[node] += by_v.T @ part
+                turning.append((int(self.model.spin_root[node]), by_spin.T @ part))
         if flat:
             of_node = of_node @ self.axes[:2].T  # type: ignore[index]
         out = np.zeros((n + 1, 8))
         d = of_node.shape[1]
         np.add.at(out[:, :d], self.model.pattern.row_of, of_node)
+        for root, moment in turning:
+            out[self.model.pattern.row_of[root], d:d + (1 if flat else 3)] += self.axes[2:] @ moment if flat else moment
         for _, section, _, mu in [] if self.model.sleeves is None else self._sections(q, force):
             of_nodes, of_holder = section.by_spins()
             moments = np.einsum("p,pac->ac", mu[:section.pairs], np.concatenate((of_nodes, of_holder[:, None]), axis=1))
@@ -352,6 +421,11 @@ class SaddleMatrix:
                                   m + of, idle))
         values = np.concatenate((bent.data, push, -gradient.data, push, np.where(sliding, border.bend + drag, 1.0), turn,
                                  -gradient.data, turn, np.full(idle.size, -1.0)))
+        if border.rubbing is not None:
+            rubbing, by_force = border.rubbing.tocoo(), border.by_force.tocoo()
+            rows = np.concatenate((rows, m + rubbing.row, m + by_force.row))
+            columns = np.concatenate((columns, rubbing.col, m + s + by_force.col))
+            values = np.concatenate((values, rubbing.data * free[rubbing.row], by_force.data * free[by_force.row]))
         keys = rows.astype(np.int64) * self.n + columns
         place = np.minimum(np.searchsorted(self._known, keys), max(self._known.size - 1, 0))
         if not (self._known.size and np.array_equal(self._known[place], keys)):

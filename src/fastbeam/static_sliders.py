@@ -2,11 +2,12 @@
 
 A sliding coordinate is only determined once its contact carries a force. So every load step is found with all sliders held first;
 then they are released and slide downhill, the rest of the scene following in equilibrium, until Newton's method on everything
-squares its increments.
+squares its increments. Sliders with friction are released where it cannot hold them, in the direction in which they go then
+(`static_along.py`).
 """
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END, h
 from .kernels.work import State
 from .model import Model
 from .saddle import Saddle, factors_for
+from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
 
 Array = np.ndarray
@@ -27,6 +29,8 @@ AT_END, CLOSE = 1e-6, 1e-9
 # increments up to this share of the beam are accepted as those of Newton's method, whose size it squares
 NEWTON_FROM = 0.02
 MOST_SLIDES = 100
+# how often it is looked which sliders stick, slip and rest against stops, for every slider
+ROUNDS = 8
 # iterations after which those that are tried and do not become smaller are given up
 LEAST_PATIENCE = 6
 LEAST_TRUST = 1e-4
@@ -59,13 +63,15 @@ class SlidingSolver(StaticSolver):
         Of each Newton iteration.
     held : bool [S]
         Sliders that stay at their s.
+    at_time : float
+        When drives that are functions of time are evaluated, s.
     flat : bool, optional
         Whether to solve in the plane of the scene; default: where it has one and the start lies in it.
     backend : {'auto', 'pardiso', 'superlu'}
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None = None,
-                 backend: str = "auto") -> None:
+                 backend: str = "auto", at_time: float = 0.0) -> None:
         if flat is None:
             flat = model.plane is not None and (start is None or model.plane.holds(start))
         assert model.uneliminated is not None
@@ -79,12 +85,20 @@ class SlidingSolver(StaticSolver):
         self._refused = 0
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
-        self.sliding = ~held
-        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_ends
+        self.held = held
+        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_limits
+        self.along = None
+        if uneliminated.slider_forces is not None:
+            self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held)
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
+
+    def set_time(self, t: float, factor: float) -> None:
+        super().set_time(t, factor)
+        if self.along is not None:
+            self.along.share = factor
 
     @property
     def name(self) -> str:
@@ -94,15 +108,22 @@ class SlidingSolver(StaticSolver):
         f = self._factors
         return f"PARDISO on nodes and sliders, {f.count} factorisations, {f.refused} left to SuperLU"
 
+    @property
+    def sliding(self) -> Array:
+        """Which sliders are free to move, bool [S]."""
+        return ~self.held if self.along is None else self.along.free
+
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before = self._saved()
+        at_stop = None if self.along is None else self.along.modes.at_stop.copy()
+        status = NOT_CONVERGED
         try:
             status, sizes = self._equilibrium(factors)
-        except KeyboardInterrupt:
-            self._restore(before)
-            raise
-        if status != OK:
-            self._restore(before)
+        finally:
+            if status != OK:
+                self._restore(before)
+                if self.along is not None:
+                    self.along.modes.at_stop[:] = at_stop
         return status, sizes
 
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
@@ -113,21 +134,86 @@ class SlidingSolver(StaticSolver):
             # they may have changed too much
             self._scales.clear()
             self._refused = self._factors.refused
-        status, sizes = self._newton(np.zeros(self.sliding.size, bool))
-        if status == OK and self.sliding.any():
-            status, more = self._release()
-            sizes += more
-        return status, sizes
+        along, state = self.along, self.stepper.core_state
+        if along is not None:
+            state.s[:] = along.begin(state.s)
+        status, sizes = self._newton(np.zeros(self.held.size, bool))
+        for _ in range(ROUNDS * (self.held.size + 1)):
+            if status == OK and self.sliding.any():
+                status, more = self._release()
+                sizes += more
+            if status != OK or along is None:
+                return status, sizes
+            changed, s = along.judge(self._border(rubs=False), state.s)
+            if along.in_circles:
+                return NOT_CONVERGED, sizes
+            if not changed:
+                along.remember(state.history)
+                return OK, sizes
+            if np.any(s != state.s):
+                state.s[:] = s
+                status, more = self._newton(np.zeros(s.size, bool))
+                sizes += more
+        return NOT_CONVERGED, sizes
+
+    def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
+        """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest
+        of those that are asked for."""
+        if self.along is None or not self.along.rubs.any():
+            return {}
+        names = self.stepper.model.names["sliders"]
+        out = {"friction": self.along.report(names, self._border(rubs=False))}
+        return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
+
+    def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
+        """Arc lengths between which slider k rests under load factors [K] by its friction, the others that rub staying where they
+        are: from the last equilibrium to both ends, where friction is all that it can be; NaN where none is found. The state is
+        the same after it."""
+        along, state = self.along, self.stepper.core_state
+        assert along is not None
+        self._load(factors)
+        self._loads[:] = self.work.f_ext
+        before, modes = self._saved(), [x.copy() for x in along.modes]
+        along.reserve, found = 0.0, []
+        for sign in (1, -1):
+            along.modes.sign[:] = 0
+            along.modes.sign[k], along.modes.at_stop[k] = sign, 0
+            # friction pushes towards the end that is looked for
+            self.runaway = -1
+            try:
+                status, _ = self._release()
+                runs_off = status == SLIDER_END and self.runaway == k
+                found.append(float(self.ends[k, int(sign < 0)] if runs_off else state.s[k] if status == OK else np.nan))
+            finally:
+                self._restore(before)
+                for x, was in zip(along.modes, modes):
+                    x[:] = was
+        along.reserve = RESERVE
+        return found[0], found[1]
+
+    def load_all(self, factors: Array) -> None:
+        self._load(factors)
+        self._border()
+        self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force)
 
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
-            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self.sliding, in_plane,
-                                  "superlu")
+            # where friction or a stop holds a slider, it stays
+            t, share = (float(x) for x in self.stepper.law_work[:2])
+            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t)
+            other.set_time(t, share)
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext
         self.work.increment.control[0] = 0.0
-        return self._assembled(self.sliding)[0].signs(in_plane or not self.moments)
+        if self.along is not None:
+            self.along.modes.sign[:] = 0
+        return self._assembled(self._unhindered)[0].signs(in_plane or not self.moments)
+
+    @property
+    def _unhindered(self) -> Array:
+        """Which sliders move without friction and away from stops, bool [S]."""
+        return self.sliding if self.along is None else self.along.free & ~self.along.rubs
 
     # --- states -------------------------------------------------------------------------------------------------------
     def _saved(self) -> tuple[Array, Array, Array]:
@@ -138,11 +224,17 @@ class SlidingSolver(StaticSolver):
         state = self.stepper.core_state
         state.q[:], state.s[:], state.force[:] = saved
 
-    def _border(self) -> Border:
-        """Equations of the sliders at the present shape; their residuals are kept for messages."""
+    def _border(self, rubs: bool = True) -> Border:
+        """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept
+        for messages."""
         state, contact = self.stepper.core_state, self.stepper.contact
         self._weights = self.contacts.weights(state.s)
-        border = self.contacts.border(self._weights, self.state.q, state.force)
+        along = self.along
+        border = self.contacts.border(self._weights, self.state.q, state.force,
+                                      None if along is None else along.slip if rubs else np.zeros(state.s.size))
+        if along is not None:
+            force, slope = along.known(state.s)
+            border = border._replace(sliding=border.sliding - force, bend=border.bend - slope)
         dim = self.core.dim
         sliders = self.sliding.size
         if contact is None:
@@ -247,11 +339,15 @@ class SlidingSolver(StaticSolver):
     def _release(self) -> tuple[int, list[float]]:
         """From an equilibrium with all sliders held to one in which those that are free do not push along their beams. They go
         downhill: with the others in equilibrium F . c' is the derivative of the energy by s."""
-        free, state = self.sliding, self.stepper.core_state
-        held = np.zeros(free.size, bool)
+        state = self.stepper.core_state
+        held = np.zeros(self.held.size, bool)
         sizes: list[float] = []
         drag, trust, near = 0.0, 1.0, NEWTON_FROM
         for _ in range(MOST_SLIDES):
+            # less those that have come to a rigid stop
+            free = self.sliding
+            if not free.any():
+                return OK, sizes
             self.work.increment.control[0] = 0.0
             x = self._increment(free, drag)
             if x is None:
@@ -272,10 +368,11 @@ class SlidingSolver(StaticSolver):
                 if status == OK and (close or (np.all(np.abs(way) <= 4.0 * largest * self.lengths) and self._rises(way))):
                     return OK, sizes
                 self._restore(saved)
-                if close:
+                if close and (status != SLIDER_END or not self._met(x.s, x.s).any()):
                     return (NOT_CONVERGED if status == SLIDER_END else status), sizes
                 near = 0.25 * largest
             steps, out = self._steps(trust * x.s, slope)
+            met = self._met(x.s, steps)
             if out >= 0:
                 self.runaway = out
                 return SLIDER_END, sizes
@@ -287,6 +384,8 @@ class SlidingSolver(StaticSolver):
             after = np.where(free, self._border().sliding, 0.0) * steps if status == OK else np.full(free.size, np.inf)
             if float(np.sum(after)) <= 0.9 * abs(float(slope @ steps)):
                 trust, drag = min(1.0, 2.0 * trust), 0.0
+                if self.along is not None:
+                    self.along.meet(met, state.s)
                 continue
             self._restore(saved)
             trust *= 0.25
@@ -297,6 +396,12 @@ class SlidingSolver(StaticSolver):
                     return SLIDER_END, sizes
                 return status, sizes
         return NOT_CONVERGED, sizes
+
+    def _met(self, way: Array, steps: Array) -> Array:
+        """-1 or 1 for sliders that steps [S] along their ways [S] bring to a rigid stop, else 0."""
+        if self.along is None:
+            return np.zeros(steps.size, np.int64)
+        return self.along.meets(self.stepper.core_state.s, steps, way)
 
     def _rises(self, way: Array) -> bool:
         """Whether an equilibrium lies in a valley of the energy and not on a ridge, seen along the way [S] to it."""
@@ -313,10 +418,11 @@ class SlidingSolver(StaticSolver):
         it is pushed to, or -1."""
         now = self.stepper.core_state.s
         to_end = np.where(s > 0.0, self.ends[:, 1] - now, now - self.ends[:, 0])
-        out = np.flatnonzero((to_end <= AT_END * self.lengths) & (np.abs(s) > to_end) & (slope * s < 0.0))
+        rigid = np.zeros(s.size, bool) if self.along is None else self.along.is_rigid(s)
+        out = np.flatnonzero((to_end <= AT_END * self.lengths) & (np.abs(s) > to_end) & (slope * s < 0.0) & ~rigid)
         if out.size:
             return s, int(out[0])
-        most = np.minimum(REACH * self.lengths, TO_END * to_end)
+        most = np.minimum(REACH * self.lengths, np.where(rigid, 1.0, TO_END) * to_end)
         steps = np.clip(s, -most, most)
         if not slope @ steps < 0.0:
             steps = s * float(np.min(np.where(np.abs(s) > most, most / np.where(s == 0.0, 1.0, np.abs(s)), 1.0)))

@@ -20,6 +20,7 @@ from .model import Model, check_model
 from .newton import BACKENDS, Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
+from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
@@ -34,6 +35,8 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
+# of `simulate`'s what there is at rest
+RECORDED = ("energy", "section", "reaction")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -58,29 +61,33 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
-         max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders)
+         max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
+         rest_intervals=which_sliders)
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
-                 held: bool | str | Sequence[str] = False) -> Result:
+                 held: bool | str | Sequence[str] = False,
+                 rest_intervals: bool | str | Sequence[str] = False) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
     ----------
     model : Model
         A planar scene has to be held in its plane, any other one in space. Sliders connect what they join; they slide downhill
-        from where they are until they do not push along their beams any more.
+        from where they are until they do not push along their beams any more. Those with friction stay where it holds them, and
+        slip no further than they must; load steps are a slow history of it. Prescribed positions are approached, and forces of
+        drives grow, with the load factor; smoothed and viscous friction are none at rest.
     load_step, largest_load_step, smallest_step : float
         First, largest and smallest increment of the load factor, which runs from 0 to 1; all in (0, 1].
     levels : sequence of float
         Increasing load factors in (0, 1] that steps end at, so that they have rows; other steps are rows as well.
     at_time : float
-        Where time functions of loads are evaluated, s; needed when the scene has some.
+        Where time functions of loads and drives are evaluated, s; needed when the scene has some.
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
-        As in `simulate`; rows are load steps, `result.t` the load factor.
+        As in `simulate`, of 'energy', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -90,7 +97,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         As in `simulate`.
     held : bool, str or sequence of str
         Names of sliders that stay where they are on their beams, as if clipped to them; True: all. Their contact forces may have
-        a part along the beam.
+        a part along the beam. Sliders that are locked from the start stay as well.
+    rest_intervals : bool, str or sequence of str
+        Names of sliders with Coulomb friction, or True for all, whose interval of places of rest is looked for at the end.
 
     Returns
     -------
@@ -101,7 +110,10 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
-        negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8).
+        negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8); sliders that friction or a
+        stop holds do not move in it. `info["friction"]` has for every slider that rubs its friction `force` (N), the most that it
+        could be, `cone`, and whether it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where one that was asked
+        for rests, the others with friction staying where they are; NaN where that is not found.
 
     Raises
     ------
@@ -114,7 +126,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     """
     check_model("solve_static", model)
     stays = held_sliders(model, held)
-    check_slider_forces("solve_static", model, stays)
+    check_slider_forces("solve_static", model, stays, rubbing=True)
+    asked = _rubbing(model, named_sliders(model, "rest_intervals", rest_intervals), stays, rest_intervals)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     load_step = min(load_step, largest_load_step)
@@ -123,19 +136,22 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     stops = [*([] if levels is None else levels), 1.0]
     if levels is not None and not (len(levels) and levels[0] > 0.0 and levels[-1] <= 1.0 and np.all(np.diff(levels) > 0.0)):
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
+    if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
+        raise SceneError("solve_static: drives have time functions; say with at_time=... where to evaluate them")
     factors = load_factors_at("solve_static", model, at_time)
     notes: list[Any] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
     if model.n_constraints:
-        solver = SlidingSolver(model, start, max_iterations, stays, backend=backend)
+        solver = SlidingSolver(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
-    observer = Observer(model, ("energy", "slider") if "energy" in observe else ("slider",), points)
+    observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+    reactions = StaticReactions(solver) if observer.reactions else None
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                             **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
     buffer = ResultBuffer(observer.header(info))
@@ -143,8 +159,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
-        if model.n_sliders:
-            observer.add_forces(row, solver.state.force)
+        if observer.needs_forces:
+            found = reactions.at(factor * factors) if reactions else ()
+            observer.add_forces(row, np.concatenate((solver.state.force, found)), factor)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
@@ -175,6 +192,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
             stop = next(level for level in stops if level > reached)
             size = min(step, stop - reached)
             target = stop if reached + size > stop - 1e-12 else reached + size
+            solver.set_time(at_time or 0.0, target)
             status, sizes = solver.equilibrium(target * factors)
             if status == OK:
                 solver.history.append(len(sizes))
@@ -201,6 +219,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                                        state=State(*(x.copy() for x in solver.state)), result=finish())
             step = max(smallest_step, 0.25 * size)
         bar.close()
+        if isinstance(solver, SlidingSolver):
+            info |= solver.at_rest(asked, factors)
         counted_in = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
         counted = solver.signs(factors, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
@@ -234,19 +254,61 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
         raise Interrupted(f"load factor {bar.done:.6g}: {text}", result=result, state=result.state) from stopped
 
 
-def check_slider_forces(who: str, model: Model, stays: Array) -> None:
-    """Refuse sliders that are free and have forces along their beam: with friction there is an interval of equilibria."""
-    if model.slider_forces is None:
+def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = False) -> None:
+    """Refuse sliders that are free and have what an analysis does not know along their beam; rubbing: whether it knows friction,
+    drives and stops.
+
+    Raises
+    ------
+    SceneError
+        Names the slider and the function that was called.
+    """
+    forces = model.slider_forces
+    if forces is None:
         return
-    forced = np.flatnonzero(model.slider_forces.acts_on & ~stays)
-    if forced.size:
-        name = model.names["sliders"][forced[0]]
-        raise SceneError(f"{who}: slider {name!r} has friction, a drive or stops, which equilibria do not know; hold it "
-                         f"where it stands with held=({name!r},), leave them out for the equilibrium, or run until it rests")
+    off = np.flatnonzero(forces.off_at_start)
+    if off.size:
+        raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let "
+                         "it begin on the beam, or run until it rests")
+    refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.acts_on) & ~stays)
+    if refused.size:
+        name = model.names["sliders"][refused[0]]
+        what = "a lock or may leave its beam" if rubbing else "friction, a drive, stops, a lock or may leave its beam"
+        raise SceneError(f"{who}: slider {name!r} has {what}, which equilibria do not know; hold it where it stands with "
+                         f"held=({name!r},), leave that out for the equilibrium, or run until it rests")
+
+
+def _rubbing(model: Model, asked: Array, stays: Array, given: Any) -> list[int]:
+    """Numbers of the sliders whose intervals of rest are asked for; given: the argument.
+
+    Raises
+    ------
+    SceneError
+        One of them is held, or has no friction that could hold it.
+    """
+    forces = model.slider_forces
+    rubs = np.zeros(asked.size, bool) if forces is None else forces.hold_by_friction & ~stays
+    if given is not True and np.any(asked & ~rubs):
+        name = model.names["sliders"][np.flatnonzero(asked & ~rubs)[0]]
+        raise SceneError(f"rest_intervals: slider {name!r} has no Coulomb friction that could hold it, or is held or driven by a "
+                         "prescribed motion; name sliders with friction=")
+    return [int(k) for k in np.flatnonzero(asked & rubs)]
 
 
 def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
-    """Whether a slider stays where it is, bool [S].
+    """Whether a slider stays where it is, bool [S]: those of `held`, and those that are locked from the start.
+
+    Raises
+    ------
+    SceneError
+        There is no slider of that name.
+    """
+    stays = named_sliders(model, "held", held)
+    return stays if model.slider_forces is None else stays | model.slider_forces.locked_at_start
+
+
+def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> Array:
+    """Which sliders an argument of this name means, bool [S].
 
     Raises
     ------
@@ -259,7 +321,7 @@ def held_sliders(model: Model, held: bool | str | Sequence[str]) -> Array:
     for name in held:
         if name not in names:
             there = f"its sliders are {', '.join(repr(x) for x in names[:12])}" if names else "it has no sliders"
-            raise SceneError(f"held: scene {model.scene_name!r} has no slider {name!r}; {there}")
+            raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {there}")
     return np.array([name in held for name in names], bool)
 
 

@@ -42,7 +42,8 @@ from .errors import ResultFileError
 from .places import check_new
 from .reading import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py, load_result,
                       parts_of)
-from .result import Result, ResultHeader, RowBuffer, Rows
+from .result import Result, ResultHeader
+from .rows import RowBuffer, Rows
 
 __all__ = ["ResultWriter", "load_result", "save_result"]
 
@@ -116,16 +117,16 @@ class ResultWriter:
             self._raw.truncate(0)
             _claim(self._raw.fileno(), 0, len(texts) + MARGIN)
             # until others may read the file HDF5 keeps a lock of its own
-            _lock(self._raw, "LOCK_UN")
+            lock(self._raw, "LOCK_UN")
             self._file = h5py.File(self._where, "w", libver="latest")
             self._reserve(len(texts))
             self._create(texts)
-            _lock(self._raw, "LOCK_SH")
+            lock(self._raw, "LOCK_SH")
         except BaseException as error:
             if self._file is not None:
                 with suppress(OSError, RuntimeError):
                     self._file.close()
-            if isinstance(error, OSError) and _lock(self._raw, "LOCK_EX"):
+            if isinstance(error, OSError) and lock(self._raw, "LOCK_EX"):
                 self._where.unlink(missing_ok=True)
             self._raw.close()
             if not isinstance(error, OSError):
@@ -347,14 +348,14 @@ def _open(path: Path, where: Path, overwrite: bool) -> BinaryIO:
         raw = open(os.open(where, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "rb+", buffering=0)
     except OSError as error:
         raise ResultFileError(f"result file '{path}': cannot be created ({error}); choose another path") from error
-    if not _lock(raw, "LOCK_EX"):
+    if not lock(raw, "LOCK_EX"):
         raw.close()
         raise ResultFileError(f"result file '{path}': another run is writing it, or another program has it open; wait for that, "
                               "or choose another path")
     return raw
 
 
-def _lock(raw: BinaryIO, kind: str) -> bool:
+def lock(raw: BinaryIO, kind: str) -> bool:
     """Keep other runs from writing a file until it is closed; under a shared lock others may read it with HDF5's own. False:
     somebody else has it."""
     if fcntl is not None:

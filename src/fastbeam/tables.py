@@ -34,8 +34,8 @@ class Elements:
     weight, phi_s, dir, dir_s : [E, nq], [E, nq, nn]
         As in `basis.Basis`.
     mass_phi, mass_dir : [E, nn, nn]
-    stiffness, inertia : [*, 6, 6], [*, 3]
-        Of every section: C; rhoA, rhoI2, rhoI3.
+    stiffness, viscosity, inertia : [*, 6, 6], [*, 6, 6], [*, 3]
+        Of every section: C; D; rhoA, rhoI2, rhoI3.
     section : int [E]
         Which one an element has.
     coupled : bool [E]
@@ -52,6 +52,7 @@ class Elements:
     mass_phi: Array
     mass_dir: Array
     stiffness: Array
+    viscosity: Array
     inertia: Array
     section: Array
     coupled: Array
@@ -90,30 +91,34 @@ def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> E
         return Elements(part.strain, first + part.element_start[:, None] + np.arange(part.degree + 1), unit.weight * h[:, 0],
                         unit.phi_s / h, np.broadcast_to(unit.dir, (len(h), *unit.dir.shape[1:])), unit.dir_s / h,
                         unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
-                        np.array([s.inertia for s in part.sections]), section_of,
-                        ~np.array([s.is_diagonal for s in part.sections])[section_of], phi, directors)
+                        np.array([s.D for s in part.sections]), np.array([s.inertia for s in part.sections]), section_of,
+                        np.array([s.couples for s in part.sections])[section_of], phi, directors)
     basis, section = part.basis, part.section
     none = np.zeros(basis.n_elements, np.int64)
-    coupled = np.full(basis.n_elements, not section.is_diagonal)
+    coupled = np.full(basis.n_elements, section.couples)
     return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
-                    basis.mass_dir, section.C[None], np.array([section.inertia]), none, coupled, phi, directors)
+                    basis.mass_dir, section.C[None], section.D[None], np.array([section.inertia]), none, coupled, phi, directors)
 
 
 def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
     nodes = elements.nodes[some]
-    f = np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes])
-    d_g = np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes])
-    k_g = np.einsum("egn,enkc->egkc", elements.dir_s[some], d[nodes])
-    d1, d2, d3 = d_g[:, :, 0], d_g[:, :, 1], d_g[:, :, 2]
-    k1, k2, k3 = k_g[:, :, 0], k_g[:, :, 1], k_g[:, :, 2]
-    twist = 0.5 * (_dot(k2, d3) - _dot(k3, d2))
-    if elements.strain == "simo_reissner":
-        stretch = np.sqrt(_dot(f, f) - _dot(f, d2)**2 - _dot(f, d3)**2)
+    return strains_of(elements.strain, np.einsum("egn,enc->egc", elements.phi_s[some], phi[nodes]),
+                      np.einsum("egn,enkc->egkc", elements.dir[some], d[nodes]),
+                      np.einsum("egn,enkc->egkc", elements.dir_s[some], d[nodes]))
+
+
+def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
+    """The six strains of a strain set but for the constant 1 or 1/2 of the first [..., 6], from phi' [..., 3], directors and
+    their derivatives [..., 3, 3]; theory.md (2.1), (2.2)."""
+    d1, d2, d3 = (d[..., i, :] for i in range(3))
+    k1, k2, k3 = (k[..., i, :] for i in range(3))
+    shear2, shear3, twist = _dot(f, d2), _dot(f, d3), 0.5 * (_dot(k2, d3) - _dot(k3, d2))
+    if name == "simo_reissner":
         c = 1.75 - 0.25 * (_dot(d1, d1) + _dot(d2, d2) + _dot(d3, d3))
-        e = [stretch, _dot(f, d2), _dot(f, d3), c * twist, 0.5 * c * (_dot(k3, d1) - _dot(k1, d3)),
+        e = [np.sqrt(_dot(f, f) - shear2**2 - shear3**2), shear2, shear3, c * twist, 0.5 * c * (_dot(k3, d1) - _dot(k1, d3)),
              0.5 * c * (_dot(k1, d2) - _dot(k2, d1))]
     else:
-        e = [0.5 * _dot(f, f), _dot(f, d2), _dot(f, d3), twist, _dot(f, k3), -_dot(f, k2)]
+        e = [0.5 * _dot(f, f), shear2, shear3, twist, _dot(f, k3), -_dot(f, k2)]
     return np.stack(e, axis=-1)
 
 
@@ -149,7 +154,7 @@ def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffne
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("egc,egc->eg", a, b)
+    return np.einsum("...c,...c->...", a, b)
 
 
 class TablePool:
@@ -177,6 +182,13 @@ class TablePool:
         first[differs] = np.flatnonzero(differs)
         own = np.unique(first)
         return self.append(rows[own])[np.searchsorted(own, first)]
+
+    def constants(self, rows: Array, viscosity: Array | None) -> Array:
+        """Where C of groups begins in shared rows; viscosity: [groups, *, 8], stands ahead of it."""
+        if viscosity is None:
+            return self.share(rows)
+        ahead = viscosity.reshape(len(rows), -1)
+        return self.share(np.concatenate((ahead, rows), axis=1)) + ahead.shape[1]
 
     def array(self) -> Array:
         """All tables."""
@@ -229,6 +241,11 @@ class ElementPacker:
         self.n_blocks += 0 if beam else 8 * nn * nn * groups
         self.beam.append(beam)
         self.parts.append((elements, lane))
+
+    @property
+    def is_damped(self) -> bool:
+        """Whether a section has damping; then all tables have a place for it."""
+        return any(elements.viscosity.any() for elements, _ in self.parts)
 
     def lanes(self) -> Any:
         """(meta [groups, 8], nodes [groups, nn, 8] with -1 in idle lanes) of every beam or net, without condensed beams and
@@ -295,9 +312,10 @@ class ElementPacker:
                 lane = every[begin:begin + CHUNK]
                 groups, some = lane.size // 8, slice(begin // 8, (begin + lane.size) // 8)
                 section = elements.section[lane].reshape(groups, 8)
-                meta[some, CONSTANTS] = pool.share(group_tables(
-                    elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
-                    elements.inertia[section].transpose(0, 2, 1)))
+                constants = group_tables(elements, lane, SPACE, elements.stiffness.reshape(-1, 36)[section].transpose(0, 2, 1),
+                                         elements.inertia[section].transpose(0, 2, 1))
+                viscosity = elements.viscosity.reshape(-1, 36)[section].transpose(0, 2, 1)
+                meta[some, CONSTANTS] = pool.constants(constants, viscosity if self.is_damped else None)
                 strains = elements.reference_strains[lane].reshape(groups, 8, -1)
                 meta[some, REFERENCE] = pool.append(strains.transpose(0, 2, 1).reshape(groups, -1))
         nodes = np.concatenate(self.nodes)

@@ -7,11 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .connections import Connections
+from .dissipation import Dragged, dragged_of
 from .initial import initial_state
 from .multipliers import KeptLink
 from .kernels.work import State
 from .numbered import Numbered
 from .numbering import NodeList
+from .prescribed import PrescribedMotions, prescribed_of
 from .scene import RigidBody, Scene
 from .tables import Elements, elements_of
 
@@ -50,6 +52,10 @@ class Unpacked:
         At t = 0, in space.
     projected : str
         What a projection of the initial velocities changed; empty where there was none.
+    prescribed : PrescribedMotions or None
+        Supports that move.
+    dragged : Dragged or None
+        Nodes with drag.
     """
 
     numbered: Numbered
@@ -61,6 +67,8 @@ class Unpacked:
     kept: list[KeptLink]
     state: State
     projected: str
+    prescribed: PrescribedMotions | None
+    dragged: Dragged | None
 
     @property
     def nodes(self) -> NodeList:
@@ -88,7 +96,8 @@ def unpack(scene: Scene, numbered: Numbered) -> Unpacked:
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
-    return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, projected)
+    return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, projected,
+                    prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements))
 
 
 def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

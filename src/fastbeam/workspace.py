@@ -12,6 +12,7 @@ from .kernels.nodes import NODES_SCRATCH
 from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
+from .kernels.user_force import FACTOR, SIZE
 from .kernels.work import LastIncrement, Work, aligned
 from .model import Model
 
@@ -25,7 +26,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     kept = int(keep)
     q = model.q0.size
     # what is not a beam takes the coordinates from these
-    moved = q * (rates or model.sliders is not None or model.ties is not None or model.bodies is not None or bool(model.links))
+    moved = q * (rates or bool(model.links) or any(
+        x is not None for x in (model.sliders, model.ties, model.bodies, model.drag)))
     border = model.border * model.n_constraints
     # what only a dense border needs
     dense = 0 if model.by_rows or model.carriers is not None else border
@@ -91,7 +93,8 @@ def entries_of(model: Model) -> int:
     fewer at first where constraints are rows, and room for more is made when one has them."""
     # each as often as a tied node passes it on
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
-    ends = 2 * widest if model.kept else 0
+    # and the spins of both ends of a joint
+    ends = 2 * widest + 2 if model.kept else 0
     if model.curves is None:
         return ends
     # of a sleeve the spin of its holder, too
@@ -119,7 +122,7 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
                 first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), remaining=np.zeros(n),
                 full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
-                cross=np.zeros((len(model.sleeve_pairs), 2, 8)))
+                cross=np.zeros((len(model.sleeve_pairs), 2, 8)), before=np.zeros(n))
 
 
 def inner_of(model: Model) -> Inner | None:
@@ -143,3 +146,10 @@ def condensed_of(model: Model) -> Substructures | None:
 def _padded(n: int) -> Array:
     """n zeros with room for a row of 8 behind the last, so that short rows may be read as long ones."""
     return np.zeros(n + 8)[:n]
+
+
+def law_work() -> Array:
+    """Work array of user forces in one run."""
+    work = np.zeros(SIZE)
+    work[FACTOR] = 1.0
+    return work

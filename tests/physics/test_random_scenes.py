@@ -142,6 +142,65 @@ def test_many_random_scenes_with_forces_along_their_beams(seed: int) -> None:
     check_forces(seed)
 
 
+def with_events(scene: fb.Scene, rng: np.random.Generator, t_end: float) -> fb.Scene:
+    """The scene with sliders that are locked, let go, leave their beams, lift off and come back."""
+    def events(length: float) -> dict[str, object]:
+        out: dict[str, object] = {}
+        times = np.sort(rng.uniform(0.0, t_end, 2))
+        kind = rng.integers(0, 7)
+        if rng.random() < 0.4:
+            out["friction"] = float(rng.uniform(0, 0.8))
+        if kind == 0:
+            out["lock"], out["rate"] = fb.Lock(until=times[0]), None
+        elif kind == 1:
+            out["lock"] = [fb.Lock(times[0], until=times[1]), fb.Lock(lambda t, s, rate: abs(rate) > 0.01)]
+        elif kind == 2:
+            out["stops"] = fb.Stops(0.2 * length, 0.8 * length, restitution=float(rng.uniform(0, 1)))
+            out["lock"] = fb.Lock("stop")
+        elif kind == 3:
+            limit = float(rng.uniform(0.1, 0.9)) * t_end
+            out["lock"] = fb.Lock(lambda t, s, rate: t**2 - limit**2 + 1e-3 * np.sin(s))
+        elif kind == 4:
+            out["release"] = fb.Release(times[1])
+        elif kind > 4:
+            out["one_sided"] = fb.OneSided(rng.standard_normal(3), restitution=float(rng.uniform(0, 1)))
+        return out
+
+    parts = [replace(part, **events(part.beam.length)) if isinstance(part, fb.Slider) else part for part in scene.parts]
+    return fb.Scene(*parts, project_velocities=True)
+
+
+def check_events(seed: int, draw: int, solvers: tuple[str, ...] = ("auto",)) -> int:
+    """Balance and momenta through all events of one draw; how many there were."""
+    scene, step = random_scene(seed)
+    if not scene.sliders:
+        return 0
+    results = []
+    for solver in solvers:
+        model = fb.compile_scene(with_events(scene, np.random.default_rng([seed, draw]), STEPS * step), solver=solver)
+        result = fb.simulate(model, t_end=STEPS * step, step=step, every=1)
+        assert result.info["fallbacks"] == 0 and result.t[-1] > (STEPS - 1) * step
+        if "balance" not in result.series:
+            return 0
+        for name in ("balance", "lin_mom", "ang_mom"):
+            assert result.drift(name) < 1e-11, name
+        results.append(result)
+    for result in results[1:]:
+        np.testing.assert_allclose(result.state.q, results[0].state.q, rtol=0.0, atol=1e-8)
+    return len(results[0].events)
+
+
+def test_random_scenes_with_locks_releases_and_one_sided_contact_keep_the_balance() -> None:
+    assert sum(check_events(2, draw) for draw in range(8)) > 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 110))
+def test_many_random_scenes_with_locks_releases_and_one_sided_contact(seed: int) -> None:
+    for draw in range(4):
+        check_events(seed, draw, ("auto", "sparse"))
+
+
 def with_sleeves(scene: fb.Scene, rng: np.random.Generator) -> fb.Scene:
     """The scene with sleeves of bodies, turned at random, in the place of its sliding masses."""
     parts: list[object] = []

@@ -117,6 +117,14 @@ def test_many_scenes(name: str, held: bool) -> None:
     MANY(given(scenes(held=held, planar=name == "turned"))(lambda drawn: assert_property(name, drawn)))()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("name", CHECKS)
+def test_scenes_with_joints_that_have_axes(name: str, held: bool) -> None:
+    settings(MANY, max_examples=10)(
+        given(scenes(held=held, planar=name == "turned", jointed=True))(lambda drawn: assert_property(name, drawn)))()
+
+
 def hashes() -> list[str]:
     """Of the final states of a few scenes with both solvers."""
     found: list[str] = []

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam.mapping import contact
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from naive_sleeve import CurveFrameTwin, Sleeve, State  # noqa: E402
@@ -227,14 +228,30 @@ def test_a_telescope_hangs_from_its_tube() -> None:
 # --- with all the rest ----------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("planar", [True, False])
 def test_friction_drives_and_stops_keep_the_books(planar: bool) -> None:
-    for forces in (dict(friction=0.2), dict(drive=fb.Drive(speed=-0.5)), dict(stops=fb.Stops(0.1, 1.4, restitution=0.5)),
-                   dict(stops=fb.Stops(0.1, 1.4, stiffness=500.0))):
+    for forces in (dict(friction=0.2, length=0.3), dict(drive=fb.Drive(speed=-0.5)),
+                   dict(stops=fb.Stops(0.1, 1.4, restitution=0.5)), dict(stops=fb.Stops(0.1, 1.4, stiffness=500.0))):
         described = flat(**forces)
         if "drive" in forces:
             described.project_velocities = True
         result = run(fb.compile_scene(described, planar=planar), 0.6)
         assert result.drift("balance") < 1e-11, forces
         assert result.drift("ang_mom") < 1e-11 and result.drift("lin_mom") < 1e-11
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_friction_in_a_step_is_that_of_the_force_and_of_the_moments(planar: bool) -> None:
+    model = fb.compile_scene(flat(friction=0.2, length=0.3), planar=planar)
+    before = run(model, 0.2).state
+    step = run(model, 0.2002, 2e-4, start=before, t_start=0.2)
+    tangent = np.mean([contact(model, 0, x.s[0], *2 * (x.q.reshape(-1, 4, 3),))[1] for x in (before, step.state)], axis=0)
+    long = np.linalg.norm(tangent)
+    force, moments = step.state.force[:3], step.state.force[3:6]
+    across, bending = np.linalg.norm(np.cross(force, tangent)) / long, np.hypot(*moments[:2])
+    # both count
+    assert 0.1 < 2.0 * bending / 0.3 / across < 100.0
+    loss = step.slider("sleeve")["friction_loss"][-1] - step.slider("sleeve")["friction_loss"][0]
+    way = abs(step.state.s[0] - before.s[0])
+    assert way > 0.0 and loss / way == pytest.approx(0.2 * (across + 2.0 * bending / 0.3) * long, rel=1e-4)
 
 
 @pytest.mark.parametrize("planar", [True, False])

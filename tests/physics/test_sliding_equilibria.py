@@ -192,6 +192,34 @@ def test_what_holds_an_arm_scale_is_the_difference_of_both_sides() -> None:
         assert errors[0] < 4e-4 and errors[1] < 2e-5
 
 
+# ------------------------------------------------------------------------------------------------- two cables that cross
+def crossing(mass: float) -> fb.Model:
+    """A cable with a weight that lies on another one; what holds both together slides on both."""
+    section = fb.Section(EA=1e4, GA2=5e3, GA3=5e3, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=0.1, rhoI2=1e-4, rhoI3=1e-4)
+    low = fb.Beam.straight("low", (0, 0, 0), (4, 0, 0.5), section=section, elements=16)
+    high = fb.Beam.straight("high", (1.3, -2, 0.1625), (1.3, 2, 0.1625), section=section, elements=16)
+    ring, weight = fb.PointMass("ring", mass=mass), fb.PointMass("weight", mass=3.0)
+    return fb.compile_scene(fb.Scene(low, high, ring, weight, *[fb.Clamp(x) for x in (low.start, low.end, high.start, high.end)],
+                                     fb.Slider("w", weight, high, at=2.6), fb.Slider("xi", ring, low, at=1.3 * low.length / 4),
+                                     fb.Slider("eta", ring, high, at=2.0), gravity=GRAVITY))
+
+
+def test_two_cables_that_cross_slide_on_each_other() -> None:
+    results = []
+    for mass in (1e-4, 1e-6):
+        model = crossing(mass)
+        result = fb.solve_static(model, held="w")
+        run = fb.simulate(model, t_end=0.1, step=2e-3, progress=False)
+        one, two = result.slider("xi")["force"][-1], result.slider("eta")["force"][-1]
+        np.testing.assert_allclose(one + two, (0.0, 0.0, 9.81 * mass), atol=1e-7)
+        assert run.drift("total") < 1e-12 and run.drift("gap") < 1e-14 and result.info["unstable_directions"] == 0
+        results.append((*result.state.s, *one, *run.state.s))
+    # the force is what both cables press on each other, to the share of the mass
+    assert np.linalg.norm(results[1][3:6]) > 5.0
+    np.testing.assert_allclose(results[0], results[1], rtol=0.0, atol=6e-4)
+    np.testing.assert_allclose(np.delete(results[0], [3, 4, 5]), np.delete(results[1], [3, 4, 5]), rtol=0.0, atol=1e-5)
+
+
 # ----------------------------------------------------------------------------------------------------------------- many rings
 def test_twenty_rings_gather_where_a_rope_hangs_lowest() -> None:
     section = fb.Section.circle(radius=0.025, E=1e9, rho=1000.0)

@@ -7,6 +7,7 @@ import random
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
@@ -97,7 +98,9 @@ WRONG: dict[str, Any] = {
     "zero byte": "a\0b", "long name": "x" * 300, "beam": BEAM, "node": BEAM.end, "mass": MASS, "body": BODY, "net": NET,
     "scene": SCENE, "section": SECTION, "parts": [BEAM, MASS], "foreign beam": fb.Beam.straight(
         "other", (0, 0, 0), (1, 0, 0), section=SECTION, elements=1).end, "clamp": fb.Clamp(BEAM.start), "None": None,
-    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9),
+    "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9), "lock": fb.Lock(1.0), "release": fb.Release(1.0),
+    "locks": [fb.Lock(1.0, until=2.0), fb.Lock(3.0)], "one-sided": fb.OneSided((0, 0, 1)),
+    "condition": lambda t, s, rate: rate - 1.0,
     "path": AROUND}
 
 
@@ -111,7 +114,7 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
         "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
         "model": model, "result": result, "modes": modes,
         "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
-        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)), 
+        "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)),
         "state of texts": lambda: State("q", "v", "s", "f"),
         "state of Nones": lambda: State(None, None, None, None)}
     (folder / "text").write_text("no result")
@@ -188,6 +191,9 @@ def is_series(x: Any) -> bool:
 VECTOR, NODE = is_array(1), one_of(fb.NodeRef, fb.PointMass, fb.RigidBody)
 A_BEAM, A_TRACK, SECTIONS = one_of(fb.Beam), one_of(fb.Beam, fb.Path), one_of(fb.Section)
 FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
+CONDITION = either(is_real, is_function, is_text)
+LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_a(fb.Release),
+              one_sided=either(VECTOR, is_a(fb.OneSided)))
 
 
 @dataclass
@@ -202,9 +208,10 @@ class Call:
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text)
 BAR = dict(section=SECTION, elements=2)
-MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, name=is_text)
+DAMPING = either(is_real, is_array(1, 2))
+MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, damping=DAMPING, name=is_text)
 SIX = dict.fromkeys(("EA", "GA2", "GA3", "GJ", "EI2", "EI3"), is_real)
-INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, name=is_text)
+INERTIA = dict(rhoA=is_real, rhoI2=is_real, rhoI3=is_real, damping=DAMPING, name=is_text)
 NODES, EDGES = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1), (1, 2)]
 RUN = dict(start=one_of(State, fb.Checkpoint), observe=is_list_of(is_text), points=one_of(Mapping), max_iterations=is_count,
            backend=is_text, threads=is_count, mend_start=is_flag)
@@ -249,11 +256,30 @@ def calls(folder: Path) -> dict[str, Call]:
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
         "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
         "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
+            name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
+            linear=is_real, air=VECTOR)),
+        "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
+        **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
+                                            dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
+        "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
+            times=VECTOR, values=is_array(1, 2), direction=VECTOR, rest=is_flag)),
         "RigidConnection": Call(fb.RigidConnection, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real)),
+        **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
+                      dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
+           for name, axes, more in (
+               ("RevoluteJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
+                                                            torque=either(is_real, is_function))),
+               ("PrismaticJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
+                                                             force=either(is_real, is_function))),
+               ("CylindricalJoint", dict(axis=(0, 1, 0)), {}), ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
+               ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
+        "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
                      dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function)),
         "DistributedLoad": Call(fb.DistributedLoad, dict(name="l", beam=BEAM, force=(0, 0, 1)),
@@ -276,16 +302,19 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
-                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops))),
-        "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5),
+                            friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),
+        "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5, length=0.2),
                        dict(name=is_text, point=NODE, beam=A_BEAM, on=A_BEAM, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real,
-                            axis=VECTOR)),
+                            key_radius=is_real, axis=VECTOR, **LOCKED)),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),
             stiffness=is_real, damping=is_real, limit=is_real)),
         "Stops": Call(fb.Stops, dict(start=0.1), dict(start=is_real, end=is_real, stiffness=is_real, restitution=is_real)),
+        "Lock": Call(fb.Lock, {}, dict(when=CONDITION, at=is_real, until=CONDITION)),
+        "Release": Call(fb.Release, dict(when=1.0), dict(when=CONDITION)),
+        "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real, catch=is_flag)),
         "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
             name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
             elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),
@@ -309,7 +338,8 @@ def calls(folder: Path) -> dict[str, Call]:
             callback=is_function, tolerance=is_real, min_step=is_real, max_step=is_real, augmentation=is_real, progress=is_flag)),
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
-            at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)))),
+            at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
@@ -333,10 +363,26 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "deviation", "drift", "is_conserved")},
+           for name in ("point", "slider", "deviation", "drift", "is_conserved", "velocity", "section")},
+        "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
+        "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
+            name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
+            dissipates=is_flag)),
+        "section_forces": Call(fb.section_forces, dict(model=model(), shapes=model().state(), beam=BEAM), dict(
+            model=one_of(Model), shapes=one_of(State, fb.Result), beam=one_of(fb.Beam), s=either(is_real, VECTOR))),
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
+        "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
+            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
+        "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
+            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping)), lambda x: np.size(x) == 0),
+            run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
+            overwrite=is_flag, retry=is_flag, progress=is_flag)),
+        "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
+        "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
+        "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
+            result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
         "plot_overview": Call(fb.plot_overview, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count)),
         "plot_shapes": Call(fb.plot_shapes, dict(result=result()), dict(result=one_of(fb.Result), plane=is_text, n=is_count,
                                                                         cmap=is_text)),
@@ -354,6 +400,10 @@ REFUSED = (fb.SceneError, fb.ResultFileError, fb.ConvergenceError)
 
 class TooLong(BaseException):
     """A call took longer than anyone waits."""
+
+
+def law(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+    """Of a user force."""
 
 
 def _ring(*_: Any) -> None:
@@ -447,8 +497,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 
 
 # --- nothing public is left out --------------------------------------------------------------------------------------------
-# of the errors the arguments are texts and facts of the package's own; a net's lists serve the compiler
-OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
+# of errors and tables the arguments are texts and facts of the package's own; a net's lists serve the compiler
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "Sweep", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 
 
@@ -456,10 +506,12 @@ def public() -> Iterator[tuple[str, Any]]:
     """Every public call with arguments: functions, constructors, methods."""
     for name in set(fb.__all__) - OWN:
         thing = getattr(fb, name)
-        if not inspect.isclass(thing):
+        if callable(thing) and not inspect.isclass(thing):
             yield name, thing
             continue
-        yield name, thing.__init__
+        # an object of the package, such as GROUND, has methods alone
+        if inspect.isclass(thing):
+            yield name, thing.__init__
         for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
             if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:
                 yield f"{name}.{method}", found

@@ -329,7 +329,7 @@ def test_short_memory_is_not_taken_for_a_missing_library(monkeypatch: pytest.Mon
     def full(*arguments: Any) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(reading._Reader, "result", full)
+    monkeypatch.setattr(reading.Reader, "result", full)
     with pytest.raises(fb.ResultFileError, match="too large to be read with the memory that is left"):
         fb.load_result(sound)
 

@@ -21,6 +21,16 @@ def model(**forces: Any) -> fb.Model:
     return fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), slider(**forces)))
 
 
+def held(**forces: Any) -> fb.Model:
+    """One that an equilibrium may be asked of."""
+    return fb.compile_scene(fb.Scene(BEAM, MASS, fb.Clamp(BEAM.start), fb.Clamp(BEAM.end), slider(**forces)))
+
+
+def sleeve(**changes: Any) -> fb.Sleeve:
+    body = fb.RigidBody("b", mass=1.0, inertia=(1, 1, 1), position=(0.5, 0, 0))
+    return fb.Sleeve("s", body, BEAM, at=0.5, **changes)
+
+
 WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "negative friction": (lambda: slider(friction=-0.1), ("friction", "finite number >= 0")),
     "friction as text": (lambda: slider(friction="0.3"), ("friction", "coefficient >= 0 or a Friction")),
@@ -55,7 +65,19 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "order 4 with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, order=4), ("order=4", "order=2")),
     "midpoint with friction": (lambda: fb.simulate(model(friction=0.1), t_end=0.1, step=0.01, method="midpoint"),
                                ("midpoint", "use the default method")),
-    "equilibrium with friction": (lambda: fb.solve_static(model(friction=0.1)), ("slider 's'", "held=('s',)", "until it rests")),
+    "interval of rest without friction": (lambda: fb.solve_static(held(), rest_intervals="s"), ("slider 's'", "friction=")),
+    "interval of rest of what is held": (lambda: fb.solve_static(held(friction=0.1), held="s", rest_intervals="s"),
+                                         ("slider 's'", "is held")),
+    "interval of rest of nobody": (lambda: fb.solve_static(held(friction=0.1), rest_intervals="t"),
+                                   ("rest_intervals", "no slider 't'", "'s'")),
+    "equilibrium at no time": (lambda: fb.solve_static(held(drive=fb.Drive(position=lambda t: 0.5 + t))), ("drives", "at_time=")),
+    "equilibrium beyond the beam": (lambda: fb.solve_static(held(drive=fb.Drive(position=lambda t: 0.5 + t)), at_time=2.0),
+                                    ("slider 's'", "s = 2.5 m", "0 to 1 m")),
+    "equilibrium with a position that fails": (lambda: fb.solve_static(held(drive=fb.Drive(
+        position=lambda t: 0.5 if t == 0.0 else np.nan)), at_time=2.0), ("slider 's'", "position", "finite number")),
+    "friction of a bore of no length": (lambda: sleeve(friction=0.1, length=0.0), ("sleeve 's'", "length=")),
+    "friction of a bore of unknown length": (lambda: sleeve(friction=0.1), ("sleeve 's'", "length=")),
+    "key of a sleeve that is not keyed": (lambda: sleeve(length=0.1, keyed=False, key_radius=0.1), ("key_radius", "keyed=False")),
     "nan on the way": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 if t < 0.05 else np.nan)), t_end=0.1,
                                            step=0.01), ("slider 's'", "position", "finite number")),
 }

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fastbeam.errors import BackendError, SceneError
-from fastbeam.plot import plot_invariants, plot_overview, plot_shapes, plot_slider
+from fastbeam.plot import plot_balance, plot_invariants, plot_overview, plot_shapes, plot_slider
 from fastbeam.result import Result
 
 matplotlib = pytest.importorskip("matplotlib")
@@ -75,6 +75,43 @@ def test_energies_that_are_drawn_add_up_to_the_total() -> None:
     assert set(lines) == {"kinetic", "strain", "gravity", "loads", "total"}
     run.series["potential"] = strain + gravity
     assert "loads" not in [line.get_label() for line in plot_invariants(run).axes[0].get_lines()]
+
+
+def test_energy_of_elastic_stops_has_a_curve_of_its_own() -> None:
+    run = swing()
+    strain, stops = 0.5 * run.t, 0.25 * run.t**2
+    run.series |= {"strain": strain, "gravity": -run.t, "potential": strain - run.t + stops, "stop_energy": stops[:, None]}
+    run.series["total"] = run.series["kinetic"] + run.series["potential"]
+    lines = {line.get_label(): line.get_ydata() for line in plot_invariants(run).axes[0].get_lines()}
+    np.testing.assert_allclose(sum(y for name, y in lines.items() if name != "total"), lines["total"], rtol=1e-12)
+    assert set(lines) == {"kinetic", "strain", "gravity", "stops", "total"}
+
+
+def test_balance_shows_every_part_and_their_sum() -> None:
+    run = swing()
+    strain, lost = 0.5 * run.t, 0.25 * run.t**2
+    zero = np.zeros((21, 1))
+    run.series |= {"kinetic": 2.0 - strain - lost, "strain": strain, "gravity": 0 * strain, "potential": strain,
+                   "friction_loss": lost[:, None], "drive_work": zero, "stop_loss": zero, "stop_energy": zero}
+    upper, lower = plot_balance(run).axes
+    lines = {line.get_label(): line.get_ydata() for line in upper.get_lines()}
+    np.testing.assert_array_equal(lines["friction of slider 'ring'"], lost)
+    np.testing.assert_allclose(lines["sum"], 2.0, rtol=1e-15)
+    assert np.abs(lower.get_lines()[0].get_ydata()).max() < 1e-15
+    with pytest.raises(SceneError, match="'kinetic' was not recorded"):
+        plot_balance(Result(t=[0.0]))
+
+
+def test_bodies_are_squares_with_their_axes() -> None:
+    run = swing()
+    run.names["bodies"] = [{"name": "block", "node": 6}]
+    lines = plot_shapes(run, n=2).axes[0].get_lines()
+    square, = [line for line in lines if line.get_marker() == "s"][-1:]
+    np.testing.assert_array_equal(np.ravel(square.get_data()), run.phi[-1, 6, :2])
+    # three lines of two points each, with gaps
+    axes, = [line for line in lines if len(line.get_xdata()) == 9][-1:]
+    tips = np.transpose(axes.get_data())[1::3] - run.phi[-1, 6, :2]
+    np.testing.assert_allclose(np.linalg.norm(tips, axis=1) / np.linalg.norm(tips[0]), (1.0, 1.0, 0.0), atol=1e-12)
 
 
 def test_series_that_are_not_conserved_have_no_deviation_curve() -> None:

@@ -91,6 +91,7 @@ def test_the_bore_is_as_long_as_an_element_by_default_and_the_model_says_so() ->
 @pytest.mark.parametrize(("change", "message"), [
     (dict(length=3.5), r"length=3.5 m of its bore exceeds that of beam 'rod', 3 m"),
     (dict(length=-1.0), r"length must be a finite number >= 0 m"),
+    (dict(friction=0.1), r"friction=0.1 needs the length of the bore"),
     (dict(axis=(0, 0, 0)), r"axis=\(0, 0, 0\) is no direction"),
     (dict(keyed="no"), "keyed must be True or False"),
     (dict(angle=1.0), "angle"),

@@ -151,6 +151,49 @@ def test_the_border_is_the_derivative_of_its_equations(planar: bool) -> None:
     assert along == pytest.approx(np.sum(np.array(gaps) * in_space))
 
 
+def in_a_sleeve() -> fb.Scene:
+    rod = rope(end=(2, 0, 0))
+    body = fb.RigidBody("holder", mass=1, inertia=(1, 1, 1), position=(1, 0, 0))
+    return fb.Scene(rod, body, fb.Clamp(rod.start), fb.Sleeve("sleeve", body, rod, at=1.0, length=0.3, friction=0.3,
+                                                              key_radius=0.02))
+
+
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize("scene", [mechanism(0.0), in_a_sleeve()], ids=["sliders", "sleeve"])
+def test_friction_in_the_border_is_the_derivative_of_its_equations(scene: fb.Scene, planar: bool) -> None:
+    plain = fb.compile_scene(scene, planar=planar).uneliminated(planar=planar)
+    contacts = StaticContacts(plain, plain.plane.axes if planar else None)
+    state, h = plain.state(), 1e-6
+    count = plain.plane.model.n_forces if planar else plain.n_forces
+    force, slip = np.random.default_rng(1).standard_normal(count), np.array([0.3, -0.2, 0.4, -0.5])[:state.s.size]
+
+    def border(q: Array, s: Array, force: Array) -> Any:
+        return contacts.border(contacts.weights(s), q.reshape(-1), force, slip)
+
+    at = border(state.q, state.s, force)
+    up, down = (border(state.q, state.s + x, force) for x in (h, -h))
+    np.testing.assert_allclose(at.bend, (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-6)
+    by_force, d = at.by_force.toarray() + at.turns.toarray().T, at.tangent.shape[1]
+    for k, tangent in enumerate(at.tangent):
+        by_force[k, d * k:d * k + d] += tangent
+    for j, unit in enumerate(h * np.eye(count)):
+        up, down = (border(state.q, state.s, force + x * unit) for x in (1, -1))
+        np.testing.assert_allclose(by_force[:, j], (up.sliding - down.sliding) / (2 * h), rtol=0.0, atol=1e-8)
+    by_node = (at.slide + at.rubbing).toarray()
+    # unknowns of a node in the plane, with the signs of its axes
+    turn = np.eye(6)
+    if planar:
+        turn = np.concatenate((np.pad(plain.plane.axes[:2], ((0, 0), (0, 3))), np.pad(plain.plane.axes[2:], ((0, 0), (3, 0)))))
+    for u in free_unknowns(plain):
+        node, c = divmod(int(u), 6)
+        if not turn[:, c].any():
+            continue
+        up, down = (border(moved(plain, state, u, x), state.s, force) for x in (h, -h))
+        column = len(turn) * int(plain.pattern.row_of[node])
+        np.testing.assert_allclose(by_node[:, column:column + len(turn)] @ turn[:, c], (up.sliding - down.sliding) / (2 * h),
+                                   rtol=0.0, atol=1e-8)
+
+
 # ------------------------------------------------------------------------------------------------------------ the saddle
 def dense(n: int, m: int, seed: int, negative: int = 0, free: int = 0) -> tuple[Array, Array, int]:
     """[A, B^T; B, 0] with units far apart, its multipliers, and the negative directions of A where B x = 0."""

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from fastbeam.errors import BackendError, ResultFileError, SceneError
-from fastbeam.result import Result, ResultBuffer, ResultHeader, RowBuffer
+from fastbeam.result import Result, ResultBuffer, ResultHeader
+from fastbeam.rows import RowBuffer
 from fastbeam.store import ResultWriter, load_result
 
 h5py = pytest.importorskip("h5py")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 from pathlib import Path
@@ -21,13 +22,13 @@ from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import predict_sliders
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
-from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
-                            Section, Slider)
+from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody, RigidConnection,
+                            Scene, Section, Slider)
 from fastbeam.load_times import load_factors
 from fastbeam.workspace import contact_of, work_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, increments  # noqa: E402
+from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, dissipation, increments  # noqa: E402
 
 Array = np.ndarray
 BORDER = 7  # unknowns of a slider: force, position, mean gap
@@ -42,7 +43,14 @@ def _coupled() -> Section:
     return Section.from_matrix(20.0 * (a @ a.T + 4.0 * np.eye(6)), rhoA=1.0, rhoI2=0.3, rhoI3=0.5)
 
 
-SECTIONS = {"diagonal": DIAGONAL, "coupled": _coupled()}
+def _viscous() -> Section:
+    a = np.random.default_rng(8).standard_normal((6, 6))
+    return replace(_coupled(), damping=a @ a.T)
+
+
+SECTIONS = {"diagonal": DIAGONAL, "coupled": _coupled(), "damped": replace(DIAGONAL, damping=0.03),
+            "damped apart": replace(DIAGONAL, damping=(0.01, 0.0, 0.02, 0.05, 0.03, 0.08)), "viscous": _viscous()}
+DAMPED = ("damped", "damped apart", "viscous")
 FAMILIES = {"lagrange1": {"degree": 1}, "lagrange2": {"degree": 2}, "lagrange4": {"degree": 4},
             "bspline2_greville": {"interpolation": "bspline", "degree": 2},
             "bspline3_control": {"interpolation": "bspline", "degree": 3, "directors": "control"}}
@@ -140,9 +148,27 @@ def _beams_at_an_angle() -> Scene:
                  Load("pull", b.start, force=(1, 2, 3), moment=(-2, 1, 2)), gravity=(0, 0, -9.81))
 
 
+def _damped_beams_at_an_angle() -> Scene:
+    # a strain set with damping and one without, and a beam without in the first
+    scene = _beams_at_an_angle()
+    a = scene.beams[0]
+    slow = Beam.straight("slow", (0, 0, 0), (0, 1.5, 0), section=SECTIONS["damped apart"], elements=3, degree=2)
+    return Scene(*scene.parts, slow, RigidConnection(a.start, slow.start), gravity=scene.gravity)
+
+
+def _in_the_wind() -> Scene:
+    beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.4, section=DIAGONAL, elements=3, degree=2)
+    body = RigidBody("body", mass=2.0, inertia=(1, 1.3, 0.8), position=beam.reference(beam.length)[0][0] + (0.3, 0.1, -0.2))
+    return Scene(beam, body, RigidConnection(body, beam.end),
+                 Drag("air", beam, normal=3.0, tangential=1.0, linear=0.5, air=(2, -1, 3)),
+                 Drag("gust", body, normal=2.0, linear=1.0))
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     f"{strain}-{section}-{family}": lambda a=(strain, section, family): _curved(*a)
-    for strain in ("simo_reissner", "green_lagrange") for section in SECTIONS for family in FAMILIES}
+    for strain in ("simo_reissner", "green_lagrange") for section in ("diagonal", "coupled") for family in FAMILIES}
+SCENES |= {f"{strain}-{section}-lagrange2": lambda a=(strain, section, "lagrange2"): _curved(*a)
+           for strain in ("simo_reissner", "green_lagrange") for section in DAMPED}
 SCENES |= {
     "unequal elements": _unequal_elements,
     "mass on own curve": _mass_on_rail,
@@ -157,6 +183,8 @@ SCENES |= {
     "ball chain": _ball_chain,
     "beam looped on a body": _beam_looped_on_a_body,
     "beams at an angle": _beams_at_an_angle,
+    "damped beams at an angle": _damped_beams_at_an_angle,
+    "in the wind": _in_the_wind,
 }
 # (scene, s_n and s_n+1 of every slider as parts of the length)
 WHOLE = [(name, ()) for name in SCENES if not any(word in name for word in ("mass on", "rail")) or name == "mass on ball joint"]
@@ -355,6 +383,22 @@ def test_tangent_equals_differences_of_the_twin(name: str, ends: tuple) -> None:
     kernel = Kernels(model)
     kernel.assemble(twin, trial)
     assert_same_rows(free_block(twin, kernel.tangent()), numerical_tangent(twin, trial))
+
+
+@pytest.mark.parametrize("name", ["simo_reissner-viscous-lagrange2", "damped beams at an angle",
+                                  pytest.param("green_lagrange-viscous-lagrange2", marks=pytest.mark.slow)])
+def test_energy_taken_by_damping_equals_the_twin(name: str) -> None:
+    scene, model, twin = compiled(name)
+    trial = trial_step(scene, twin, ())
+    kernel = Kernels(model)
+    kernel.assemble(twin, trial)
+    kernels.account_all(*kernel.parts(), trial.h)
+    q_n1 = trial.q_n + twin.connected(increments(trial.q_n, trial.dphi, trial.theta))
+    damped = [beam for beam in scene.beams if np.any(beam.section.damping)]
+    at = [twin.of_beam(beam) for beam in damped]
+    expected = [dissipation(beam, trial.q_n[x], q_n1[x], trial.h) for beam, x in zip(damped, at)]
+    assert model.losses == tuple(f"damping of {beam.label}" for beam in damped) and min(expected) > 0.0
+    np.testing.assert_allclose(kernel.state.history[model.loss_place:], expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "ends"), [("mass on c1 curve", ((0.40, 0.45),)), ("tied point on tied rail", ((0.1, 0.9),)),

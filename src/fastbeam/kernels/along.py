@@ -3,10 +3,11 @@
     sliding     F . T = Q,   T of the step, Q the force along the beam on the sliding point; its work in the step is Q Ds
 
 Q is a function of s_n, s_n+1 and the size of the step: of drives, elastic stops, viscous and smoothed friction. Coulomb friction
-takes |Q| <= mu |F_across| |T|, and its sign is that of the velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the
-velocity there is zero, Ds = h ds/dt_n / 2 takes the place of (5.3); a slider that sticks has ds/dt_n = 0, so it stays where it is
-to the last bit. Which of the three holds is decided anew in every iteration (a semismooth Newton method). A force that would put
-energy in, as where the velocity is turned around within a step, is refused: then the sign of the increment of s decides.
+takes |Q| <= mu F_n |T|, F_n = |F_across| and what moments of a sleeve press on its edges, (5.11), and its sign is that of the
+velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the velocity there is zero, Ds = h ds/dt_n / 2 takes the place of
+(5.3); a slider that sticks has ds/dt_n = 0, so it stays where it is to the last bit. Which of the three holds is decided anew in
+every iteration (a semismooth Newton method). A force that would put energy in, as where the velocity is turned around within a
+step, is refused: then the sign of the increment of s decides.
 """
 from __future__ import annotations
 
@@ -14,21 +15,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._generic import generic
 from .._jit import inlined, kernel
 from .algebra import call_law, dot
 from .curves import find_element, node_of
-from .kinds import vector
-from .slider import (SlidingLaw, account_along, begin_along, begin_passage, is_settled_along, mean_tangent, motion_along,
-                     pass_along, push_of_moments, sliding_law)
+from .kinds import dim, vector, zero_vector
+from .slider import (NoSleeves, SlidingLaw, Weights, account_along, add_contact, add_slider, begin_along, begin_passage,
+                     is_settled_along, mean_tangent, motion_along, pass_along, push_of_moments, put_residual, put_translation,
+                     sliding_law)
 from .terms import put_loads, spread_nodes
 
 # kinds of drives
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
-# impacts, J; 1 where friction holds it since a step before, else 0
-HISTORY = 6
-SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS = range(HISTORY)
+# impacts, J; 1 where friction holds it since a step before, else 0; FREE, LOCKED or OFF; how many times its locks have taken hold
+# or let go; energy lost where they took hold, J
+HISTORY = 9
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS = range(HISTORY)
+# a slider slides, is held where it is, or has left its beam
+FREE, LOCKED, OFF = range(3)
 # a part of the contact force across the beam that is round-off of the force
 ALONG_ONLY = 1e-12
 # after so many changes of a sign in one step Newton's method goes in circles: friction is continuous in the velocity from then on
@@ -56,6 +62,7 @@ class Along(NamedTuple):
     judged: np.ndarray      # int64 [S]: how many iterations of this step have asked for the sign
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
+    held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
 
 
 class DriveSchedule(NamedTuple):
@@ -142,12 +149,40 @@ def other_forces(along, k, s0, s1):
 
 @inlined
 def is_prescribed(along, k):
-    return along.drive[k] == POSITION or along.drive[k] == INCREMENT
+    return along.drive[k] == POSITION or along.drive[k] == INCREMENT or along.held[k] != FREE
+
+
+@add_contact.register(Along)
+@kernel
+def add_if_on_beam(along, term, system, k):
+    if along.held[k] == OFF:
+        add_idle_slider(term, system, k)
+    else:
+        add_slider(along, term, system, k)
+
+
+@kernel
+def add_idle_slider(term, system, k):
+    """The rows of a slider that has left its beam: no force, and s stays. It touches its point alone, with zeros."""
+    contact, work, dofs = system.contact, system.work, system.dofs
+    d = dim(dofs)
+    point = term.sliders.point[k]
+    force = vector(system.state.force, contact.first_force[k], 1, dofs)
+    zero = zero_vector(dofs)
+    contact.entries[k] = 0
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0), zero, zero, dofs)
+    for i in range(64):
+        contact.corner[k, i] = 0.0
+    for i in range(d + 1):
+        contact.corner[k, 9 * i] = 1.0
+    put_residual(contact, k, force, work.s_end[k] - system.state.s[k], dofs)
 
 
 @kernel
 def prescribed_end(along, k, s0):
-    """s at the end of the step of a slider whose motion is prescribed."""
+    """s at the end of the step of a slider whose motion is prescribed, or that is locked."""
+    if along.held[k] != FREE:
+        return s0
     return along.given[k, 0] if along.drive[k] == POSITION else s0 + along.given[k, 0]
 
 
@@ -157,10 +192,21 @@ def has_signs(along, k):
     return along.friction[k] > 0.0 and along.smoothing[k] == 0.0 or along.against[k] != 0
 
 
+@generic
+def force_of_edges(sleeves, system, k):
+    """What the moments of slider k press on the edges of its bore, (5.11), N."""
+
+
+@force_of_edges.register(NoSleeves)
+@kernel
+def force_of_no_edges(sleeves, system, k):
+    return 0.0
+
+
 @inlined
-def most_of_friction(along, k, across, tangent):
-    """The bound of Coulomb friction in (5.6)."""
-    return along.friction[k] * np.sqrt(dot(across, across) * dot(tangent, tangent))
+def most_of_friction(along, k, across, tangent, edges):
+    """The bound of Coulomb friction in (5.6); edges: what moments press on the edges of a bore."""
+    return along.friction[k] * (np.sqrt(dot(across, across)) + edges) * np.sqrt(dot(tangent, tangent))
 
 
 @inlined
@@ -170,25 +216,27 @@ def across_of(force, tangent):
 
 
 @kernel
-def rub(factor, force, tangent, rest, slope):
-    """The law with friction -factor |F_across| |T|, one that keeps `factor` constant."""
+def rub(factor, edges, law):
+    """A law without friction with -factor (|F_across| + edges) |T|, one that keeps `factor` constant."""
+    force, tangent = law.force, law.tangent
     across = across_of(force, tangent)
     normal = np.sqrt(dot(across, across))
-    if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
-        return SlidingLaw(force, tangent, rest, slope, 1.0)
     long = np.sqrt(dot(tangent, tangent))
+    if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
+        return SlidingLaw(force + (factor * edges / long) * tangent, tangent, law.rest, law.slope, 1.0, factor * long)
     part = dot(force, tangent) / (long * long)
-    by_tangent = (factor * normal / long) * tangent - (factor * part * long / normal) * across
+    by_tangent = (factor * (normal + edges) / long) * tangent - (factor * part * long / normal) * across
     # by_tangent . T is the friction, but for digits that a small F_across has lost
-    lost = factor * normal * long - dot(by_tangent, tangent)
-    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, rest + lost, slope, 1.0)
+    lost = factor * (normal + edges) * long - dot(by_tangent, tangent)
+    return SlidingLaw(force + by_tangent, tangent + (factor * long / normal) * across, law.rest + lost, law.slope, 1.0,
+                      factor * long)
 
 
 @kernel
 def hold(along, way, force):
     """The law of a slider whose increment of s is given: so much of it is missing; in the unit of a force, as rows are scaled."""
     unit = along.clock[2] / (along.clock[0] * along.clock[0])
-    return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0)
+    return SlidingLaw(0.0 * force, 0.0 * force, unit * way, unit, 0.0, 0.0)
 
 
 @kernel
@@ -219,22 +267,23 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
     if is_prescribed(along, k):
         return hold(along, s1 - prescribed_end(along, k, s0), force)
     known = other_forces(along, k, s0, s1)
-    other = Force(known.value + push, known.slope)
+    other = known.value + push
     mu = along.friction[k]
-    if not has_signs(along, k):
-        if mu == 0.0:
-            return SlidingLaw(force, tangent, -other.value, -other.slope, 1.0)
+    law = SlidingLaw(force, tangent, -other, -known.slope, 1.0, 0.0)
+    signs = has_signs(along, k)
+    if mu == 0.0 and not signs:
+        return law
+    edges = force_of_edges.call(term.sleeves, system, k)
+    most = most_of_friction(along, k, across_of(force, tangent), tangent, edges)
+    if not signs:
         factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
-        most = most_of_friction(along, k, across_of(force, tangent), tangent)
-        return rub(factor * mu, force, tangent, -other.value, most * slope - other.slope)
-    most = most_of_friction(along, k, across_of(force, tangent), tangent)
-    along.needed[k] = dot(force, tangent) - other.value
+        return rub(factor * mu, edges, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
+    along.needed[k] = dot(force, tangent) - other
     along.judged[k] += 1
     if along.flips[k] >= MOST_FLIPS:
         if along.against[k] == 0:
-            return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most,
-                                SlidingLaw(force, tangent, -other.value, -other.slope, 1.0))
+            return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most, edges, law)
         # at the stop it stays for this step
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
@@ -243,11 +292,11 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
     along.sign[k] = sign
     if sign == 0:
         return hold(along, s1 - s0 - along.rest[k], force)
-    return rub(sign * mu, force, tangent, -other.value, -other.slope)
+    return rub(sign * mu, edges, law)
 
 
 @kernel
-def rub_in_doubt(along, k, ds, width, most, law):
+def rub_in_doubt(along, k, ds, width, most, edges, law):
     """The law with Coulomb friction, continuous in the velocity: full where the slider moves by `width`, what friction can push
     the parts in the step."""
     ahead = 1.0 if along.clock[0] > 0.0 else -1.0
@@ -255,8 +304,9 @@ def rub_in_doubt(along, k, ds, width, most, law):
     along.rest[k] = 0.0
     along.sign[k] = 1 if part > 0.0 else -1
     inside = abs(part) < 1.0
-    return rub((part if inside else along.sign[k]) * along.friction[k], law.force, law.tangent, law.rest,
-               law.slope + (ahead * most / width if inside and width > 0.0 else 0.0))
+    slope = law.slope + (ahead * most / width if inside and width > 0.0 else 0.0)
+    return rub((part if inside else along.sign[k]) * along.friction[k], edges,
+               SlidingLaw(law.force, law.tangent, law.rest, slope, 1.0, 0.0))
 
 
 @begin_along.register(Along)
@@ -266,6 +316,7 @@ def begin_forces(along, term, system, h):
     state = system.state
     along.clock[0] = h
     for k in range(state.s.shape[0]):
+        along.held[k] = int(state.history[HISTORY * k + HELD])
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
             continue
@@ -341,7 +392,8 @@ def account_work(along, term, system, k):
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):
         sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
-        most = most_of_friction(along, k, across_of(force, tangent), tangent)
+        edges = force_of_edges.call(term.sleeves, system, k)
+        most = most_of_friction(along, k, across_of(force, tangent), tangent, edges)
         friction = -along.viscous[k] / h * ds - most * sign
         drive = total - stop - friction
     else:

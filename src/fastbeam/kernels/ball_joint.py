@@ -10,9 +10,9 @@ import numpy as np
 
 from .._jit import kernel
 from .alpha import Alpha
-from .joint_entries import begin_joint, joints_are_closed, put_point, take_forces
+from .joint_entries import begin_joint, forget_gaps, joints_are_closed, put_point, take_forces
 from .kinds import add_to, dim, position, put, vector
-from .terms import Conserving, Midpoint, assemble, is_settled, take_unknowns
+from .terms import Conserving, Midpoint, assemble, first_guess, is_settled, take_unknowns
 
 
 class BallJoints(NamedTuple):
@@ -54,5 +54,6 @@ def assemble_ball_joints_at_end(joints, method, system, h):
     add_ball_joints(joints, system, 0.5)
 
 
+first_guess.register(BallJoints)(forget_gaps)
 take_unknowns.register(BallJoints)(take_forces)
 is_settled.register(BallJoints)(joints_are_closed)

@@ -36,6 +36,7 @@ from .algebra import pzerom as vzerom
 from .inner import eliminate_group
 from .kinds import Plane, Space, add_turned, coordinates, dim, dyad, moment, put_lanes, vector_lanes, zero_dyad, zero_moment
 from .lanes import scatter_rows
+from .laws import tangent_law
 from .layout import (BEFORE, BLOCKS, CONSTANTS, COUPLED, END, LIST, MIDDLE, NODES, POINTS, POINT_MATRIX, POINT_NODE, POINT_NODES,
                      POSITION_ROTATION, PRODUCTS, REFERENCE, ROTATION_POSITION, SHAPES_AT, SHEAR_2, SHEAR_3, STEP, STRAINS,
                      TEMPORARY, layout)
@@ -43,7 +44,7 @@ from .motions import (AtEnd, add_inertia, add_spin_rates, columns, gather_ends, 
                       needs_increment, pair_mass_factor)
 from . import gather  # noqa: F401  of all motions
 from .strain_sets import (add_director_forces, add_forces, add_geometric, add_stresses, point_stiffness, prepare_points,
-                          sum_pair)
+                          set_over, sum_pair)
 from .strains import excess_strains, interpolate, mean_strains, stresses
 from .terms import Equilibrium
 
@@ -180,14 +181,14 @@ def evaluate_point_in_space(dofs, method, strains, constants, reference, g, scra
     interpolate(constants, to, at.nn, at.node, scratch, 0, zo + MIDDLE)
     interpolate(constants, to, at.nn, at.node, scratch, 96, zo + END)
     mean_strains(method, strains, reference, 48 * g, scratch, zo, ao)
-    stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, po, ao)
+    stresses(strains.law, strains, constants, to, case.coupled, scratch, zo + STRAINS, po, ao)
     add_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, po, at.forces)
     if case.mixed:
         if case.gathered:
             interpolate(constants, to, at.nn, at.node, scratch, at.increment, zo + BEFORE)
             interpolate(constants, to, at.nn, at.node, scratch, at.increment + 96, zo + STEP)
         excess_strains(method, strains, reference, 48 * g, scratch, zo, case.gathered, ao)
-        stresses(strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + TEMPORARY, ao)
+        stresses(tangent_law.call(strains.law), strains, constants, to, case.coupled, scratch, zo + STRAINS, zo + TEMPORARY, ao)
         add_director_forces.call(strains, constants, to, at.nn, scratch, zo + MIDDLE, zo + TEMPORARY, at.tangent_forces)
         add_stresses.call(strains, scratch, zo + TEMPORARY, po)
     point_stiffness.call(strains, constants, to, case.coupled, scratch, at, columns.call(method), po)
@@ -333,19 +334,26 @@ def evaluate_in_plane(dofs, method, strains, constants, reference, scratch, at, 
 
 
 @inlined
+def gather_group(tables, no, at, motion, scratch, dofs):
+    """Coordinates of the nodes of a group, whose list begins at no, in the middle and at the end, and second rates."""
+    for a in range(at.nn):
+        gather_ends.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a, at.rates + 8 * coordinates(dofs) * a)
+
+
+@inlined
 def evaluate_group(tables, k, at, strains, motion, scratch, dofs):
     """Residual and tangent of group k into scratch, at at.rows and at.blocks."""
     no = tables.meta[k, LIST]
     node = 8 * coordinates(dofs)
-    for a in range(at.nn):
-        gather_ends.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a, at.rates + node * a)
+    gather_group(tables, no, at, motion, scratch, dofs)
     case = Case(tables.meta[k, COUPLED] != 0, motion.increment.control[0] != 0.0, needs_increment.call(motion))
     if case.mixed and case.gathered:
         for a in range(at.nn):
             gather_increment.call(dofs, motion, tables, no + 8 * a, scratch, at.node * a + node, at.increment + at.node * a)
     gather_spin_rates.call(motion, tables, no, at.nn, scratch, at.spin_rates)
     for lane in range(0, 8, WIDTH):
-        evaluate_lanes.call(dofs, motion.method, strains, address(tables.tab, tables.meta[k, CONSTANTS] + lane),
+        evaluate_lanes.call(dofs, motion.method, set_over.call(strains, motion),
+                            address(tables.tab, tables.meta[k, CONSTANTS] + lane),
                             address(tables.tab, tables.meta[k, REFERENCE] + lane), address(scratch, lane), at, case,
                             motion.mass_factor)
 

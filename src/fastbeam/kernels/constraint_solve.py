@@ -159,12 +159,14 @@ def solve_behind_node(order, factors, i, dofs):
 
 @inlined
 def compliance_of(couplings, factors, contact, k):
-    """Compliance of the parts that a constraint joins, 0 where there is none."""
+    """Compliance of the parts that a constraint joins, 0 where there is none; 1 where its force is given and touches nothing."""
     c = 0.0
     for a in range(couplings.forces[k]):
         c = max(c, abs(factors.own[7 * k + a]))
     if not c > contact.augmented[1]:
-        return 0.0
+        c = contact.corner[k, 0]
+        if not c > contact.augmented[1]:
+            return 0.0
     contact.compliance[k] = c
     return c
 

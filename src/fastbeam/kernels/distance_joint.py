@@ -12,9 +12,9 @@ import numpy as np
 from .._jit import kernel
 from .algebra import dot
 from .alpha import Alpha
-from .joint_entries import begin_joint, joints_are_closed, put_point, take_forces
+from .joint_entries import begin_joint, forget_gaps, joints_are_closed, put_point, take_forces
 from .spring import add_pair, difference
-from .terms import Conserving, Midpoint, assemble, is_settled, take_unknowns
+from .terms import Conserving, Midpoint, assemble, first_guess, is_settled, take_unknowns
 
 
 class DistanceJoints(NamedTuple):
@@ -63,5 +63,6 @@ def assemble_distance_joints_at_end(joints, method, system, h):
     add_distance_joints(joints, system, 0.5)
 
 
+first_guess.register(DistanceJoints)(forget_gaps)
 take_unknowns.register(DistanceJoints)(take_forces)
 is_settled.register(DistanceJoints)(joints_are_closed)

@@ -18,6 +18,7 @@ from .algebra import pstm as vstm
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
+from .laws import modulus, put_half_change
 from .layout import (MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES, POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS,
                      ROTATION_POSITION, SHEAR_2, SHEAR_3, TWIST)
 from .strain_sets import (GreenLagrange, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
@@ -53,7 +54,9 @@ def form_changes(scratch, z, x, eo):
 @kernel
 def mean(strains, scratch, eo, end, ao):
     for i in range(0, 48, 8):
-        vst(scratch, eo + i, 0, 0.5 * (vld(scratch, eo + i, 0) + vld(scratch, end + i, 0)))
+        e_start = vld(scratch, eo + i, 0); e_end = vld(scratch, end + i, 0)
+        vst(scratch, eo + i, 0, 0.5 * (e_start + e_end))
+        put_half_change.call(strains.law, scratch, eo + i, e_start, e_end)
 
 
 @present_strains.register(GreenLagrange)
@@ -157,14 +160,14 @@ def position_rows(scratch, z, out):
 
 
 @kernel
-def multiply_rows(constants, half_w, coupled, scratch, rows, out):
-    """half_w times C times six vectors."""
+def multiply_rows(law, constants, half_w, coupled, scratch, rows, out):
+    """half_w times C, or C + 2 D/h, times six vectors."""
     for i in range(6):
         j0 = 0 if coupled else i
         j1 = 6 if coupled else i + 1
         x = vzero3()
         for j in range(j0, j1):
-            x += (half_w * vld(constants, 48 * i + 8 * j, 0)) * vld3(scratch, rows + 24 * j, 8)
+            x += (half_w * modulus.call(law, constants, 48 * i + 8 * j)) * vld3(scratch, rows + 24 * j, 8)
         vst3(scratch, out + 24 * i, 8, x)
 
 
@@ -180,7 +183,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     tm = ct + 144
     half_w = 0.5 * vld(constants, to, 0)
     position_rows(scratch, z_end, tm)
-    multiply_rows(constants, half_w, coupled, scratch, tm, ct)
+    multiply_rows(strains.law, constants, half_w, coupled, scratch, tm, ct)
     position_rows(scratch, z_mid, tm)
     for a in range(at.nn):
         t = to + 8 + NODE_TABLE * a
@@ -188,7 +191,7 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
         b = po + POINT_NODES + POINT_NODE * a
         strain_rows(scratch, z_mid, at.node * a, n, dn, b)
         strain_rows(scratch, z_end, at.node * a + 96, n, dn, re)
-        multiply_rows(constants, half_w, coupled, scratch, re, b + PRODUCTS)
+        multiply_rows(strains.law, constants, half_w, coupled, scratch, re, b + PRODUCTS)
         tr = vzerom()
         rt = vzerom()
         for i in range(6):

@@ -8,6 +8,8 @@ Arrays: q_mid, q_end [12 N], in a plane [4 N].
 """
 from __future__ import annotations
 
+import numpy as np
+
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, f8
@@ -16,6 +18,9 @@ from .planar_nodes import PlanarTies
 from .slider import new_entry, tied_arm
 from .terms import NoTies
 from .ties import Ties
+
+# gaps that do not shrink any more may be so many times those of round-off
+STUCK = 1e3
 
 
 @generic
@@ -115,13 +120,31 @@ def take_forces_of(first, count, system):
 
 
 @kernel
+def forget_gaps(joints, system, h, c):
+    """Before the first iteration of a step."""
+    contact = system.contact
+    for k in range(joints.first[0], joints.first[0] + joints.node.shape[0]):
+        contact.before[k] = np.inf
+
+
+@kernel
+def is_closed(contact, k, allowed):
+    """Whether the augmented Lagrangian leaves a gap of round-off size at constraint k, or one that does not shrink any more:
+    round-off of triads and arms makes redundant joints disagree, by some 1e-16 times the root of the number of steps."""
+    left = contact.remaining[k]
+    before = contact.before[k]
+    contact.before[k] = left
+    return left <= allowed or (left <= STUCK * allowed and left >= before)
+
+
+@kernel
 def joints_are_closed(joints, system):
-    """Whether the augmented Lagrangian leaves gaps of round-off size only."""
+    """Whether the gaps of joints of one kind are closed."""
     contact, q, dofs = system.contact, system.state.q, system.dofs
+    closed = True
     for j in range(joints.node.shape[0]):
         reach = system.length
         for c in range(dim(dofs)):
             reach = max(reach, system.length + abs(q[(12 if dim(dofs) == 3 else 4) * joints.node[j, 0] + c]))
-        if not contact.remaining[joints.first[0] + j] <= 1e-15 * reach:
-            return False
-    return True
+        closed = is_closed(contact, joints.first[0] + j, 1e-15 * reach) and closed
+    return closed

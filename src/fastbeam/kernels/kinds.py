@@ -171,6 +171,34 @@ def put_cross_matrix(tc, a, offset, factor, x):
     return types.void(a, offset, factor, x), codegen
 
 
+def _make_cross(turn):
+    def add(tc, a, offset, factor, x):
+        n = x.n
+
+        def codegen(ctx, b, sig, args):
+            o = _int(ctx, b, args[1], sig.args[1])
+            f = ctx.cast(b, args[2], sig.args[2], f8)
+            xs = [_mul(b, f, y) for y in _parts(b, args[3], n)]
+            minus = [_sub(b, ir.Constant(_DOUBLE, 0.0), y) for y in xs]
+            if n == 2:
+                entries = [((0, 0), minus[1]), ((1, 0) if turn else (0, 1), xs[0])]
+            else:
+                # the matrix of x cross, and of a spin its transpose
+                entries = [((j, i) if turn else (i, j), y) for i, j, y in ((0, 1, minus[2]), (0, 2, xs[1]), (1, 0, xs[2]),
+                                                                           (1, 2, minus[0]), (2, 0, minus[1]), (2, 1, xs[0]))]
+            for (i, j), y in entries:
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i + j)), f8)
+                b.store(_add(b, b.load(p, align=8), y), p, align=8)
+            return ctx.get_dummy_value()
+        return types.void(a, offset, factor, x), codegen
+    add.__doc__ = ("a[offset + 8 i + j] += factor times the derivative of component i of "
+                   + ("spin cross x by component j of the spin." if turn else "x cross y by y_j; in a plane there is one row."))
+    return intrinsic(add)
+
+
+add_cross, add_turn = _make_cross(False), _make_cross(True)
+
+
 @intrinsic
 def add_stiffness(tc, a, offset, factor, x, y):
     """a[offset + 8 i + j] += factor (i == j) + x_i y_j."""

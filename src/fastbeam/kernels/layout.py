@@ -17,6 +17,9 @@ from .._jit import inlined
 # columns of `ElementTables.meta`
 NODES, POINTS, CONSTANTS, LIST, BLOCKS, COUPLED, FACTORS, REFERENCE = range(8)
 
+# in the tables of damped sections D stands ahead of C, from which offsets count: 6 x 6, in a plane 3 x 3
+VISCOSITY, VISCOSITY_IN_PLANE = -36 * 8, -9 * 8
+
 # distance of nodes in the table of a quadrature point, behind its weight: phi_s, dir, dir_s of each
 NODE_TABLE = 24
 
@@ -44,6 +47,8 @@ PLANAR_ROWS, PLANAR_PRODUCTS, PLANAR_ROTATION_POSITION, PLANAR_POSITION_ROTATION
 # `point_stiffness`
 Z = 21 * 8
 MIDDLE, END, STRAINS, BEFORE, STEP, TEMPORARY = 0, Z, 2 * Z, 2 * Z + 56, 3 * Z + 56, 4 * Z + 56
+# behind the strains, half their change in the step, of damped sections
+HALF_CHANGE = 56
 POINT_PRODUCTS = 2 * Z
 POINT_SCRATCH = POINT_PRODUCTS + (49 + 9 + 18 + 18) * 8
 # behind it, of every pair of nodes a < b, vectors of the middle, then of the end: three for twist and curvatures, one for the

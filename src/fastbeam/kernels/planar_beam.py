@@ -29,6 +29,7 @@ from .algebra import pzero as vzero
 from .algebra import pzero2 as vzero2
 from .beam import add_node_inertia, evaluate_point, put_pairs
 from .kinds import Plane
+from .laws import Law, apply_law, matrix_at, planar_modulus, planar_stress
 from .layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION, PLANAR_PRODUCTS,
                      PLANAR_ROTATION_POSITION, PLANAR_ROWS)
 from .motions import share_of_end
@@ -63,17 +64,6 @@ class GreenData(NamedTuple):
 
 
 GREEN_DATA = GreenData()
-
-
-class Law(NamedTuple):
-    """Weight times C at a point."""
-
-    c00: Any
-    c01: Any
-    c02: Any
-    c11: Any
-    c12: Any
-    c22: Any
 
 
 class Basis(NamedTuple):
@@ -132,21 +122,6 @@ def planar_shapes(constants, to, nn, scratch, qo):
 
 
 @inlined
-def law_of_point(constants, to):
-    w = vld(constants, to, 0)
-    return Law(w * vld(constants, 0, 0), w * vld(constants, 8, 0), w * vld(constants, 16, 0), w * vld(constants, 32, 0),
-               w * vld(constants, 40, 0), w * vld(constants, 64, 0))
-
-
-@inlined
-def apply_law(law, e):
-    """Stresses of three strains."""
-    x = component0(e); y = component1(e); z = component2(e)
-    return triple(law.c00 * x + law.c01 * y + law.c02 * z, law.c01 * x + law.c11 * y + law.c12 * z,
-                  law.c02 * x + law.c12 * y + law.c22 * z)
-
-
-@inlined
 def add_node_forces(constants, t, scratch, fo, forces):
     """Forces of a point on the coordinates of a node; t: where its basis functions stand."""
     vadd2(scratch, fo, 8, vld(constants, t, 0) * forces.position)
@@ -175,9 +150,10 @@ def evaluate_point_in_plane(dofs, method, strains, constants, reference, g, scra
     before = planar_strains.call(strains, start)
     present = planar_strains.call(strains, end)
     data = planar_point_data.call(strains, middle, start, end)
-    law = law_of_point(constants, to)
+    stiffness = matrix_at(constants, to, 0, 1.0)
     e = 0.5 * (before + present) - vld3(reference, 24 * g, 8)
-    s = apply_law(law, e)
+    s = planar_stress.call(strains.law, stiffness, constants, to, e, 0.5 * (present - before))
+    law = planar_modulus.call(strains.law, stiffness, constants, to)
     t = s
     if case.mixed:
         # the tangent takes the strains to which the last increment led in a straight line: their difference to those of the

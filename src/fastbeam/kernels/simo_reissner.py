@@ -20,6 +20,7 @@ from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
 from .algebra import pzerom as vzerom
 from .kinds import Space
+from .laws import modulus, put_half_change
 from .layout import (CURVATURE_2, CURVATURE_3, END, LENGTHS, MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES,
                      POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS, ROTATION_POSITION, SHAPE, SHAPES_AT, SHEAR_2, SHEAR_3, STRESSES,
                      TWIST, TWISTS)
@@ -77,7 +78,8 @@ def put_shape(scratch, eo, over_stretch, ao):
 @kernel
 def mean(strains, scratch, eo, end, ao):
     r_end = stretch(scratch, end)
-    r = 0.5 * (stretch(scratch, eo) + r_end)
+    r_start = stretch(scratch, eo)
+    r = 0.5 * (r_start + r_end)
     over = 1.0 / (r * r_end)
     c = 1.75 + vld(scratch, eo + 48, 0)
     c_end = 1.75 + vld(scratch, end + 48, 0)
@@ -86,12 +88,16 @@ def mean(strains, scratch, eo, end, ao):
     mean_c = 0.5 * (c + c_end)
     vst(scratch, ao + 16, 0, r_end * over); vst(scratch, ao + 48, 0, mean_c)
     vst(scratch, eo, 0, r)
+    put_half_change.call(strains.law, scratch, eo, r_start, r_end)
     for i in range(8, 24, 8):
-        g = 0.5 * (vld(scratch, eo + i, 0) + vld(scratch, end + i, 0))
+        g_start = vld(scratch, eo + i, 0); g_end = vld(scratch, end + i, 0)
+        g = 0.5 * (g_start + g_end)
         vst(scratch, eo + i, 0, g); vst(scratch, ao + i - 8, 0, g)
+        put_half_change.call(strains.law, scratch, eo + i, g_start, g_end)
     for i in range(24, 48, 8):
         k = vld(scratch, eo + i, 0); k_end = vld(scratch, end + i, 0)
         vst(scratch, eo + i, 0, 0.5 * (c * k + c_end * k_end)); vst(scratch, ao + i, 0, 0.5 * (k + k_end))
+        put_half_change.call(strains.law, scratch, eo + i, c * k, c_end * k_end)
 
 
 @present_strains.register(SimoReissner)
@@ -269,7 +275,7 @@ def form_rows(scratch, z, q, n, dn, out):
 
 
 @kernel
-def form_stiffness(constants, to, scratch, so, ao, out):
+def form_stiffness(law, constants, to, scratch, so, ao, out):
     """D of theory.md (4.8), d sbar = D dQ_end, 7 x 7 lanes by rows, for a section whose C is diagonal: only the block of the
     first three forms and that of the last four are filled."""
     end = ao + SHAPE
@@ -277,16 +283,17 @@ def form_stiffness(constants, to, scratch, so, ao, out):
     axial = 0.5 * vld(scratch, so, 0)
     g2 = vld(scratch, ao, 0); g3 = vld(scratch, ao + 8, 0); over = vld(scratch, ao + 16, 0)
     h2 = vld(scratch, end, 0); h3 = vld(scratch, end + 8, 0); over_end = vld(scratch, end + 16, 0)
-    y = over * over_end * (half_w * vld(constants, 0, 0) - axial)
+    y = over * over_end * (half_w * modulus.call(law, constants, 0) - axial)
     y2 = vzero() - y * h2; y3 = vzero() - y * h3
     vst(scratch, out, 0, y); vst(scratch, out + 8, 0, y2); vst(scratch, out + 16, 0, y3)
     vst(scratch, out + 56, 0, vzero() - g2 * y); vst(scratch, out + 112, 0, vzero() - g3 * y)
-    vst(scratch, out + 64, 0, half_w * vld(constants, 56, 0) - axial - g2 * y2); vst(scratch, out + 72, 0, vzero() - g2 * y3)
-    vst(scratch, out + 120, 0, vzero() - g3 * y2); vst(scratch, out + 128, 0, half_w * vld(constants, 112, 0) - axial - g3 * y3)
+    vst(scratch, out + 64, 0, half_w * modulus.call(law, constants, 56) - axial - g2 * y2)
+    vst(scratch, out + 72, 0, vzero() - g2 * y3); vst(scratch, out + 120, 0, vzero() - g3 * y2)
+    vst(scratch, out + 128, 0, half_w * modulus.call(law, constants, 112) - axial - g3 * y3)
     c = vld(scratch, ao + 48, 0); c_end = vld(scratch, end + 48, 0)
     x = vzero()
     for i in range(3):
-        y = half_w * vld(constants, 168 + 56 * i, 0)
+        y = half_w * modulus.call(law, constants, 168 + 56 * i)
         half_m = 0.5 * vld(scratch, so + 56 + 8 * i, 0)
         k = vld(scratch, ao + 24 + 8 * i, 0); k_end = vld(scratch, end + 24 + 8 * i, 0)
         vst(scratch, out + 192 + 64 * i, 0, c * c_end * y)
@@ -297,7 +304,7 @@ def form_stiffness(constants, to, scratch, so, ao, out):
 
 
 @kernel
-def coupled_form_stiffness(constants, to, scratch, so, ao, out):
+def coupled_form_stiffness(law, constants, to, scratch, so, ao, out):
     """D of theory.md (4.8) for any C, all 7 x 7 lanes."""
     end = ao + SHAPE
     half_w = 0.5 * vld(constants, to, 0)
@@ -307,7 +314,7 @@ def coupled_form_stiffness(constants, to, scratch, so, ao, out):
     for i in range(6):
         o = out + 56 * i
         for j in range(6):
-            vst(scratch, o + 8 * j, 0, half_w * vld(constants, 48 * i + 8 * j, 0))
+            vst(scratch, o + 8 * j, 0, half_w * modulus.call(law, constants, 48 * i + 8 * j))
         if i < 3:
             vst(scratch, o + 8 * i, 0, vld(scratch, o + 8 * i, 0) - axial)
         x = over * vld(scratch, o, 0)
@@ -382,9 +389,9 @@ def stiffness(strains, constants, to, coupled, scratch, at, columns, po):
     ct = te + 72
     re = ct + 144
     if coupled:
-        coupled_form_stiffness(constants, to, scratch, po, ao, do)
+        coupled_form_stiffness(strains.law, constants, to, scratch, po, ao, do)
     else:
-        form_stiffness(constants, to, scratch, po, ao, do)
+        form_stiffness(strains.law, constants, to, scratch, po, ao, do)
     f = vld3(scratch, z_mid, 8); d2 = vld3(scratch, z_mid + 48, 8); d3 = vld3(scratch, z_mid + 72, 8)
     # the first three forms change with phi' by phi', d2, d3
     vst3(scratch, te, 8, vld3(scratch, z_end, 8))

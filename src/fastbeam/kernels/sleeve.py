@@ -23,6 +23,7 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
+from .along import force_of_edges
 from .curves import node_of, slot
 from .joint_entries import take_forces_of
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
@@ -41,6 +42,7 @@ class Sleeves(NamedTuple):
     keyed: np.ndarray      # int64 [O]: 1 where the twist is held, too
     axes: np.ndarray       # float64 [9 O]: R with D_i = sum_k R_ik d_k of the holder; in a plane [2 O], D_1 = (a, b) stands for
     #                        a u + b J u
+    edges: np.ndarray      # float64 [2 O]: 2/length of the bore and 1/radius of the key, 1/m; 0 where that is not given
 
 
 class Pair(NamedTuple):
@@ -235,9 +237,39 @@ def push_of_sleeve(sleeves, term, system, k, nodes, lo, hi):
     return push
 
 
+@kernel
+def bending_of(system, c):
+    """Size of the moments of constraint c that hold the bore's direction, and the one that holds the twist."""
+    contact, force = system.contact, system.state.force
+    first = contact.first_force[c]
+    across = force[first] * force[first]
+    if contact.forces[c] > 1:
+        across += force[first + 1] * force[first + 1]
+    return np.sqrt(across), force[first + 2] if contact.forces[c] > 2 else 0.0
+
+
+@force_of_edges.register(Sleeves)
+@kernel
+def force_of_edges_of_bore(sleeves, system, k):
+    o = sleeves.of_slider[k]
+    if o < 0:
+        return 0.0
+    across, twist = bending_of(system, sleeves.first[0] + o)
+    return sleeves.edges[2 * o] * across + sleeves.edges[2 * o + 1] * abs(twist)
+
+
+@kernel
+def edge_by_moment(sleeves, system, o, c, p):
+    """Derivative of `force_of_edges` by moment p of constraint c, of sleeve o."""
+    across, twist = bending_of(system, c)
+    if p == 2:
+        return sleeves.edges[2 * o + 1] * np.sign(twist)
+    return sleeves.edges[2 * o] * system.state.force[system.contact.first_force[c] + p] / across if across > 0.0 else 0.0
+
+
 @hold_section.register(Sleeves)
 @kernel
-def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, share):
+def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, law):
     o = sleeves.of_slider[k]
     if o < 0:
         return
@@ -264,11 +296,11 @@ def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, share):
         sums = sum_pair(contact.basis, system, nodes, lo, hi, j)
         put_pair_on_nodes(term, system, k, c, p, moment, j, holder_mid, holder_end, nodes, lo, hi)
         put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end)
-        put_push(term, system, k, p, share * moment, j, sums, holder_end, nodes, lo, hi)
+        put_push(term, system, k, p, law.share * moment, j, sums, holder_end, nodes, lo, hi)
         slide = 0.5 * (dot(holder_start, sums.t0) + dot(holder_end, sums.t1))
         contact.residual[c, p] = dot(holder_end, sums.end)
-        contact.corner[k, 9 * d] -= 0.5 * share * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
-        contact.cross[o, 0, p] = -share * slide
+        contact.corner[k, 9 * d] -= 0.5 * law.share * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
+        contact.cross[o, 0, p] = -law.share * slide + law.rub * edge_by_moment(sleeves, system, o, c, p)
         contact.cross[o, 1, p] = dot(holder_end, sums.end_s)
 
 

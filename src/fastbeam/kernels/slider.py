@@ -85,6 +85,7 @@ class Contact(NamedTuple):
     pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
     cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
     #                         equations of the moments by s
+    before: np.ndarray = np.zeros(0)  # float64 [S]: of joints the gap that was left when it was last looked at in this step
 
 
 class ContactInRows(Contact):
@@ -103,6 +104,7 @@ class SlidingLaw(NamedTuple):
     rest: float     # minus the forces along the beam
     slope: float    # derivative of what is not force . T by s at the end of the step
     share: float    # of (5.6) in it: 1, or 0 where the increment of s is given
+    rub: float      # derivative by `force_of_edges`
 
 
 @generic
@@ -125,10 +127,15 @@ def account_along(along, term, system, h):
     """Work of forces along the beam in a converged step."""
 
 
+@generic
+def add_contact(along, term, system, k):
+    """Rows of slider k: `add_slider`, or those of one that has left its beam."""
+
+
 @sliding_law.register(NoForceAlong)
 @kernel
 def slide_freely(along, term, system, k, force, tangent, push):
-    return SlidingLaw(force, tangent, -push, 0.0, 1.0)
+    return SlidingLaw(force, tangent, -push, 0.0, 1.0, 0.0)
 
 
 @begin_along.register(NoForceAlong)
@@ -151,9 +158,8 @@ def push_of_moments(sleeves, term, system, k, nodes, lo, hi):
 
 
 @generic
-def hold_section(sleeves, term, system, k, nodes, lo, hi, share):
-    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; share: of (5.6) in its sliding
-    equation, as in `SlidingLaw`."""
+def hold_section(sleeves, term, system, k, nodes, lo, hi, law):
+    """Conditions on the direction of the section where slider k is a sleeve, after `add_slider`; law: its `SlidingLaw`."""
 
 
 @push_of_moments.register(NoSleeves)
@@ -164,7 +170,7 @@ def push_of_no_moments(sleeves, term, system, k, nodes, lo, hi):
 
 @hold_section.register(NoSleeves)
 @kernel
-def hold_no_section(sleeves, term, system, k, nodes, lo, hi, share):
+def hold_no_section(sleeves, term, system, k, nodes, lo, hi, law):
     pass
 
 
@@ -372,8 +378,9 @@ def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
         put(contact.line[k], o + 9 * d, 8, turned)
 
 
+@add_contact.register(NoForceAlong)
 @kernel
-def add_slider(term, system, k):
+def add_slider(along, term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     d = dim(dofs)
@@ -404,7 +411,7 @@ def add_slider(term, system, k):
     put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
-    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law.share)
+    hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law)
 
 
 @kernel
@@ -439,7 +446,7 @@ def predict_sliding(term, system, h, c):
 @kernel
 def assemble_sliding(term, method, system, h):
     for k in range(term.sliders.curve.shape[0]):
-        add_slider(term, system, k)
+        add_contact.call(term.along, term, system, k)
 
 
 @take_unknowns.register(Sliding)

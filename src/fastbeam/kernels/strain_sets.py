@@ -7,21 +7,43 @@ directors and their derivatives; out [6], strains.
 """
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .._generic import generic
-from .._jit import kernel
+from .._jit import inlined, kernel
+from .laws import ELASTIC, law_over
 
 
 class SimoReissner(NamedTuple):
     """Strain set (2.2) of theory.md."""
 
+    law: Any = ELASTIC
+
 
 class GreenLagrange(NamedTuple):
     """Strain set (2.1)."""
 
+    law: Any = ELASTIC
+
 
 SIMO_REISSNER, GREEN_LAGRANGE = SimoReissner(), GreenLagrange()
+
+
+@generic
+def set_over(strains, motion):
+    """The strain set with its law in the step of a motion."""
+
+
+@set_over.register(SimoReissner)
+@inlined
+def simo_over(strains, motion):
+    return SimoReissner(law_over.call(strains.law, motion))
+
+
+@set_over.register(GreenLagrange)
+@inlined
+def green_over(strains, motion):
+    return GreenLagrange(law_over.call(strains.law, motion))
 
 
 # --- in space -----------------------------------------------------------------------------------------------------------

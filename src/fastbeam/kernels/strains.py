@@ -15,6 +15,7 @@ from .algebra import pst as vst
 from .algebra import pst3 as vst3
 from .algebra import pzero as vzero
 from .algebra import pzero3 as vzero3
+from .laws import stress_of
 from .layout import BEFORE, END, MIDDLE, NODE_TABLE, STEP, STRAINS, TEMPORARY, Z
 from .motions import columns, increment_of_tangent, put_forms, share_of_end
 from .strain_sets import extrapolated_strains, form_stresses, mean_of_forms, present_strains, quadratic_forms
@@ -103,8 +104,9 @@ def increment_of_middle(method, scratch, zo, gathered):
 # --- strains of stresses, and of the tangent ----------------------------------------------------------------------------
 @kernel
 def mean_strains(method, strains, reference, e0, scratch, zo, ao):
-    """(E_n + E_n+1)/2 - E0 at STRAINS, for the midpoint rule E(z_mid) - E0, from the shapes in the middle and at the end of the
-    step; e0: offset of E0; ao: offset of what derivatives of the strains need, `layout.SHAPES_AT`."""
+    """(E_n + E_n+1)/2 - E0 at STRAINS, with damping half of E_n+1 - E_n behind them; for the midpoint rule E(z_mid) - E0. From
+    the shapes in the middle and at the end of the step; e0: offset of E0; ao: offset of what derivatives of the strains need,
+    `layout.SHAPES_AT`."""
     eo = zo + STRAINS
     end = put_forms.call(method, strains, scratch, zo)
     mean_of_forms.call(strains, scratch, eo, zo + end, ao)
@@ -134,8 +136,9 @@ def excess_strains(method, strains, reference, e0, scratch, zo, gathered, ao):
 
 
 @kernel
-def stresses(strains, constants, to, coupled, scratch, eo, so, ao):
-    """sbar of theory.md (4.7), times the weight of the point, into the lanes at `so`, from the strains at `eo`."""
+def stresses(law, strains, constants, to, coupled, scratch, eo, so, ao):
+    """sbar of theory.md (4.7), times the weight of the point, into the lanes at `so`, from the strains at `eo`; law:
+    that of the strain set, or for the stresses of the tangent its `tangent_law`."""
     w = vld(constants, to, 0)
     for i in range(6):
         # C of a section without coupling is diagonal
@@ -143,6 +146,6 @@ def stresses(strains, constants, to, coupled, scratch, eo, so, ao):
         j1 = 6 if coupled else i + 1
         s = vzero()
         for j in range(j0, j1):
-            s += vld(constants, 48 * i + 8 * j, 0) * vld(scratch, eo + 8 * j, 0)
+            s += stress_of.call(law, constants, 48 * i + 8 * j, scratch, eo + 8 * j)
         vst(scratch, so + 8 * i, 0, w * s)
     form_stresses.call(strains, scratch, ao, so)

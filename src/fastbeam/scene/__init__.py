@@ -4,20 +4,28 @@ from __future__ import annotations
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
+from fastbeam.scene.drag import Drag
+from fastbeam.scene.fixed import GROUND
+from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint, RevoluteJoint, UniversalJoint
+from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import Path
+from fastbeam.scene.prescribed import PrescribedMotion, Signal
 from fastbeam.scene.scene import Scene
 from fastbeam.scene.sections import Section
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
+from fastbeam.scene.user_force import UserForce
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "DistanceJoint", "DistributedLoad", "Drive", "FittedCurve", "Friction", "Helix",
-    "InitialVelocity", "Load", "Net", "NetBeam", "NodeRef", "Path", "Pin", "PointMass", "RigidBody", "RigidConnection",
-    "RigidMotion", "Scene", "Section", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
+    "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided",
+    "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
+    "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
+    "UniversalJoint", "UserForce",
 ]

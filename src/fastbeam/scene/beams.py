@@ -2,15 +2,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Required, TypedDict, Unpack
 
 import numpy as np
 
 from fastbeam.arguments import (
-    LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown, whole,
+    LARGEST, Anything, Instance, Name, Number, Numbers, Refusal, Vector, Word, checked, numbers, shown, spell_out, whole,
 )
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
@@ -71,13 +71,25 @@ class ArcLengths:
 # degree and interpolation belong together
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
-OWNERS = ("beam", "body", "point mass")
+OWNERS = ("beam", "body", "point mass", "ground")
+
+
+class BeamOptions(TypedDict, total=False):
+    """What all ways to make a beam take, see `Beam`."""
+
+    section: Required[Section]
+    elements: Required[int | Sequence[float] | Array]
+    degree: int
+    interpolation: str
+    directors: str
+    strain: str
 
 
 @checked(owner=Anything(), index=Anything(), offset=Vector)
 @dataclass(frozen=True, eq=False)
 class NodeRef:
-    """One node of a beam, or a point fixed to a rigid body or point mass. Made by `beam.start`, `body.point(...)` and so on.
+    """One node of a beam, or a point fixed to a rigid body, point mass or the ground. Made by `beam.start`, `body.point(...)` and
+    so on.
 
     Attributes
     ----------
@@ -85,7 +97,7 @@ class NodeRef:
     index : int
         Node of the beam, counted from 0; 0 for bodies and masses.
     offset : ndarray (3,)
-        Position relative to the centre in the body triad, m; zero except for bodies.
+        Position relative to the centre in the body triad, m; zero except for bodies. Of the ground: the position in space.
 
     Raises
     ------
@@ -107,7 +119,7 @@ class NodeRef:
         if index is None or not 0 <= index <= last:
             hint = f"; use its node({index}) to count from the end" if index is not None and -last - 1 <= index < 0 else ""
             raise SceneError(f"NodeRef: {self.owner.label} has no node {shown(self.index)}, nodes run from 0 to {last}{hint}")
-        if np.any(self.offset) and kind != "body":
+        if np.any(self.offset) and kind not in ("body", "ground"):
             raise SceneError(f"NodeRef: {self.owner.label} takes no offset, got {shown(self.offset)}; only bodies do; join a "
                              "RigidBody there with a RigidConnection and use its point(offset)")
         checks.fill(self, index=index)
@@ -122,6 +134,8 @@ class NodeRef:
         """Text for messages and automatic names, without the arc length."""
         if isinstance(self.owner, Beam):
             return f"{self.owner.label} node {self.index}"
+        if self.owner.kind == "ground":
+            return f"ground at {checks.shown(self.offset)} m"
         return self.owner.label if self.is_center else f"{self.owner.label} at offset {checks.shown(self.offset)} m"
 
     def __str__(self) -> str:
@@ -197,7 +211,8 @@ class Beam:
     # --- ways to make one ---------------------------------------------------------------------------------------------
     @classmethod
     @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number(), **COMMON)
-    def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0, **common: Any) -> Beam:
+    def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0,
+                 **common: Unpack[BeamOptions]) -> Beam:
         """Straight beam from `start` to `end` (3,), m.
 
         d1 points along the beam. Without a hint d3 is as close to e_z as possible, d2 = e_z x d1 (for a beam along e_z:
@@ -229,7 +244,8 @@ class Beam:
     @classmethod
     @checked(name=Name(), start=Vector, tangent=Vector, normal=Vector, radius=Number(above=0.0, unit="m"),
              angle=Number(above=0.0, unit="rad"), **COMMON)
-    def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float, **common: Any) -> Beam:
+    def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float,
+            **common: Unpack[BeamOptions]) -> Beam:
         """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
 
         d1 is the tangent, d2 points to the centre, d3 = d1 x d2 is constant. `radius` in m, `angle` in rad, both > 0.
@@ -251,7 +267,7 @@ class Beam:
     @checked(name=Name(), radius=Number(above=0.0, unit="m"), pitch=Number(), turns=Number(above=0.0), center=Vector, axis=Vector,
              start_direction=Vector, **COMMON)
     def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: Any = (0.0, 0.0, 0.0),
-              axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Any) -> Beam:
+              axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Unpack[BeamOptions]) -> Beam:
         """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
 
         `pitch` (m) is the rise per turn; negative gives a left-handed helix. Frenet frame: d1 tangent, d2 towards the axis.
@@ -271,7 +287,7 @@ class Beam:
     @classmethod
     @checked(name=Name(), curve=Anything(), frame=Anything(), d2=Vector, **COMMON)
     def from_curve(cls, name: str, curve: Callable[[float], Any], *, frame: Callable[[float], Any] | None = None,
-                   d2: Any = None, **common: Any) -> Beam:
+                   d2: Any = None, **common: Unpack[BeamOptions]) -> Beam:
         """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
 
         `frame`: t -> d2 (3,), or rows d1, d2, d3 (3, 3) with d1 the tangent. Without it the frame has no rotation about
@@ -286,7 +302,7 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector, **COMMON)
-    def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Any) -> Beam:
+    def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Unpack[BeamOptions]) -> Beam:
         """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
 
         The frame is rotation minimising and starts from the hint `d2` or the rule of `straight`.
@@ -392,6 +408,10 @@ class Beam:
     def __repr__(self) -> str:
         return (f"<{self.label}: {self.length:.6g} m, {self.n_elements} elements, {self.interpolation} {self.degree}, "
                 f"{self.strain}>")
+
+
+for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
+    spell_out(vars(Beam)[_way].__func__, Beam)
 
 
 def _element_ends(who: str, elements: Any, length: float) -> int | Array:

@@ -12,6 +12,9 @@ from fastbeam.arguments import LARGEST, Number, Numbers, Refusal, Vector, consta
 from fastbeam.errors import SceneError
 
 Array = np.ndarray
+# fields that take more than they hold: numbers of any kind that become arrays; nodes, bodies and masses that become nodes
+ArrayField = Any
+NodeField = Any
 TimeFactor = Callable[[float], float]
 FieldLike = Array | Callable[[Array], Array]
 

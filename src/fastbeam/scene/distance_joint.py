@@ -9,7 +9,7 @@ from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node
 
 
-@checked(a=Node(), b=Node(), name=Name("a distance joint has two ends, write one for every pair"))
+@checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a distance joint has two ends, write one for every pair"))
 @dataclass(frozen=True, eq=False)
 class DistanceJoint(Link):
     """Keeps the distance that two points have at t = 0, like a rigid rod without mass between two ball joints.
@@ -17,7 +17,7 @@ class DistanceJoint(Link):
     Parameters
     ----------
     a, b : NodeRef, RigidBody or PointMass
-        Nodes of beams, points of bodies, masses.
+        Nodes of beams, points of bodies, masses; one may be `GROUND.point((x, y, z))`.
     name : str, optional
 
     Raises

@@ -7,23 +7,27 @@ from typing import ClassVar
 from fastbeam.arguments import Name, checked
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.beams import Beam
+from fastbeam.scene.checks import NodeField
 from fastbeam.scene.parts import Node
 
 
-@checked(a=Node(), b=Node(), name=Name("a link has two sides, write one for every pair"))
+@checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a link has two sides, write one for every pair"))
 @dataclass(frozen=True, eq=False)
 class Link:
     """Two different nodes and a name that is made from them when left out."""
 
     kind: ClassVar[str] = "link"
 
-    a: NodeRef
-    b: NodeRef
+    a: NodeField
+    b: NodeField
     name: str | None = None
 
     def __post_init__(self) -> None:
         a, b = self.a, self.b
+        if a.owner.kind == b.owner.kind == "ground":
+            who = self.kind if self.name is None else checks.label(self.kind, self.name)
+            raise SceneError(f"{who}: both sides are the ground; one has to belong to something that moves")
         if a.owner is b.owner and a.index == b.index and (a.offset == b.offset).all():
             who = self.kind if self.name is None else checks.label(self.kind, self.name)
             same = a.label if isinstance(a.owner, Beam) else a.owner.label

@@ -12,7 +12,7 @@ from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, checked,
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array, Factor, Field, FieldLike, Rotation, TimeFactor
+from fastbeam.scene.checks import Array, ArrayField, Factor, Field, FieldLike, NodeField, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
 
@@ -22,11 +22,19 @@ MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
 
 @dataclass(frozen=True)
 class Node:
-    """A node from a NodeRef, RigidBody (its centre) or PointMass."""
+    """A node from a NodeRef, RigidBody (its centre) or PointMass; with `fixed` also a point of the ground."""
+
+    fixed: bool = False
 
     def __call__(self, value: Any) -> NodeRef:
         if isinstance(value, NodeRef):
+            if value.owner.kind == "ground" and not self.fixed:
+                raise Refusal("is a point of the ground, which stands still by itself; springs, distance joints and joints with "
+                              "axes take it, for others clamp a PointMass there")
             return value
+        if getattr(value, "kind", None) == "ground" and not isinstance(value, type):
+            raise Refusal("is the ground as a whole; " + ("say which point of it: GROUND.point((x, y, z))" if self.fixed else
+                                                          "joints with axes take it, for others clamp a PointMass"))
         if isinstance(value, (RigidBody, PointMass)):
             return value.center
         if isinstance(value, Beam):
@@ -82,8 +90,8 @@ class PointMass:
     name: str
     _: KW_ONLY
     mass: float
-    position: Array | None = None
-    velocity: Array | None = None
+    position: ArrayField = None
+    velocity: ArrayField = None
 
     @property
     def label(self) -> str:
@@ -126,11 +134,11 @@ class RigidBody:
     name: str
     _: KW_ONLY
     mass: float
-    inertia: Array
-    position: Array
-    directors: Array | None = None
-    velocity: Array = ZERO
-    spin: Array = ZERO
+    inertia: ArrayField
+    position: ArrayField
+    directors: ArrayField = None
+    velocity: ArrayField = ZERO
+    spin: ArrayField = ZERO
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
@@ -189,7 +197,7 @@ class _Support:
 
     kind: ClassVar[str] = "support"
 
-    at: NodeRef
+    at: NodeField
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -234,8 +242,8 @@ class _Joint:
 
     kind: ClassVar[str] = "joint"
 
-    a: NodeRef
-    b: NodeRef
+    a: NodeField
+    b: NodeField
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -286,10 +294,10 @@ class Load:
     kind: ClassVar[str] = "load"
 
     name: str
-    at: NodeRef
+    at: NodeField
     _: KW_ONLY
-    force: Array = ZERO
-    moment: Array = ZERO
+    force: ArrayField = ZERO
+    moment: ArrayField = ZERO
     time: TimeFactor | None = None
 
     def __post_init__(self) -> None:
@@ -395,8 +403,8 @@ class RigidMotion:
 
     kind: ClassVar[str] = "rigid motion"
 
-    objects: tuple[Beam | Net | RigidBody | PointMass, ...] | None = None
+    objects: Any = None
     _: KW_ONLY
-    velocity: Array = ZERO
-    spin: Array = ZERO
-    about: Array = ZERO
+    velocity: ArrayField = ZERO
+    spin: ArrayField = ZERO
+    about: ArrayField = ZERO

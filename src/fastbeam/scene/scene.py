@@ -13,19 +13,24 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.drag import Drag
+from fastbeam.scene.fixed import Ground
+from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
+from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link)
+        | RigidMotion | Slider | Link | PrescribedMotion | Drag | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, Drag, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -148,6 +153,16 @@ class Scene:
         return self._of(Pin)
 
     @property
+    def prescribed(self) -> list[PrescribedMotion]:
+        """All supports that move as functions of time."""
+        return self._of(PrescribedMotion)
+
+    @property
+    def drags(self) -> list[Drag]:
+        """All drags."""
+        return self._of(Drag)
+
+    @property
     def rigid(self) -> list[RigidConnection]:
         """All rigid connections."""
         return self._of(RigidConnection)
@@ -166,6 +181,11 @@ class Scene:
     def distributed(self) -> list[DistributedLoad]:
         """All loads along beams."""
         return self._of(DistributedLoad)
+
+    @property
+    def user_forces(self) -> list[UserForce]:
+        """All forces by functions of the user's own."""
+        return self._of(UserForce)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -193,7 +213,7 @@ class Scene:
         return self._of(Link)
 
     # --- positions ----------------------------------------------------------------------------------------------------
-    @checked(thing=Node())
+    @checked(thing=Node(fixed=True))
     def position_of(self, thing: NodeRef | RigidBody | PointMass) -> Array:
         """Position (3,) m at t = 0 of a node, body or mass; a mass without position is placed by its slider or joint.
 
@@ -210,6 +230,8 @@ class Scene:
             return owner.reference(owner.node_s[node.index])[0][0]
         if isinstance(owner, RigidBody):
             return owner.position + node.offset @ owner.directors
+        if isinstance(owner, Ground):
+            return node.offset
         if owner.position is not None:
             return owner.position
         known = self._links()[1]
@@ -321,11 +343,12 @@ class Scene:
                 self._check_place(mass, tolerance)
         for slider in self.sliders:
             self._check_contact(slider, tolerance)
-        for ball in self.balls:
+        for ball in [*self.balls, *(link for link in self.links if isinstance(link, AxisJoint) and link.is_pinned)]:
             gap = float(np.linalg.norm(self.position_of(ball.a) - self.position_of(ball.b)))
             if gap > tolerance:
                 raise SceneError(f"{_who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
-                                 "m); move one of them, or use RigidConnection, which allows an offset")
+                                 "m); move one of them" + (", or use RigidConnection, which allows an offset" if
+                                                           isinstance(ball, BallJoint) else ""))
 
     def _check_names(self) -> None:
         """No part twice and no name twice; the same support twice is allowed, it holds nothing new."""
@@ -347,14 +370,14 @@ class Scene:
         members = {id(part) for part in [*self.beams, *self.nets, *self.bodies, *self.masses]}
         for part in self.parts:
             for owner in _owners(part):
-                if id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
+                if not isinstance(owner, Ground) and id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
                     raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
         """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
         for part in self.parts:
-            for node in [part.at] if isinstance(part, Load) else _held_nodes(part):
-                beam = node.owner
+            for node in [part.at] if isinstance(part, (Load, UserForce)) else _held_nodes(part):
+                beam = None if isinstance(node, Beam) else node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
                     raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
                                      "end, split the beam there, or interpolation='lagrange'")
@@ -406,7 +429,9 @@ class Scene:
                                  + (", or give its position" if isinstance(link, RigidConnection) else ""))
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
-        """A sliding point lies on the curve at t = 0."""
+        """A sliding point lies on the curve at t = 0, or on its side of it."""
+        if slider.starts_off:
+            return
         point, beam = self.position_of(slider.point), slider.beam
         gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:
@@ -427,7 +452,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -446,7 +471,7 @@ def _who(part: Any) -> str:
 
 def _held_nodes(part: Part) -> list[NodeRef]:
     """The nodes that a support, joint, link or slider takes as points."""
-    if isinstance(part, (Clamp, Pin)):
+    if isinstance(part, (Clamp, Pin, PrescribedMotion)):
         return [part.at]
     if isinstance(part, (RigidConnection, BallJoint, Link)):
         return [part.a, part.b]
@@ -456,14 +481,16 @@ def _held_nodes(part: Part) -> list[NodeRef]:
 def _owners(part: Part) -> list[Any]:
     """The beams, bodies and masses that a part refers to."""
     owners = [node.owner for node in _held_nodes(part)]
-    if isinstance(part, Load):
-        owners.append(part.at.owner)
+    if isinstance(part, (Load, UserForce)):
+        owners.append(part.at if isinstance(part.at, Beam) else part.at.owner)
     if isinstance(part, Slider):
         owners.extend(part.beams)
     if isinstance(part, (DistributedLoad, InitialVelocity)):
         owners.append(part.beam)
     if isinstance(part, RigidMotion):
         owners.extend(part.objects or ())
+    if isinstance(part, Drag):
+        owners.append(part.on)
     return owners
 
 

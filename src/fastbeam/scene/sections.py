@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Number, Numbers, Word, checked
+from fastbeam.arguments import LARGEST, SMALLEST, Number, Numbers, Refusal, Word, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array
@@ -17,11 +17,41 @@ STIFFNESS = ("EA", "GA2", "GA3", "GJ", "EI2", "EI3")
 ODD_FIFTH_POWERS = 31.0 / 32.0 * 1.0369277551433699
 LENGTH, FACTOR = Number(above=0.0, unit="m"), Number(above=0.0)
 MASS, INERTIA = Number(above=0.0, unit="kg/m"), Number(least=0.0, unit="kg m")
+
+
+@dataclass(frozen=True)
+class Damping:
+    """A retardation time, six of them, or a viscosity matrix: a number, an array (6,) or (6, 6)."""
+
+    def __call__(self, value: Any) -> float | Array:
+        found = numbers(value)
+        if found is None or found.shape not in ((), (6,), (6, 6)) or not np.all(np.abs(found) <= LARGEST):
+            raise Refusal("must be a retardation time in s, six of them, or a viscosity matrix (6, 6), finite numbers, got "
+                          f"{shown(value)}")
+        if found.ndim < 2:
+            if np.any(found < 0.0) or np.any((found != 0.0) & (found < SMALLEST)):
+                raise Refusal(f"must be a retardation time >= 0 s, got {shown(value)}; less than {SMALLEST:g} s counts as none: "
+                              "write 0")
+            return float(found) if found.ndim == 0 else constant(found)
+        # scaled to a unit diagonal, as stiffness
+        scale = np.sqrt(np.maximum(np.diag(found), 0.0))
+        scaled = found / np.outer(*[np.where(scale > 0.0, scale, 1.0)] * 2)
+        skew = float(np.max(np.abs(scaled - scaled.T)))
+        if skew > 1e-9:
+            raise Refusal(f"must be symmetric where it is a matrix, it deviates by {skew:.3g} of its diagonal")
+        least = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+        if least < -1e-12:
+            raise Refusal("must not be negative where it is a matrix: it would put energy in, its smallest eigenvalue is "
+                          f"{least:.3g} (after scaling to a unit diagonal)")
+        return constant(0.5 * (found + found.T))
+
+
+DAMPING = Damping()
 MATERIAL = {"E": Number(above=0.0, unit="N/m^2"), "G": Number(above=0.0, unit="N/m^2"), "rho": Number(above=0.0, unit="kg/m^3"),
-            "nu": Number(), "shear_factor": FACTOR, "name": Word()}
+            "nu": Number(), "shear_factor": FACTOR, "damping": DAMPING, "name": Word()}
 
 
-@checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, name=Word())
+@checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
 @dataclass(frozen=True, eq=False)
 class Section:
     """Stiffness and inertia of a cross-section; d2 and d3 are its principal axes, X2 and X3 the coordinates along them.
@@ -36,6 +66,9 @@ class Section:
         Mass per length, kg/m, > 0.
     rhoI2, rhoI3 : float
         rho int X2^2 dA and rho int X3^2 dA (theory.md (1.2)), kg m, >= 0. They weigh the velocities of d2 and d3.
+    damping : float, (6,) or (6, 6)
+        Of Kelvin and Voigt (theory.md (2.5)): a retardation time, s, >= 0; one of every strain in the order of C; or D itself,
+        symmetric, not negative, N s to N m^2 s.
     name : str
         Shown in messages.
 
@@ -57,8 +90,10 @@ class Section:
     rhoA: float
     rhoI2: float
     rhoI3: float
+    damping: float | Array = 0.0
     name: str = ""
     _matrix: Array | None = field(default=None, repr=False)
+    _outline: tuple[float, float, bool] | None = field(default=None, repr=False)
 
     @property
     def C(self) -> Array:
@@ -66,6 +101,20 @@ class Section:
         if self._matrix is not None:
             return self._matrix.copy()
         return np.diag([self.EA, self.GA2, self.GA3, self.GJ, self.EI2, self.EI3])
+
+    @property
+    def D(self) -> Array:
+        """Viscosity matrix (6, 6) of theory.md (2.5); a fresh copy."""
+        if np.ndim(self.damping) == 2:
+            return np.array(self.damping)
+        root = np.sqrt(np.broadcast_to(self.damping, 6))
+        return self.C * np.outer(root, root)
+
+    @property
+    def couples(self) -> bool:
+        """True when stiffness or damping couples two strains."""
+        D = self.D
+        return not self.is_diagonal or bool(np.any(D - np.diag(np.diag(D))))
 
     @property
     def is_diagonal(self) -> bool:
@@ -79,6 +128,14 @@ class Section:
                                                                                                      rel_tol=1e-12)
 
     @property
+    def outline(self) -> tuple[float, float, bool]:
+        """What pictures draw: half the size along d2 and along d3, m, and whether it is round (an ellipse) or a rectangle. Of a
+        section given by stiffnesses that of the ellipse with the same radii of gyration, sqrt(EI/EA)."""
+        if self._outline is not None:
+            return self._outline
+        return 2.0 * math.sqrt(self.EI3 / self.EA), 2.0 * math.sqrt(self.EI2 / self.EA), True
+
+    @property
     def inertia(self) -> tuple[float, float, float]:
         """(rhoA, rhoI2, rhoI3)."""
         return self.rhoA, self.rhoI2, self.rhoI3
@@ -86,11 +143,12 @@ class Section:
     @classmethod
     @checked(height=LENGTH, width=LENGTH, GJ=FACTOR, **MATERIAL)
     def rectangle(cls, *, height: float, width: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
-                  shear_factor: float = 5.0 / 6.0, GJ: float | None = None, name: str = "") -> Section:
+                  shear_factor: float = 5.0 / 6.0, GJ: float | None = None, damping: float | Array = 0.0,
+                  name: str = "") -> Section:
         """Rectangle of `height` along d2 and `width` along d3 (m); E in N/m^2, rho in kg/m^3.
 
         G defaults to E / (2 (1 + nu)); GJ to St Venant's exact torsion series (Timoshenko and Goodier, Theory of
-        Elasticity, art. 109); the shear factor 5/6 is that of a parabolic shear stress.
+        Elasticity, art. 109); the shear factor 5/6 is that of a parabolic shear stress. damping: as of a Section.
 
         Raises
         ------
@@ -109,16 +167,17 @@ class Section:
         twist = G * _rectangle_torsion(h, w) if GJ is None else GJ
         area, i22, i33 = h * w, w * h**3 / 12.0, h * w**3 / 12.0       # int X2^2 dA, int X3^2 dA
         return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=twist, EI2=E * i33, EI3=E * i22,
-                   rhoA=rho * area, rhoI2=rho * i22, rhoI3=rho * i33, name=name)
+                   rhoA=rho * area, rhoI2=rho * i22, rhoI3=rho * i33, damping=damping, name=name,
+                   _outline=(0.5 * h, 0.5 * w, False))
 
     @classmethod
     @checked(radius=LENGTH, **MATERIAL)
     def circle(cls, *, radius: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
-               shear_factor: float | None = None, name: str = "") -> Section:
+               shear_factor: float | None = None, damping: float | Array = 0.0, name: str = "") -> Section:
         """Full circle of `radius` (m); E in N/m^2, rho in kg/m^3.
 
         G defaults to E / (2 (1 + nu)), the shear factor to 6 (1 + nu) / (7 + 6 nu) (Cowper, J. Appl. Mech. 33, 1966;
-        0.886 for nu = 0.3).
+        0.886 for nu = 0.3). damping: as of a Section.
 
         Raises
         ------
@@ -132,16 +191,17 @@ class Section:
         >>> round(rod.EI2, 4), round(rod.EI2 / rod.GJ, 3)
         (549.7787, 1.3)
         """
-        return cls._round(_who("circle", name), radius, 0.0, E, rho, nu, G, shear_factor, name)
+        return cls._round(_who("circle", name), radius, 0.0, E, rho, nu, G, shear_factor, damping, name)
 
     @classmethod
     @checked(radius=LENGTH, thickness=LENGTH, **MATERIAL)
     def tube(cls, *, radius: float, thickness: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
-             shear_factor: float | None = None, name: str = "") -> Section:
+             shear_factor: float | None = None, damping: float | Array = 0.0, name: str = "") -> Section:
         """Circular tube of outer `radius` and wall `thickness` (m); E in N/m^2, rho in kg/m^3.
 
         The shear factor defaults to Cowper's (1966) 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2)
-        with m = inner / outer radius: from the full circle's value down to about 0.53 for a thin wall.
+        with m = inner / outer radius: from the full circle's value down to about 0.53 for a thin wall. damping: as of a
+        Section.
 
         Raises
         ------
@@ -151,11 +211,11 @@ class Section:
         who = _who("tube", name)
         if thickness > radius:
             raise SceneError(f"{who}: thickness={thickness:g} exceeds the outer radius {radius:g} m")
-        return cls._round(who, radius, radius - thickness, E, rho, nu, G, shear_factor, name)
+        return cls._round(who, radius, radius - thickness, E, rho, nu, G, shear_factor, damping, name)
 
     @classmethod
     def _round(cls, who: str, outer: float, inner: float, E: Any, rho: Any, nu: Any, G: Any, shear_factor: Any,
-               name: str) -> Section:
+               damping: Any, name: str) -> Section:
         """Circle or tube from both radii."""
         G = _shear_modulus(who, E, nu, G)
         if shear_factor is None:
@@ -165,14 +225,16 @@ class Section:
         area = math.pi * (outer - inner) * (outer + inner)
         second = area * (outer**2 + inner**2) / 4.0
         return cls(EA=E * area, GA2=k * G * area, GA3=k * G * area, GJ=2 * G * second, EI2=E * second, EI3=E * second,
-                   rhoA=rho * area, rhoI2=rho * second, rhoI3=rho * second, name=name)
+                   rhoA=rho * area, rhoI2=rho * second, rhoI3=rho * second, damping=damping, name=name,
+                   _outline=(outer, outer, True))
 
     @classmethod
-    @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, name=Word())
-    def from_matrix(cls, C: Any, *, rhoA: float, rhoI2: float, rhoI3: float, name: str = "") -> Section:
+    @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
+    def from_matrix(cls, C: Any, *, rhoA: float, rhoI2: float, rhoI3: float, damping: float | Array = 0.0,
+                    name: str = "") -> Section:
         """Section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
 
-        The fields EA ... EI3 then hold the diagonal of C.
+        The fields EA ... EI3 then hold the diagonal of C. damping: as of a Section.
 
         Raises
         ------
@@ -197,7 +259,7 @@ class Section:
                              "(after scaling to a unit diagonal)")
         symmetric = checks.constant(0.5 * (C + C.T))
         values = dict(zip(STIFFNESS, (float(x) for x in diagonal)))
-        return cls(**values, rhoA=rhoA, rhoI2=rhoI2, rhoI3=rhoI3, name=name, _matrix=symmetric)
+        return cls(**values, rhoA=rhoA, rhoI2=rhoI2, rhoI3=rhoI3, damping=damping, name=name, _matrix=symmetric)
 
 
 def _who(kind: str, name: str) -> str:

@@ -13,7 +13,8 @@ from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.locks import AOneSided, ARelease, SomeLocks
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ABeam
 from fastbeam.scene.sliders import CURVES, Slider
@@ -21,8 +22,8 @@ from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 
 @checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
-         friction=AFriction(), drive=ADrive(), stops=SomeStops(), keyed=Flag(), length=Number(least=0.0, unit="m"),
-         axis=Vector)
+         friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided(),
+         keyed=Flag(), length=Number(least=0.0, unit="m"), key_radius=Number(above=0.0, unit="m"), axis=Vector)
 @dataclass(frozen=True, eq=False)
 class Sleeve(Slider):
     """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
@@ -32,8 +33,9 @@ class Sleeve(Slider):
 
     Parameters
     ----------
-    name, beam, at, rate, curve, friction, drive, stops
-        As of `Slider`. Coulomb friction is that of the contact force, without that of the moments.
+    name, beam, at, rate, curve, friction, drive, stops, lock
+        As of `Slider`. Coulomb friction is that of the contact force and of the moments, which press on the edges of the bore:
+        |F_n| = |F| + 2 |M|/length (theory.md (5.11)). It needs `length`.
     point : RigidBody or NodeRef
         The holder: a body or a point of it, or a node of another beam, such as the end of a tube. One that is clamped holds the
         sleeve fixed in space.
@@ -43,14 +45,17 @@ class Sleeve(Slider):
         Length of the bore, m: the sleeve holds the mean position and direction of the beam over it (theory.md 5.8). The default
         is that of an element of the beam. 0 holds those of a single point; the force that drives a bent beam out of it then
         depends on where in an element it is, whatever the mesh.
+    key_radius : float, optional
+        Where splines hold the twist, m from the axis: with friction the torsion moment adds |M_1|/key_radius to |F_n|, by default
+        nothing.
     axis : array_like (3,), optional
         Direction of the bore in the triad of the holder. It has to be that of the beam at t = 0; the default takes that.
 
     Raises
     ------
     SceneError
-        An argument is of the wrong kind or not finite, or the holder is a point mass, which has no direction. `compile_scene`
-        tests the axis.
+        An argument is of the wrong kind or not finite, the holder is a point mass, which has no direction, or there is friction
+        and no length of the bore. `compile_scene` tests the axis.
     """
 
     kind: ClassVar[str] = "sleeve"
@@ -58,13 +63,22 @@ class Sleeve(Slider):
     _: KW_ONLY
     keyed: bool = True
     length: float | None = None
-    axis: Array | None = None
+    key_radius: float | None = None
+    axis: ArrayField = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         who = checks.label(self.kind, self.name)
+        if self.release is not None or self.one_sided is not None:
+            raise SceneError(f"{who}: a sleeve does not leave its beam; use a Slider for release= and one_sided=")
         if isinstance(self.point.owner, PointMass):
             raise SceneError(f"{who}: {self.point} has no direction that could hold a section; use a RigidBody, or a Slider")
+        if self.friction is not None and self.friction.coefficient > 0.0 and not self.length:
+            raise SceneError(f"{who}: friction={self.friction.coefficient:.6g} needs the length of the bore, whose edges carry "
+                             "its moments (|F_n| = |F| + 2 |M|/length); give length=, m, greater than 0")
+        if self.key_radius is not None and not self.keyed:
+            raise SceneError(f"{who}: key_radius={self.key_radius:.6g} m, but keyed=False lets the beam twist; leave one of them "
+                             "out")
         if self.length is None:
             checks.fill(self, length=self.beam.length / self.beam.basis.n_elements)
         if self.length > self.beam.length:

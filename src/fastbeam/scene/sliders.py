@@ -10,9 +10,10 @@ from fastbeam.arguments import Name, Number, Word, checked
 from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array
-from fastbeam.scene.parts import Node
+from fastbeam.scene.beams import Beam
+from fastbeam.scene.checks import Array, NodeField
+from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, SomeLocks, check_locks, check_release
+from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
 
@@ -20,7 +21,7 @@ CURVES = ("own", "c1")
 
 
 @checked(name=Name(), point=Node(), beam=ATrack(), on=ATrack(), at=Number(), rate=Number(), curve=Word(CURVES),
-         friction=AFriction(), drive=ADrive(), stops=SomeStops())
+         friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided())
 @dataclass(frozen=True, eq=False)
 class Slider:
     """Lets a point slide along a beam, or a path of several (theory.md 5), without friction where none is given.
@@ -45,7 +46,13 @@ class Slider:
     drive : Drive, optional
         Prescribed motion along the beam, force or controller. Where the motion is prescribed, it gives the rate, too.
     stops : Stops, optional
-        Elastic stops.
+        Elastic or rigid stops.
+    lock : Lock or list of Lock, optional
+        When it is held where it is; several act one after the other, as in [Lock(until=1.0), Lock("end")].
+    release : Release, optional
+        When it leaves the beam.
+    one_sided : array_like (3,) or OneSided, optional
+        Direction in which it may lift off the beam: contact that pushes only. Then the point may begin away from the beam.
 
     Raises
     ------
@@ -56,16 +63,19 @@ class Slider:
     kind: ClassVar[str] = "slider"
 
     name: str
-    point: NodeRef
+    point: NodeField
     beam: Beam | Path | None = None
     _: KW_ONLY
     on: Beam | Path | None = None
     at: float
     rate: float | None = None
     curve: str = "c1"
-    friction: Friction | None = None
+    friction: Friction | float | None = None
     drive: Drive | None = None
     stops: Stops | None = None
+    lock: tuple[Lock, ...] | None = None
+    release: Release | None = None
+    one_sided: OneSided | None = None
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
@@ -97,6 +107,28 @@ class Slider:
         return self.beam.basis.curve(self.curve)
 
     @property
+    def slides_freely(self) -> bool:
+        """Whether nothing acts along the beam on it, and nothing ever holds it or lets it go."""
+        return all(x is None for x in (self.friction, self.drive, self.stops, self.lock, self.release, self.one_sided))
+
+    @property
+    def starts_off(self) -> bool:
+        """Whether its point is away from the beam at t = 0, on its side of it."""
+        if self.one_sided is None:
+            return False
+        owner = self.point.owner
+        if isinstance(owner, Beam):
+            here = owner.reference(owner.node_s[self.point.index])[0][0]
+        elif isinstance(owner, PointMass):
+            if owner.position is None:
+                return False
+            here = owner.position
+        else:
+            here = owner.position + self.point.offset @ owner.directors
+        side = self.one_sided.side / np.linalg.norm(self.one_sided.side)
+        return bool((here - self.place) @ side > 1e-9 * self.beam.length)
+
+    @property
     def place(self) -> Array:
         """Where the point has to lie at t = 0, (3,) m."""
         return self.beam.reference(self.at)[0][0]
@@ -104,8 +136,8 @@ class Slider:
     def _check_forces(self, who: str) -> None:
         """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
         stops, drive = self.stops, self.drive
+        low, high = (-np.inf, np.inf) if self.is_endless else (0.0, self.beam.length)
         if stops is not None:
-            low, high = (-np.inf, np.inf) if self.is_endless else (0.0, self.beam.length)
             for what, end in (("start", stops.start), ("end", stops.end)):
                 if end is not None and end > high:
                     raise SceneError(f"{who}: stops: {what}={end:.6g} m lies beyond {self.beam.label} (0 to "
@@ -113,7 +145,27 @@ class Slider:
             if not (low if stops.start is None else stops.start) <= self.at <= (high if stops.end is None else stops.end):
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
                                  "between them")
+        if self.one_sided is not None:
+            for what in ("stops", "lock", "release"):
+                if getattr(self, what) is not None:
+                    raise SceneError(f"{who}: one_sided does not go together with {what}; leave one of them out")
+            if drive is not None and drive.is_prescribed:
+                raise SceneError(f"{who}: its drive prescribes the motion, so it cannot lift off; give the drive stiffness= and "
+                                 "damping=, or leave one_sided out")
+            if isinstance(self.beam, Path):
+                raise SceneError(f"{who}: one_sided: a point lifts off a Beam, not a Path; slide it on one of its beams")
+        if self.release is not None:
+            check_release(who, self.release, stops, self.is_endless)
+        if self.lock is not None:
+            check_locks(who, self.lock, stops, (low, high))
+            if self.lock[0].from_start:
+                if self.rate:
+                    raise SceneError(f"{who}: rate={self.rate:.6g} m/s, but it is locked from the start; leave rate out")
+                checks.fill(self, rate=0.0)
         if drive is not None and drive.is_prescribed:
+            if self.lock is not None:
+                raise SceneError(f"{who}: its drive prescribes the motion, so it cannot be locked; let the drive stand still, or "
+                                 "give it a limit with stiffness= and damping=")
             if stops is not None and stops.is_rigid:
                 raise SceneError(f"{who}: its drive prescribes the motion, so a rigid stop cannot end it; give stops a "
                                  "stiffness, or the drive a limit with stiffness= and damping=")

@@ -72,7 +72,7 @@ class DrivingForce:
             return OfTime("N")(value)
         if isinstance(value, type):
             raise Refusal(f"must be a number, a function of t or one of (t, s, rate), got {shown(value)}")
-        n = _arguments(value)
+        n = needed_arguments(value)
         if n not in (1, 3):
             raise Refusal(f"must take one argument (t) or three (t, s, rate), this function takes {n}")
         if n == 1:
@@ -86,7 +86,7 @@ class DrivingForce:
         return value
 
 
-def _arguments(function: Callable[..., Any]) -> int:
+def needed_arguments(function: Callable[..., Any]) -> int:
     """Number of arguments that a function needs, 1 where that cannot be told."""
     try:
         kinds = inspect.signature(function).parameters.values()
@@ -149,7 +149,7 @@ class Drive:
     @property
     def takes_state(self) -> bool:
         """Whether the force is a function of (t, s, rate)."""
-        return callable(self.force) and _arguments(self.force) == 3
+        return callable(self.force) and needed_arguments(self.force) == 3
 
     @property
     def is_timed(self) -> bool:

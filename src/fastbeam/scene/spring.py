@@ -9,7 +9,7 @@ from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node
 
 
-@checked(a=Node(), b=Node(), name=Name("a spring has two ends, write one for every pair"),
+@checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a spring has two ends, write one for every pair"),
          stiffness=Number(least=0.0, unit="N/m"), length=Number(least=0.0, unit="m"))
 @dataclass(frozen=True, eq=False)
 class Spring(Link):
@@ -20,7 +20,7 @@ class Spring(Link):
     Parameters
     ----------
     a, b : NodeRef, RigidBody or PointMass
-        Its ends.
+        Its ends; one may be `GROUND.point((x, y, z))`.
     name : str, optional
     stiffness : float
         N/m, >= 0.

@@ -1,0 +1,195 @@
+"""What happens to sliders within the steps of a run: they meet rigid stops and ends of beams, locks take hold, some leave."""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from .checkpoint import Clock
+from .dynamics import StepControl, failure, run_to_condition, run_to_end_of_beam
+from .impacts import Impacts
+from .interrupt import Calls
+from .kernels.step import NOT_CONVERGED, OK
+from .locking import Locking
+from .model import Model
+from .newton import Outcome, Stepper
+from .progress import Progress
+from .recording import Rows
+from .starting import AT_STOP
+from .watching import MOST_NAMED
+
+# what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
+NEXT_TO_NOTHING = 1e-6
+# a point that is back on its beam after this share of a step has not been away
+SHORT_FLIGHT = 1.0 / 64.0
+# status of steps before one in which a condition of a lock or release begins to hold
+CONDITION = 100
+
+
+class Encounters:
+    """The part of a run that goes on behind such a moment: the step is shortened to it, the velocities jump or the slider is
+    held or let go, and steps are counted from there."""
+
+    model: Model
+    stepper: Stepper
+    clock: Clock
+    calls: Calls
+    rows: Rows
+    progress: Progress
+    control: StepControl | None
+    impacts: Impacts
+    locking: Locking
+    event: Callable[[dict[str, Any]], None]
+    took: Callable[[float, Outcome, float], None]
+    t_end: float
+    step: float
+    steps: int
+    between: bool
+
+    def plan(self) -> tuple[float, int, float]:
+        """Time up to which steps are taken next, the end of the run or where a lock or release is due; whole steps until then
+        and the size of a last one that differs or 0."""
+        end = min(self.t_end, self.locking.next_time(self.stepper.state)) if self.locking.is_present else self.t_end
+        return end, *(self.clock.plan(end) if self.control is None and self.clock.now < end else (0, 0.0))
+
+    def happen(self, t: float, found: Sequence[Any] = ()) -> bool:
+        """Locks and releases that are due take effect; whether there are any."""
+        if not self.locking.is_present:
+            return False
+        before = self.stepper.copy_state()
+        state, events = self.locking.behind(before, t, NEXT_TO_NOTHING * self.step, found)
+        if state is not before:
+            self.stepper.set_state(state)
+        for event in events:
+            self.event(event)
+        return state is not before
+
+    def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
+        """As `Calls.advance`, one step at a time where conditions are watched: CONDITION where one holds behind the last, and no
+        more steps where sliders lift off."""
+        if not (self.locking.is_present and self.locking.watch(self.stepper.state, t + done * h)):
+            return self.calls.advance(t, h, n, done)
+        whole: Outcome | None = None
+        before = self.clock.before
+        for k in range(done, done + n):
+            saved = self.stepper.save()
+            try:
+                part = self.calls.advance(t, h, 1, k)
+            except KeyboardInterrupt:
+                self.calls.intact &= k == done
+                raise
+            part = self.looked_at(saved, part, t + (k + 1) * h, before)
+            before = part.force[1]
+            whole = part if whole is None else part.after(whole)
+            if part.status != OK or not part.steps or self.locking.lifting:
+                break
+            self.locking.watch(self.stepper.state, t + (k + 1) * h)
+        assert whole is not None
+        return whole
+
+    def controlled(self, t: float, h: float) -> tuple[float, float, Outcome]:
+        """As `Calls.controlled`, with CONDITION as `advance`."""
+        assert self.control is not None
+        watches = self.locking.is_present and self.locking.watch(self.stepper.state, t)
+        saved = self.stepper.save() if watches else None
+        size, proposed, outcome = self.calls.controlled(self.control, t, h, self.steps)
+        if saved is not None:
+            outcome = self.looked_at(saved, outcome, t + size, self.clock.before)
+        return size, proposed, outcome
+
+    def looked_at(self, saved: Any, outcome: Outcome, t: float, before: Any) -> Outcome:
+        """A step that led to time t: back to its saved start, with CONDITION, where a condition holds behind it. before: mean
+        contact force of the step before, N."""
+        if not outcome.steps:
+            return outcome
+        state = self.stepper.state
+        if self.locking.reached(state, t)[0] >= 0.0:
+            self.stepper.load(saved)
+            return replace(outcome, status=CONDITION, steps=0)
+        if self.locking.sided:
+            self.locking.follow(state, t, self.stepper.core_state)
+            self.locking.find_lifting(state, before, outcome.force[1])
+        return outcome
+
+    def to_condition(self, t: float, outcome: Outcome, h: float) -> Any:
+        """A step to where a condition of a lock or release begins to hold."""
+        if outcome.steps:
+            yield t, replace(outcome, status=OK), h, True
+        self.between, self.calls.intact = True, False
+        self.locking.watch(self.stepper.state, t)
+        parts = 1 if self.control is None else 2
+        least = SHORT_FLIGHT if self.locking.touches else NEXT_TO_NOTHING
+        last, final, found = run_to_condition(self.stepper, t, h, parts, least, self.locking.reached)
+        if final.status != OK:
+            raise failure(self.stepper, final, t, self.steps, last)
+        # what comes back without having been away does not bounce
+        yield from self.behind(t, last, final, [replace(x, rests=last == 0.0) for x in found])
+        return True
+
+    def behind(self, t: float, last: float, final: Outcome, found: Sequence[Any] = (), strikes: Any = None) -> Any:
+        """Go on behind what happens after a step from t of size `last`: conditions that hold, and a slider that strikes a
+        stop, with its end."""
+        if last > 0.0:
+            t = self.t_end if self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last
+            self.progress.update(last)
+            self.clock.leave_grid(t)
+        self.took(t, final, last)
+        if strikes is not None:
+            self.impact(strikes[0], t, strikes[1])
+        self.happen(t, found)
+        # the row, the callback and the checkpoint of this time are behind it
+        self.count_from(t)
+        if last > 0.0:
+            yield t, replace(final, steps=0), last, True
+        self.between = False
+
+    def end_of_beam(self, t: float, outcome: Outcome, h: float) -> Any:
+        """A step to the end of the beam, or the rigid stop, that a slider reached; whether the run goes on behind it."""
+        if outcome.steps:
+            yield t, replace(outcome, status=OK), h, True
+        self.between, self.calls.intact = True, False
+        start = self.stepper.save()
+        watched = self.locking.is_present and self.locking.watch(self.stepper.state, t)
+        last, final, slider = run_to_end_of_beam(self.stepper, t, h)
+        if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
+            self.stepper.load(start)
+            return (yield from self.to_condition(t, replace(outcome, steps=0), last))
+        s = float(self.stepper.state.s[slider])
+        low, high = self.model.slider_limits[slider]
+        end = "end" if s >= 0.5 * (low + high) else "start"
+        is_impact = self.impacts.is_rigid(slider, end == "end")
+        found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact)
+        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
+        if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
+            # where a step a little longer takes another branch of friction, this one ends before the stop
+            strikes = (slider, end) if arrives and not found else None
+            yield from self.behind(t, last, final, found if arrives else (), strikes)
+            return True
+        if last > 0.0:
+            t += last
+            self.progress.update(last)
+            self.clock.leave_grid(t)
+            yield t, final, last, True
+        self.between = False
+        if is_impact or found:
+            raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
+        name = self.model.names["sliders"][slider]
+        self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
+                    "text": f"slider {name!r} reached the {end} of its {self.model.track} at t = {t:.6g} s; the run ends here"})
+        return False
+
+    def impact(self, slider: int, t: float, end: str) -> None:
+        """A slider has met a rigid stop: go on with the velocities behind that."""
+        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step))
+        if self.impacts.number <= MOST_NAMED:
+            name = self.model.names["sliders"][slider]
+            self.event({"kind": "impact", "time": t, "slider": name, "end": end,
+                        "text": f"slider {name!r} met its stop at the {end} at t = {t:.6g} s"})
+
+    def count_from(self, t: float) -> None:
+        """Count steps from a time within one; forces of rows look ahead there."""
+        clock = self.clock
+        clock.now, clock.before, clock.before_size = t, None, None
+        if self.control is None:
+            clock.origin, clock.done, clock.on_grid = t, 0, True
+        self.rows.reopen(t)

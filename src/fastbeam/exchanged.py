@@ -1,0 +1,54 @@
+"""Energies of all parts of a result over time, and what its joints leave free."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .result import Result
+
+Array = np.ndarray
+# series, what it is called, kind of part, sign in the balance
+ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops", "slider", 1.0),
+            ("lock_loss", "lock", "slider", 1.0),
+            ("drive_work", "drive", "slider", -1.0), ("joint_loss", "damper", "joint", 1.0),
+            ("joint_work", "motor", "joint", -1.0))
+
+
+def balance_of(result: Result) -> dict[str, Array]:
+    """`Result.balance`, from a result that has energies."""
+    series = result.series
+    energies = {name: np.asarray(series[name]) for name in ("kinetic", "strain")}
+    stops = series["stop_energy"].sum(axis=1) if "stop_energy" in series else np.zeros(len(result.t))
+    if np.any(stops):
+        energies["stops"] = stops
+    if "external_work" in series:
+        energies["loads"] = -series["external_work"]
+    else:
+        energies["gravity"] = series["gravity"]
+        loads = series["potential"] - energies["strain"] - energies["gravity"] - stops
+        if np.any(np.abs(loads) > 1e-14 * np.max(np.abs(series["potential"]), initial=0.0)):
+            energies["loads"] = loads
+    for name, noun, kind, sign in ACCOUNTS:
+        for k, part in enumerate(result.names.get(f"{kind}s", []) if name in series else []):
+            if np.any(series[name][:, k]):
+                energies[f"{noun} of {kind} {part!r}"] = sign * series[name][:, k]
+    for name, sign in (("losses", 1.0), ("works", -1.0)):
+        energies |= {part: sign * x for part, x in zip(result.names.get(name, []), series.get(name, np.zeros((0, 0))).T)}
+    energies["sum"] = np.sum(list(energies.values()), axis=0)
+    return energies
+
+
+def joint_of(result: Result, name: str) -> dict[str, Array]:
+    """`Result.joint`, of a joint with recorded coordinates."""
+    out = {}
+    for k, (joint, what) in enumerate(zip(result.names["joints"], result.names["coordinates"])):
+        if joint == name:
+            rate = "spin" if what == "angle" else "speed"
+            several = result.names["joints"].count(name) > 1
+            out[what], out[rate] = result.series["joint_value"][:, k], result.series["joint_rate"][:, k]
+            if not several:
+                out |= {key: result.series[f"joint_{key}"][:, k] for key in ("energy", "loss", "work")
+                        if f"joint_{key}" in result.series}
+    return out

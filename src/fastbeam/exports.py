@@ -1,0 +1,106 @@
+"""What a result hands to other programs: files for ParaView, tables for pandas."""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .arguments import Count, FilePath, Flag, checked
+from .errors import BackendError
+
+if TYPE_CHECKING:
+    from .checkpoint import Checkpoint
+    from .kernels.work import State
+
+XYZ = ("x", "y", "z")
+
+
+class Exports:
+    """Methods of `Result` for other programs."""
+
+    t: np.ndarray
+    series: dict[str, np.ndarray]
+    names: dict[str, list[Any]]
+    info: dict[str, Any]
+    # of runs; files hold neither
+    state: State
+    checkpoint: Checkpoint
+
+    @checked(path=FilePath(), overwrite=Flag(), surface=Flag(), refine=Count(most=64), double=Flag())
+    def to_vtk(self, path: str | PathLike[str], *, overwrite: bool = False, surface: bool = False, refine: int | None = None,
+               double: bool = False) -> None:
+        """Write the snapshots to a VTKHDF file (.vtkhdf), a time series for ParaView (5.12 and newer), PyVista and VTK.
+
+        Beams are lines, bodies, masses and points of sliders are points. Point data: `kind` (0 beam, 1 body, 2 mass, 3 slider),
+        `radius` (m; of sections that are no circle sqrt of the product of both half sizes), triads `d1`, `d2`, `d3`, `s` (arc
+        length of beams, m; not in nets), `force` on sliders (N). Cell data: `kind`, and `part`, the number of the part among
+        those of its kind, whose names stand in the file at names/beam and so on.
+
+        Parameters
+        ----------
+        path : path
+            Ends in .vtkhdf.
+        overwrite : bool
+            Replace an existing file.
+        surface : bool
+            Beams as the skins of their sections instead of lines: round or rectangular, with their twist. Of a section given by
+            stiffnesses the ellipse with the same radii of gyration.
+        refine : int
+            Points of a line from one node of a beam to the next, on the curve that the beam is; default: 4 up to 20 000 nodes,
+            else 1. Beams of nets are lines through their nodes.
+        double : bool
+            Numbers of 8 bytes instead of 4.
+
+        Raises
+        ------
+        BackendError
+            h5py is missing.
+        SceneError
+            The result holds no snapshots, or the path ends in something else.
+        ResultFileError
+            The file exists (and not `overwrite`), its folder does not, or there is no room for it.
+        """
+        from .vtkhdf import write_vtk
+        write_vtk(self, Path(path), overwrite=overwrite, surface=surface, refine=refine, double=double)  # type: ignore[arg-type]
+
+    @checked()
+    def to_dataframe(self) -> Any:
+        """All series as a pandas DataFrame, with the rows of the result; the index is the time, s (statics: the load factor).
+
+        Columns are named after series, names and components: 'total', 'lin_mom.x', 's_slide[ring]', 'contact_force[ring].x',
+        'points[tip].z'. Facts of the run are in `.attrs`.
+
+        Raises
+        ------
+        BackendError
+            pandas is missing.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise BackendError("tables need pandas: pip install pandas; result.series holds the same as arrays") from error
+        frame = pandas.DataFrame(columns_of(self.series, self.names), index=pandas.Index(self.t, name="t"))
+        frame.attrs |= {key: value for key, value in self.info.items() if isinstance(value, (str, int, float))}
+        return frame
+
+
+def columns_of(series: Mapping[str, np.ndarray], names: Mapping[str, list[Any]]) -> dict[str, np.ndarray]:
+    """Columns [n] of all series, by names such as 'contact_force[ring].x'."""
+    from .result import ROWS
+    out: dict[str, np.ndarray] = {}
+    for name, x in series.items():
+        if x.ndim == 1:
+            out[name] = x
+            continue
+        labels = names.get("points" if name == "points" else "sliders", [])
+        rows = x.reshape(len(x), -1)
+        # the last axis of vectors are components, any other are parts
+        vector = x.shape[-1] == 3 and (x.ndim > 2 or ROWS.get(name) == (3,))
+        for k in range(rows.shape[1]):
+            part, axis = (k // 3, k % 3) if vector else (k, None)
+            label = "" if x.ndim == 2 and vector else f"[{labels[part] if part < len(labels) else part}]"
+            out[f"{name}{label}" + ("" if axis is None else f".{XYZ[axis]}")] = rows[:, k]
+    return out

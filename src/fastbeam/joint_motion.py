@@ -1,0 +1,199 @@
+"""Coordinates that joints with axes leave free: tables of their springs, dampers and motors, what motors give in every step, and
+values and energies at rows."""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .errors import SceneError
+from .joint_tables import Conditions
+from .kernels.joint_motion import LOSS, MOTION, VALUE, WORK, JointMotion
+from .kernels.work import State
+from .load_times import mean_factors
+from .plane import Plane, numbers_of
+
+Array = np.ndarray
+# a value in the history that differs more from that of the coordinates belongs to another state
+STALE = 1e-11
+
+
+@dataclass(frozen=True)
+class Motions:
+    """All free coordinates of the joints of a scene, C of them.
+
+    Attributes
+    ----------
+    table : JointMotion
+        Of those that are left in a plane, in its model.
+    rows : int64 [*]
+        Which of all coordinates the table has.
+    names : list of str
+        The joint of every coordinate.
+    labels : list of str
+        For messages.
+    motors : list
+        Force or torque of every coordinate: a number, a function of time, or None.
+    turn : float64 [C, 2, 3, 3]
+        R with D_i = sum_k R_ik d_k of both nodes.
+    node : int64 [C, 2]
+    spring : float64 [C, 2]
+        Stiffness and rest value.
+    distance : float64 [C]
+        At t = 0, m.
+    is_angle : bool [C]
+    damped : bool
+    """
+
+    table: JointMotion
+    rows: Array
+    names: list[str]
+    labels: list[str]
+    motors: list[Any]
+    turn: Array
+    node: Array
+    spring: Array
+    distance: Array
+    is_angle: Array
+    damped: bool
+
+    @property
+    def size(self) -> int:
+        """Numbers of `State.history`."""
+        return MOTION * len(self.names)
+
+    @property
+    def driven(self) -> bool:
+        """Whether there are motors."""
+        return any(motor is not None for motor in self.motors)
+
+    @property
+    def timed(self) -> bool:
+        """Whether a motor has to be told the time."""
+        return any(callable(motor) for motor in self.motors)
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether the total energy changes: there is more than springs."""
+        return self.damped or self.driven
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is any force."""
+        return self.exchanges or bool(np.any(self.spring[:, 0]))
+
+    def work(self) -> JointMotion:
+        """The table with arrays of one run."""
+        return self.table._replace(given=self.table.given.copy(), hold=np.zeros(32))
+
+    def schedule(self, starts: Array, lengths: Array) -> Array:
+        """Mean forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
+        out = np.zeros((len(starts), len(self.rows)))
+        for column, k in enumerate(self.rows.tolist()):
+            motor = self.motors[k]
+            out[:, column] = mean_factors(motor, starts, lengths, self.labels[k]) if callable(motor) else motor or 0.0
+        return out
+
+    # --- at rows ------------------------------------------------------------------------------------------------------
+    def _vectors(self, q: Array) -> tuple[Array, Array]:
+        """x_b - x_a [C, 3] and D of both nodes [C, 2, 3, 3]."""
+        return q[self.node[:, 1], 0] - q[self.node[:, 0], 0], np.einsum("csik,cskx->csix", self.turn, q[self.node, 1:])
+
+    def values(self, q: Array, before: Array) -> Array:
+        """Coordinates [C] at q [N, 4, 3], of angles those next to `before` [C]."""
+        r, d = self._vectors(q)
+        angle = np.arctan2(np.sum(d[:, 0, 2] * d[:, 1, 1], axis=1), np.sum(d[:, 0, 1] * d[:, 1, 1], axis=1))
+        angle += 2.0 * np.pi * np.round((before - angle) / (2.0 * np.pi))
+        return np.where(self.is_angle, angle, np.sum(r * d[:, 0, 0], axis=1) - self.distance)
+
+    def rates(self, q: Array, v: Array) -> Array:
+        """Rates [C] of the coordinates at q and rates v [N, 4, 3]."""
+        (r, d), (dr, dd) = self._vectors(q), self._vectors(v)
+        spin = 0.5 * np.cross(d, dd).sum(axis=2)
+        turning = np.sum(d[:, 0, 0] * (spin[:, 1] - spin[:, 0]), axis=1)
+        return np.where(self.is_angle, turning, np.sum(dr * d[:, 0, 0] + r * dd[:, 0, 0], axis=1))
+
+    def energy(self, history: Array) -> Array:
+        """Energy [C] that springs store, J; history [C, 3]."""
+        stiffness, rest = self.spring.T
+        return 0.5 * stiffness * (history[:, VALUE] - rest)**2
+
+    def settle(self, state: State, q: Array, place: int) -> None:
+        """Bring the values in the history of a state, from `place` on, up to its coordinates q [N, 4, 3] in space."""
+        own = state.history[place:].reshape(-1, MOTION)
+        found = self.values(q, own[:, VALUE])
+        stale = np.abs(found - own[:, VALUE]) > STALE * (1.0 + np.abs(found))
+        own[stale, VALUE] = found[stale]
+
+    def row(self, state: State, place: int) -> dict[str, Array]:
+        """Series of one row."""
+        q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+        own = state.history[place:].reshape(-1, MOTION)
+        return {"joint_value": own[:, VALUE].copy(), "joint_rate": self.rates(q, v)}
+
+    def exchanged(self, state: State, place: int) -> dict[str, Array]:
+        """Series of energies of one row."""
+        own = state.history[place:].reshape(-1, MOTION)
+        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy()}
+
+
+def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, place: int) -> Motions | None:
+    """Of the joints of a scene; links: `links.Links`; place: where their numbers begin in the history. None where there are
+    none."""
+    found = [(part, node, is_angle) for part, node in links.with_axes for is_angle in part.coordinates]
+    if not found:
+        return None
+    node = np.array([x[1] for x in found], np.int64).reshape(-1, 2)
+    laws: list[Conditions] = [links.law_of(x[0]) for x in found]
+    a, b = node.T
+    block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
+    turn = np.array([law.turn for law in laws])
+    x = np.array([law.reference for law in laws])
+    distance = np.sum((x[:, 1, 0] - x[:, 0, 0]) * np.array([law.axes[0, 0] for law in laws]), axis=1)
+    numbers = {name: np.array([float(getattr(part, name, 0.0) or 0.0) for part, *_ in found])
+               for name in ("stiffness", "damping", "rest")}
+    motors = [part.motor if hasattr(part, "motor") else None for part, *_ in found]
+    is_angle = np.array([x[2] for x in found], np.int64)
+    count = len(found)
+    table = JointMotion(node, row_of[node], block, is_angle, spin_root[node], turn.reshape(-1), distance,
+                        place + MOTION * np.arange(count), numbers["stiffness"], numbers["damping"], numbers["rest"],
+                        np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(32))
+    return Motions(table, np.arange(count), [str(part.name) for part, *_ in found], [part.label for part, *_ in found], motors,
+                   turn, node, np.stack((numbers["stiffness"], numbers["rest"]), axis=1), distance, is_angle == 1,
+                   bool(np.any(numbers["damping"])))
+
+
+def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane) -> Motions | None:
+    """With the table of what is left in a plane; reference: coordinates [N, 4, 3] in space."""
+    if motions is None:
+        return None
+    table = motions.table
+    axis = np.einsum("ck,ckx->cx", motions.turn[:, 0, 0], reference[motions.node[:, 0], 1:])
+    up = np.abs(axis @ plane.axes[2]) > 0.5
+    rows = np.flatnonzero(up == motions.is_angle)
+    flat = np.einsum("csik,csk->csi", motions.turn[rows], plane.factor[motions.node[rows]])
+    size = np.abs(flat)
+    flat = np.where(size > 0.5, flat / np.where(size > 0.5, size, 1.0), 0.0)
+    some = {name: np.ascontiguousarray(getattr(table, name)[rows]) for name in
+            ("node", "row", "block", "is_angle", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
+    return replace(motions, table=table._replace(**some, axes=numbers_of(flat)), rows=rows)
+
+
+def check_motions(motions: Motions | None, compared: str | None, substeps: int, static: bool) -> None:
+    """Refuse what forces in joints do not go together with.
+
+    Raises
+    ------
+    SceneError
+    """
+    if motions is None or not motions.acts:
+        return
+    if compared is not None:
+        raise SceneError(f"method {compared!r} has no springs, dampers and motors in joints; use the default method")
+    if substeps > 1 and motions.damped:
+        raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
+    if static and motions.driven:
+        label = next(label for label, motor in zip(motions.labels, motions.motors) if motor is not None)
+        raise SceneError(f"{label}: solve_static takes no motors of joints; leave it out, or hold the joint by a stiff spring "
+                         "with rest=")

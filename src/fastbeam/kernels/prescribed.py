@@ -1,0 +1,101 @@
+"""Supports that move as functions of time (theory.md 4, (4.11)): their increments in a step are known, and the work of their
+reactions is booked. Two terms share the arrays: the first guess comes before that of tied nodes, reactions are what stands in the
+rows of the nodes before supports clear them.
+
+Arrays: r [8 (rows + 1)]; dphi, theta [3 N], in a plane [2 N], [N].
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._jit import kernel
+from .kinds import dim
+from .terms import account, assemble, first_guess, is_settled, put_loads
+
+# iterations that have to be asked whether a step may end: the last one evaluates reactions at the end of the step
+ASKED = 2
+
+
+class Prescribed(NamedTuple):
+    """M motions of n nodes; more than one node has the same where they share a row."""
+
+    node: np.ndarray      # int64 [n]
+    motion: np.ndarray    # int64 [n]: of every node
+    turns: np.ndarray     # int64 [M]: 1 where the rotation is prescribed, too
+    row: np.ndarray       # int64 [M]
+    place: np.ndarray     # int64 [M]: of the work in `State.history`
+    given: np.ndarray     # float64 [M, 6], in a plane [M, 3]: increments of the step, position, m, and Cayley vector
+    reaction: np.ndarray  # float64 [M, 6], in a plane [M, 3]: forces, N, and moments, N m, on the nodes
+    asked: np.ndarray     # int64 [1]: how often this step was asked whether it is done
+
+
+class Reactions(NamedTuple):
+    """The same arrays behind ties."""
+
+    of: Prescribed
+
+
+class PrescribedSchedule(NamedTuple):
+    """Increments of every substep, in the tuple of terms ahead of all others."""
+
+    of: Prescribed
+    given: np.ndarray     # float64 [substeps, M, 6], in a plane [substeps, M, 3]
+
+
+@put_loads.register(PrescribedSchedule)
+@kernel
+def put_increments(term, system, k):
+    given = term.of.given
+    for m in range(given.shape[0]):
+        for c in range(given.shape[1]):
+            given[m, c] = term.given[k, m, c]
+
+
+@first_guess.register(Prescribed)
+@kernel
+def move_supports(term, system, h, c):
+    """What no increment of an iteration changes, because the unknowns are held."""
+    work, dofs = system.work, system.dofs
+    d = dim(dofs)
+    spins = len(dofs) - d
+    term.asked[0] = 0
+    for k in range(term.node.shape[0]):
+        n = term.node[k]
+        m = term.motion[k]
+        for i in range(d):
+            work.dphi[d * n + i] = term.given[m, i]
+        if term.turns[m] != 0:
+            for i in range(spins):
+                work.theta[spins * n + i] = term.given[m, d + i]
+
+
+@assemble.register(Reactions)
+@kernel
+def take_reactions(term, method, system, h):
+    r, of = system.work.r, term.of
+    for m in range(of.row.shape[0]):
+        for c in range(len(system.dofs)):
+            of.reaction[m, c] = r[8 * of.row[m] + c]
+
+
+@is_settled.register(Reactions)
+@kernel
+def reactions_are_those_of_the_end(term, system):
+    """One more iteration: reactions are those before the last increment."""
+    term.of.asked[0] += 1
+    return term.of.asked[0] >= ASKED
+
+
+@account.register(Reactions)
+@kernel
+def account_motion(term, system, h):
+    of, history = term.of, system.state.history
+    d = dim(system.dofs)
+    for m in range(of.row.shape[0]):
+        work = 0.0
+        for c in range(len(system.dofs)):
+            if c < d or of.turns[m] != 0:
+                work += of.reaction[m, c] * of.given[m, c]
+        history[of.place[m]] += work

@@ -1,0 +1,153 @@
+"""Supports that move as functions of time: what they are given in every step, and their tables."""
+from __future__ import annotations
+
+import numpy as np
+
+from .connections import Connections
+from .errors import SceneError
+from .kernels.prescribed import Prescribed
+from .numbering import NodeList
+from .scene import PrescribedMotion, Scene
+
+Array = np.ndarray
+# a position may begin so far from the place of its node, of the size of the scene
+AT_START = 1e-9
+# a motion may leave the plane of its scene by so much of its way
+OUT_OF_PLANE = 1e-12
+# times at which directions of motions are looked up
+LOOKS = np.concatenate(([0.0], np.geomspace(1e-4, 1e3, 71)))
+
+
+class PrescribedMotions:
+    """All prescribed motions of a scene, of which there is one at least.
+
+    Parameters
+    ----------
+    motions : list of PrescribedMotion
+    nodes : NodeList
+    joints : Connections
+
+    Raises
+    ------
+    SceneError
+        A node follows another, moves twice, or begins elsewhere.
+    """
+
+    def __init__(self, motions: list[PrescribedMotion], nodes: NodeList, joints: Connections) -> None:
+        self.motions = motions
+        self.own = np.array([nodes.number(motion.at) for motion in motions])
+        root = joints.row_root[self.own]
+        for k, motion in enumerate(motions):
+            leads = [nodes.labels[i] for i in joints.targets(int(root[k])) if i != root[k]]
+            leads += [nodes.labels[joints.spin_root[root[k]]]] * bool(motion.mask == 63 and joints.spin_root[root[k]] != root[k])
+            if leads:
+                raise SceneError(f"{motion.label}: joints make {motion.at} follow {' and '.join(leads[:3])}; move that instead")
+            if np.any(root[:k] == root[k]):
+                raise SceneError(f"{motion.label}: {motions[int(np.argmax(root[:k] == root[k]))].label} moves the same node")
+        shares = joints.row_root[None] == root[:, None]
+        self._motion, self._node = np.nonzero(shares)
+        self._root = root
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names in the balance."""
+        return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
+
+    def tables(self, row_of: Array, place: int, size: int) -> Prescribed:
+        """Tables with the arrays of a run; place: of the first work in the history; size: unknowns of a node."""
+        m = len(self.motions)
+        return Prescribed(self._node, self._motion, np.array([int(x.mask == 63) for x in self.motions]),
+                          row_of[self._root].astype(np.int64), place + np.arange(m), np.zeros((m, size)), np.zeros((m, size)),
+                          np.zeros(1, np.int64))
+
+    def schedule(self, times: Array, axes: Array | None = None) -> Array:
+        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; axes:
+        plane of a scene, [3, 3], whose increments are [n, M, 3].
+
+        Raises
+        ------
+        SceneError
+            A function fails, a step turns by half a turn, or a motion leaves the plane.
+        """
+        out = np.zeros((len(times) - 1, len(self.motions), 6))
+        for k, motion in enumerate(self.motions):
+            out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
+            if motion.rotation is not None:
+                turns = np.array([motion.turn(t) for t in times.tolist()])
+                turn = turns[1:] @ turns[:-1].transpose(0, 2, 1)
+                axis = _axial(turn)
+                size = 1.0 + np.trace(turn, axis1=1, axis2=2)
+                if np.any(size < 1e-6):
+                    n = int(np.argmin(size))
+                    raise SceneError(f"{motion.label}: rotation(t) makes half a turn in the step from t = {times[n]:.6g} s; use "
+                                     "smaller steps")
+                out[:, k, 3:] = 2.0 * axis / size[:, None]
+            if axes is not None:
+                self._check_plane(motion, out[:, k], axes[2], times)
+        if axes is None:
+            return out
+        return np.concatenate((out[:, :, :3] @ axes[:2].T, (out[:, :, 3:] @ axes[2])[:, :, None]), axis=2)
+
+    @staticmethod
+    def _check_plane(motion: PrescribedMotion, given: Array, normal: Array, times: Array) -> None:
+        across = given[:, 3:] - (given[:, 3:] @ normal)[:, None] * normal
+        off = np.abs(given[:, :3] @ normal) + np.linalg.norm(across, axis=1)
+        way = float(np.max(np.linalg.norm(given[:, :3], axis=1) + np.linalg.norm(given[:, 3:], axis=1), initial=0.0))
+        if np.any(off > OUT_OF_PLANE * way + 1e-15):
+            raise SceneError(f"{motion.label}: it leaves the plane of the scene in the step from t = "
+                             f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
+
+    def directions(self, n: int) -> list[tuple[Array, Array]]:
+        """Directions in which supports move and axes about which they turn at some times, up to three of each: [n, 3] each, n
+        nodes."""
+        found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3)]
+        for k, motion in enumerate(self.motions):
+            places, turns = [], []
+            for t in LOOKS.tolist():
+                try:
+                    place, turn = motion.place(t), motion.turn(t)
+                except SceneError:
+                    # a table may end
+                    continue
+                places.append(place)
+                turns.append(_axial(turn))
+            for which, x in enumerate((np.array(places) - places[0], np.array(turns) - turns[0])):
+                _, size, axes = np.linalg.svd(x, full_matrices=False)
+                for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
+                    found[i][which][self.own[k]] = size[i] * axes[i]
+        return [pair for pair in found if np.any(pair[0]) or np.any(pair[1])]
+
+
+def _axial(turn: Array) -> Array:
+    """Twice the sine of the angle of rotations [..., 3, 3] times their axis, [..., 3]."""
+    x = turn - np.swapaxes(turn, -1, -2)
+    return np.stack((x[..., 2, 1], x[..., 0, 2], x[..., 1, 0]), axis=-1)
+
+
+def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: float) -> PrescribedMotions | None:
+    """None where no support moves.
+
+    Raises
+    ------
+    SceneError
+        As of `PrescribedMotions`; a position that does not begin at its node.
+    """
+    if not scene.prescribed:
+        return None
+    found = PrescribedMotions(scene.prescribed, nodes, joints)
+    for motion, node in zip(found.motions, found.own.tolist()):
+        if motion.position is not None:
+            gap = float(np.linalg.norm(motion.place(0.0) - nodes.phi[node]))
+            if gap > AT_START * length:
+                raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; begin there, or give "
+                                 "displacement")
+    return found
+
+
+def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Array, Array]:
+    """Velocities and spins of supports at t = 0, [N, 3] each: zero where they stand still."""
+    v, omega = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
+    for motion in scene.prescribed:
+        at = joints.row_root[nodes.number(motion.at)]
+        v[at], omega[at] = motion.rates()
+    return v, omega

@@ -1,0 +1,185 @@
+"""Forces and moments of supports and joints: what is missing in the equations of the nodes without them (theory.md 4.2)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .assembly import system_of, terms_of
+from .equilibrium import StaticSolver
+from .errors import SceneError
+from .kernels import step as kernels
+from .kernels.step import OK
+from .kernels.terms import Conserving, Equilibrium
+from .kernels.work import State
+from .newton import Outcome, Stepper
+
+Array = np.ndarray
+
+
+class Reactions:
+    """Forces [R, 3] and moments [R, 3] of all supports, eliminated joints and joints with multipliers, from the equations of the
+    nodes as they stand without them.
+
+    Forces of supports act on what they hold, those of joints on side b. Moments are about the node of the support, for joints
+    about that of side a, N and N m.
+
+    Parameters
+    ----------
+    stepper : Stepper
+        With the conserving step, or in statics; its state is left alone.
+    static : bool
+    """
+
+    def __init__(self, stepper: Stepper, static: bool = False) -> None:
+        self.stepper, self.static = stepper, static
+        self.own = stepper if stepper.pivots_everywhere else stepper.fallback
+        core = self.own.core
+        self.holding = holding = stepper.model.holding
+        left_out = {id(core.ties), id(core.static_held if static else core.held)}
+        along, laws = (None, self.own.law_work) if static else (stepper.along, stepper.law_work)
+        terms = terms_of(core, None, static, along, law_work=laws)
+        self.terms = tuple(term for term in terms if id(term) not in left_out)
+        self.ties = () if core.ties is None else (core.ties,)
+        self.links, self.kept_names = stepper.model.kept, stepper.model.kept_names
+        self.rows = core.pattern.row_of
+        self.count = len(stepper.model.reaction_names)
+        n = len(holding.parent)
+        hanging = np.flatnonzero(holding.parent >= 0)
+        self._below = None
+        if hanging.size and len(holding.joints):
+            from scipy.sparse import coo_matrix, identity
+            from scipy.sparse.linalg import splu
+            # x = own + sum of those that hang on it
+            children = coo_matrix((np.ones(hanging.size), (holding.parent[hanging], hanging)), shape=(n, n))
+            self._below = splu((identity(n) - children).tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
+
+    @property
+    def size(self) -> int:
+        """Numbers of one evaluation."""
+        return 6 * self.count
+
+    def of_step(self, before: State, middle: Array, h: float) -> Array:
+        """Means over the step that the stepper has just taken, [6 R].
+
+        Parameters
+        ----------
+        before : State
+            At its begin, as the tables of the run have it.
+        middle : float64 [N, 4, 3]
+            Coordinates in its middle.
+        h : float
+        """
+        own = self.own
+        state = before._replace(force=own.core_state.force)
+        return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
+
+    def of_equilibrium(self, q: Array) -> Array:
+        """Of the equilibrium [6 R] at q [N, 4, 3] whose loads are in `work.f_ext`."""
+        own = self.own
+        return self._evaluate(system_of(own.core, Equilibrium(), None, None, own.core_state, own.work), q, 0.0)
+
+    def _evaluate(self, system: Any, q: Array, h: float) -> Array:
+        holding, x = self.holding, q[:, 0]
+        kernels.assemble_all(self.terms, system, h)
+        force, moment = self._rows()
+        out = np.full((self.count, 2, 3), np.nan)
+        s = len(holding.supports)
+        if len(holding.joints):
+            out[s:s + len(holding.joints)] = self._joints(force, moment, x)
+        if self.ties:
+            kernels.assemble_some(self.ties, system, h)
+            force, moment = self._rows()
+        out[:s, 0], out[:s, 1] = force[holding.supports], moment[holding.supports]
+        np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])
+        held = self.stepper.model.held_mask[holding.supports]
+        out[:s, 1][held & 56 == 0] = 0.0
+        shared = self._is_tied(holding.supports)
+        out[:s][shared] = np.nan
+        at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force
+        kept = out[s + len(holding.joints):]
+        kept[:] = 0.0
+        for link in self.links:
+            m = link.forces(3)
+            _, (b, by_velocity, by_spin) = link.by_motion(q[list(link.node)])
+            push = by_velocity.T @ multipliers[at:at + m]
+            k = self.kept_names.index(link.joint)
+            kept[k, 0] += push
+            kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
+            at += m
+        return out.reshape(-1)
+
+    def _is_tied(self, node: Array) -> Array:
+        """Supports of what another support holds already: nothing tells their shares."""
+        ties = self.own.core.ties
+        return np.zeros(node.size, bool) if ties is None else np.diff(ties.start)[node] > 0
+
+    def _rows(self) -> tuple[Array, Array]:
+        """Forces and moments [N, 3] that the equations of the nodes lack."""
+        own, plane = self.own, self.stepper.plane
+        n = len(self.rows)
+        r = own.work.r[:8 * (n + 1)].reshape(-1, 8)[self.rows]
+        if plane is None:
+            return r[:, :3], r[:, 3:6]
+        return r[:, :2] @ plane.axes[:2], r[:, 2:3] * plane.axes[2]
+
+    def _joints(self, force: Array, moment: Array, x: Array) -> Array:
+        """[J, 2, 3] on side b, about side a."""
+        holding = self.holding
+        a, b = holding.joints.T
+        total = self._below.solve(np.concatenate((force, moment + np.cross(x, force)), axis=1))
+        outward = holding.parent[b] == a
+        below = np.where(outward, b, a)
+        sign = np.where(outward, 1.0, -1.0)[:, None]
+        on_b = sign * total[below, :3]
+        out = np.stack((on_b, sign * total[below, 3:] - np.cross(x[a], on_b)), axis=1)
+        out[~(holding.determined[a] & (outward | (holding.parent[a] == b)))] = np.nan
+        return out
+
+
+class StaticReactions:
+    """Those of the equilibria of a solver."""
+
+    def __init__(self, solver: StaticSolver) -> None:
+        self.main = solver
+        self.solver = solver if solver.stepper.pivots_everywhere else solver.fallback
+        self.reactions = Reactions(self.solver.stepper, static=True)
+
+    def at(self, factors: Array) -> Array:
+        """At the last equilibrium, that of load factors [K]: [6 R]."""
+        self.solver.set_time(*self.main.stepper.law_work[:2])
+        self.solver.load_all(factors)
+        return self.reactions.of_equilibrium(self.solver.state.q.reshape(-1, 4, 3))
+
+
+class ReactingStepper(Stepper):
+    """A stepper whose outcomes hold forces and moments of supports and joints behind those of constraints."""
+
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        if self.weights.size > 1 or self.method.name != "energy_momentum":
+            raise SceneError("observe: reactions are those of the conserving step with order=2; leave out method and order, or "
+                             "'reaction'")
+        self.reactions = Reactions(self)
+
+    @property
+    def recorded(self) -> int:
+        return super().recorded + self.reactions.size
+
+    def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
+        result = None
+        for k in range(n):
+            before, q = State(*(y.copy() for y in self.core_state)), self._coordinates()
+            one = super().advance(t, h, 1, done + k)
+            found = np.zeros((2, self.reactions.size))
+            if one.steps:
+                found[:] = self.reactions.of_step(before, 0.5 * (q + self._coordinates()), h)
+            one.force = np.hstack((one.force, found))
+            result = one if result is None else one.after(result)
+            if not one.steps or one.status != OK or self.stop():
+                break
+        assert result is not None
+        return result
+
+    def _coordinates(self) -> Array:
+        return self.state.q.reshape(-1, 4, 3).copy()

@@ -1,0 +1,98 @@
+"""What is read out of the rows of a result besides energies and sliders: velocities, section forces, reactions."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .arguments import Anything, Word, checked, shown
+from .errors import SceneError
+
+# series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
+EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
+ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
+# of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
+FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
+# one row of the series that pictures and tables read; words: as many as there are names of that kind
+ROWS: dict[str, tuple[int | str, ...]] = {
+    **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
+                     "iterations", "step_size", "load_factor", "unstable_directions"), ()),
+    **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
+    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
+    **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
+    **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
+    **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
+# a series with a column for each name of a kind
+COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value"}
+# what the entries of names hold: numbers of nodes, or of nodes from 'first' on
+PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
+# what to write for series that are not there
+HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end})", "energy": "the energy is 'total'",
+         "momentum": "momenta are 'lin_mom' and 'ang_mom'",
+         **dict.fromkeys(("kinetic", "strain", "gravity", "potential"), "record it with simulate(..., observe=('energy', ...))"),
+         "point_velocity": "record it with simulate(..., observe=('velocity', ...), points={'tip': beam.end})",
+         "section_force": "record it with simulate(..., observe=('section', ...), points={'root': (beam, 0.0)})",
+         "reaction": "record it with simulate(..., observe=('reaction', ...))",
+         **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
+NAMED = Word()
+SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", "M3")))
+
+
+class Readings:
+    """Of a result: `_series(name)` and `_index(kind, noun, name)` find what was recorded."""
+
+    _series: Any
+    _index: Any
+
+    @checked(name=NAMED)
+    def velocity(self, name: str) -> np.ndarray:
+        """Velocity of an observed point [n, 3], m/s; needs `observe=("velocity", ...)`.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such point.
+        """
+        velocity = self._series("point_velocity")
+        return velocity[:, self._index("points", "point", name)]
+
+    @checked(name=NAMED)
+    def section(self, name: str) -> dict[str, np.ndarray]:
+        """Section forces at an observed point of a beam over time, [n] each: N, Q2, Q3 (N) along d1, d2, d3, and T, M2, M3 (N m)
+        about them; what the part behind the section, at larger arc lengths, exerts on the part before it. Needs
+        `observe=("section", ...)`; NaN where the point lies on no beam. Along whole beams: `fb.section_forces`.
+
+        Raises
+        ------
+        SceneError
+            They were not recorded, or there is no such point.
+        """
+        series = [(self._series(what), names) for what, names in SECTION]
+        k = self._index("points", "point", name)
+        return {component: x[:, k, c] for x, names in series for c, component in enumerate(names)}
+
+    @checked(name=Anything())
+    def reaction(self, name: Any) -> dict[str, np.ndarray]:
+        """Of a support, the force (N) and moment about its node (N m) that it exerts on what it holds; of a joint, what it exerts
+        on its second part, the moment about the point of the first: 'force' and 'moment', [n, 3] each. Needs
+        `observe=("reaction", ...)`.
+
+        In rows of a run they are means of the steps around a row, as contact forces are. NaN where nothing tells them: of
+        supports and joints that hold the same parts more than once.
+
+        Parameters
+        ----------
+        name : str, support or joint
+            As in `result.names["reactions"]`, or the part itself.
+
+        Raises
+        ------
+        SceneError
+            They were not recorded, or there is no such support or joint.
+        """
+        label = getattr(name, "name", name)
+        if not isinstance(label, str) or isinstance(name, type):
+            raise SceneError(f"reaction: name must be the name of a support or joint, or the part itself, got {shown(name)}")
+        series = self._series("reaction")
+        k = self._index("reactions", "support or joint", label)
+        return {"force": series[:, k, 0], "moment": series[:, k, 1]}

@@ -1,0 +1,281 @@
+"""Joints with axes between two of body, point of a body, beam node and ground: lists of conditions on points and directions."""
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Name, Number, Vector, checked
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import Array
+from fastbeam.scene.fixed import GROUND, Ground
+from fastbeam.scene.links import Link
+from fastbeam.scene.parts import Node, PointMass
+from fastbeam.scene.sliding import OfTime
+
+# largest deviation of two axes from a right angle, as the cosine of the angle
+UPRIGHT = 1e-9
+JOINED = Name("a joint has two sides, write one for every pair")
+
+
+@dataclass(frozen=True)
+class Side:
+    """A node, a point of the ground, or the ground where the other side is."""
+
+    def __call__(self, value: Any) -> Any:
+        return value if isinstance(value, Ground) else Node(fixed=True)(value)
+
+
+SIDE = Side()
+# conditions (i, j): D_i of a and D_j of b stay at a right angle; (i, -1): the distance along D_i from a to b stays
+Condition = tuple[int, int]
+ONE_AXIS, ONE_TRIAD = ((0, 1), (0, 2)), ((0, 1), (0, 2), (1, 2))
+
+
+class AxisJoint(Link):
+    """Common part of the joints with axes: what they hold and leave free, and where they lie at t = 0."""
+
+    kind: ClassVar[str] = "joint"
+    # whether both points stay together
+    is_pinned: ClassVar[bool] = False
+    # sets of conditions, each held by forces of one unit
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = ()
+    # what it leaves free: True for an angle, False for a distance along D_1
+    coordinates: ClassVar[tuple[bool, ...]] = ()
+
+    def __post_init__(self) -> None:
+        who = self.kind if self.name is None else checks.label(self.kind, self.name)
+        for side in (self.a, self.b):
+            if isinstance(getattr(side, "owner", None), PointMass):
+                raise SceneError(f"{who}: {side.owner.label} has no rotation; join a RigidBody, a point of one or a node of a "
+                                 "beam, or use BallJoint or DistanceJoint")
+        fixed = [isinstance(side, Ground) or side.owner.kind == "ground" for side in (self.a, self.b)]
+        if all(fixed):
+            raise SceneError(f"{who}: both sides are the ground; one has to belong to something that moves")
+        for name, side, other in (("a", self.a, self.b), ("b", self.b, self.a)):
+            if isinstance(side, Ground):
+                checks.fill(self, **{name: GROUND.point(_place(other))})
+        super().__post_init__()
+
+    @property
+    def label(self) -> str:
+        """The joint for messages; automatic names already say the kind."""
+        name = str(self.name)
+        return name if name.startswith(f"{self.kind} of ") else checks.label(self.kind, name)
+
+    @property
+    def motor(self) -> Any:
+        """Force or torque on what it leaves free: a number, a function of time, or None."""
+        return None
+
+
+def _place(node: NodeRef) -> Array:
+    """Position of a node of a beam or point of a body at t = 0."""
+    owner = node.owner
+    if isinstance(owner, Beam):
+        return np.asarray(owner.reference(owner.node_s[node.index])[0][0])
+    return np.asarray(owner.position + node.offset @ owner.directors)
+
+
+@checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
+@dataclass(frozen=True, eq=False)
+class OneAxisJoint(AxisJoint):
+    """A joint with one axis, which both parts carry."""
+
+    _: KW_ONLY
+    axis: Array
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.fill(self, axis=checks.direction(self.label, "axis", self.axis))
+
+    @property
+    def axes(self) -> tuple[Array, Array]:
+        """D_1 of a and the direction in b that the conditions name, in space at t = 0, both [3]."""
+        return self.axis, self.axis
+
+
+@checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),
+         damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"))
+@dataclass(frozen=True, eq=False)
+class RevoluteJoint(OneAxisJoint):
+    """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
+
+    `result.joint(name)` has the angle, that by which b has turned against a about the axis since t = 0, counted over turns.
+
+    Parameters
+    ----------
+    a, b : NodeRef, RigidBody or GROUND
+        Nodes of beams, points of bodies; one may be `GROUND`, then the joint lies at the other. They coincide at t = 0.
+    name : str, optional
+    axis : array_like (3,)
+        Direction of the axis in space at t = 0; both parts carry it along.
+    stiffness, damping : float
+        Of a torsion spring, N m/rad, and of a damper, N m s/rad, >= 0.
+    rest : float
+        Angle without torque of the spring, rad; 0 is that at t = 0.
+    torque : float or callable, optional
+        Of a motor, on b about the axis, the opposite on a, N m: a number or a function of time.
+
+    Raises
+    ------
+    SceneError
+        A side is no node or body or has no rotation, both sides are the same or the ground, the axis is zero, a number is out of
+        range. `Scene.check`: the points do not coincide.
+
+    Examples
+    --------
+    >>> from fastbeam.scene import GROUND, RevoluteJoint, RigidBody, Scene
+    >>> arm = RigidBody('arm', mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0.5, 0, 0))
+    >>> hinge = RevoluteJoint(GROUND, arm.point((-0.5, 0, 0)), 'hinge', axis=(0, 1, 0), stiffness=20.0, damping=0.3)
+    >>> scene = Scene(arm, hinge, gravity=(0, 0, -9.81))
+    >>> scene.check()
+    """
+
+    kind: ClassVar[str] = "revolute joint"
+    is_pinned: ClassVar[bool] = True
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (ONE_AXIS,)
+    coordinates: ClassVar[tuple[bool, ...]] = (True,)
+
+    _: KW_ONLY
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest: float = 0.0
+    torque: Any = None
+
+    @property
+    def motor(self) -> Any:
+        """As of `AxisJoint`."""
+        return self.torque
+
+
+class CylindricalJoint(OneAxisJoint):
+    """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
+
+    `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0. Parameters and errors are
+    the first four of `RevoluteJoint`; the points need not coincide.
+    """
+
+    kind: ClassVar[str] = "cylindrical joint"
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((1, -1), (2, -1)), ONE_AXIS)
+    coordinates: ClassVar[tuple[bool, ...]] = (True, False)
+
+
+@checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N/m"),
+         damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"))
+@dataclass(frozen=True, eq=False)
+class PrismaticJoint(OneAxisJoint):
+    """Part b slides along an axis of a without turning: a guide, a translational joint.
+
+    `result.joint(name)` has the distance that b has gone along the axis since t = 0.
+
+    Parameters
+    ----------
+    a, b, name, axis
+        As of `RevoluteJoint`; the points need not coincide.
+    stiffness, damping : float
+        Of a spring along the axis, N/m, and of a damper, N s/m, >= 0.
+    rest : float
+        Distance without force of the spring, m; 0 is that at t = 0.
+    force : float or callable, optional
+        Of an actuator, on b along the axis, the opposite on a, N: a number or a function of time.
+
+    Raises
+    ------
+    SceneError
+        As of `RevoluteJoint`.
+    """
+
+    kind: ClassVar[str] = "prismatic joint"
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((1, -1), (2, -1)), ONE_TRIAD)
+    coordinates: ClassVar[tuple[bool, ...]] = (False,)
+
+    _: KW_ONLY
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest: float = 0.0
+    force: Any = None
+
+    @property
+    def motor(self) -> Any:
+        """As of `AxisJoint`."""
+        return self.force
+
+
+@checked(a=SIDE, b=SIDE, name=JOINED, normal=Vector)
+@dataclass(frozen=True, eq=False)
+class PlanarJoint(AxisJoint):
+    """The point of b stays in a plane of a, and b turns about the normal of the plane alone.
+
+    Parameters
+    ----------
+    a, b, name
+        As of `RevoluteJoint`; the points need not coincide.
+    normal : array_like (3,)
+        Of the plane, in space at t = 0; both parts carry it along.
+
+    Raises
+    ------
+    SceneError
+        As of `RevoluteJoint`.
+    """
+
+    kind: ClassVar[str] = "planar joint"
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, -1),), ONE_AXIS)
+
+    _: KW_ONLY
+    normal: Array
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.fill(self, normal=checks.direction(self.label, "normal", self.normal))
+
+    @property
+    def axes(self) -> tuple[Array, Array]:
+        """As of `OneAxisJoint`."""
+        return self.normal, self.normal
+
+
+@checked(a=SIDE, b=SIDE, name=JOINED, axis_a=Vector, axis_b=Vector)
+@dataclass(frozen=True, eq=False)
+class UniversalJoint(AxisJoint):
+    """A Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.
+
+    Parameters
+    ----------
+    a, b, name
+        As of `RevoluteJoint`.
+    axis_a, axis_b : array_like (3,)
+        Arms of the cross in a and in b, directions in space at t = 0 at a right angle to each other.
+
+    Raises
+    ------
+    SceneError
+        As of `RevoluteJoint`, or the arms are not at a right angle.
+    """
+
+    kind: ClassVar[str] = "universal joint"
+    is_pinned: ClassVar[bool] = True
+    conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, 1),),)
+
+    _: KW_ONLY
+    axis_a: Array
+    axis_b: Array
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        who = self.label
+        a, b = checks.direction(who, "axis_a", self.axis_a), checks.direction(who, "axis_b", self.axis_b)
+        if abs(float(a @ b)) > UPRIGHT:
+            angle = float(np.degrees(np.arccos(np.clip(a @ b, -1.0, 1.0))))
+            raise SceneError(f"{who}: axis_a={checks.shown(self.axis_a)} and axis_b={checks.shown(self.axis_b)} make an angle of "
+                             f"{angle:.10g} degrees, the arms of a cross are at a right angle; turn one of them")
+        checks.fill(self, axis_a=a, axis_b=b - (a @ b) * a)
+
+    @property
+    def axes(self) -> tuple[Array, Array]:
+        """As of `OneAxisJoint`."""
+        return self.axis_a, self.axis_b

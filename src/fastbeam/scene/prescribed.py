@@ -1,0 +1,240 @@
+"""Supports that move as functions of time, and signals: functions from tables."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import LARGEST, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import NodeRef
+from fastbeam.scene.checks import Array, Rotation, called, tried
+from fastbeam.scene.parts import Node
+from fastbeam.scene.sliding import FORWARD, SHORT
+
+# a signal needs so many values
+FEWEST = 4
+TIME = Number(unit="s")
+
+
+def _three(value: Any) -> Array:
+    """Three finite numbers."""
+    found = numbers(value)
+    if found is None or found.shape != (3,) or not np.all(np.abs(found) <= LARGEST):
+        raise Refusal(f"must return 3 finite numbers, got {shown(value)}")
+    return found
+
+
+def _rate(x: Array, size: float) -> Array:
+    """Derivatives at 0 of the columns of x [5, 3], numbers of this size; 0 where they are round-off, or next to nothing of what
+    the column does."""
+    rate = FORWARD @ x / SHORT
+    noise = (20.0 * float(np.finfo(float).eps) * size + 1e-9 * np.max(np.abs(x - x[0]), axis=0)) / SHORT
+    return np.where(np.abs(rate) > noise, rate, 0.0)
+
+
+def _turn(value: Any) -> Array:
+    """A rotation matrix (3, 3) from a rotation vector or from itself."""
+    found = numbers(value)
+    if found is not None and found.shape == (3, 3):
+        return np.array(Rotation()(value))
+    r = _three(value)
+    angle = float(np.linalg.norm(r))
+    x = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
+    # sin(a)/a and (1 - cos(a))/a^2 without cancellation
+    return np.eye(3) + np.sinc(angle / np.pi) * x + 0.5 * np.sinc(0.5 * angle / np.pi)**2 * (x @ x)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A function of t that returns three numbers, or with `turns` a rotation; it is tried at t = 0."""
+
+    turns: bool = False
+
+    def __call__(self, value: Any) -> Callable[[float], Any]:
+        what = "a rotation vector (3,) or a rotation matrix (3, 3)" if self.turns else "3 numbers"
+        if not callable(value) or isinstance(value, type):
+            raise Refusal(f"must be a function of t that returns {what}, got {shown(value)}")
+        try:
+            (_turn if self.turns else _three)(tried(value, 0.0, "at t = 0"))
+        except Refusal as refusal:
+            raise Refusal(f"at t = 0 {refusal}" if "must not fail" not in str(refusal) else str(refusal)) from refusal.__cause__
+        return value
+
+
+@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True))
+@dataclass(frozen=True, eq=False)
+class PrescribedMotion:
+    """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
+
+    It holds the node like a `Pin` that moves; with `rotation`, or a `Clamp` of the same node beside it, like a clamp. The work of
+    its reaction is in `result.balance()`. In `solve_static` the node is held where it is.
+
+    Parameters
+    ----------
+    name : str
+    at : NodeRef, RigidBody, PointMass
+        A body by its centre.
+    position, displacement : callable
+        t -> (3,) m, the place, or its difference to that at t = 0; one of the two, or neither where only the rotation is given.
+        Velocities must be continuous: a jump of the velocity makes forces alternate from step to step for ever.
+    rotation : callable, optional
+        t -> rotation vector (3,) in rad, or matrix (3, 3), in space: what turns the triad at t = 0 to that at t.
+
+    Raises
+    ------
+    SceneError
+        A function does not return what it should at t = 0, or neither place nor rotation is given.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fastbeam.scene import Beam, Clamp, PrescribedMotion, Scene, Section
+    >>> bar = Section.circle(radius=0.01, E=70e9, rho=2700.0)
+    >>> mast = Beam.straight('mast', (0, 0, 0), (0, 0, 2), section=bar, elements=4)
+    >>> shake = PrescribedMotion('shake', mast.start, displacement=lambda t: (0.01 * np.sin(9 * t)**2, 0, 0))
+    >>> Scene(mast, Clamp(mast.start), shake)
+    <scene 'scene': 1 beam ('mast'), 1 clamp, 1 prescribed motion ('shake')>
+    """
+
+    kind: ClassVar[str] = "prescribed motion"
+
+    name: str
+    at: NodeRef
+    _: KW_ONLY
+    position: Callable[[float], Any] | None = None
+    displacement: Callable[[float], Any] | None = None
+    rotation: Callable[[float], Any] | None = None
+
+    def __post_init__(self) -> None:
+        if self.position is not None and self.displacement is not None:
+            raise SceneError(f"{self.label}: give position or displacement, not both")
+        if self.position is None and self.displacement is None and self.rotation is None:
+            raise SceneError(f"{self.label}: give position or displacement as a function of t, or rotation")
+        if not self.at.is_center:
+            raise SceneError(f"{self.label}: a body is moved by its centre, got {self.at}; join what moves to it with a "
+                             "RigidConnection, or move a PointMass on a BallJoint")
+
+    @property
+    def label(self) -> str:
+        """`prescribed motion 'name'`."""
+        return f"{self.kind} {self.name!r}"
+
+    @property
+    def mask(self) -> int:
+        """What it holds: 7 the position, 63 the rotation, too."""
+        return 63 if self.rotation is not None else 7
+
+    @checked(t=TIME)
+    def place(self, t: float) -> Array:
+        """Position, or displacement, at time t: (3,) m.
+
+        Raises
+        ------
+        SceneError
+            The function fails, or returns something else.
+        """
+        function = self.displacement if self.position is None else self.position
+        if function is None:
+            return np.zeros(3)
+        what = "displacement" if self.position is None else "position"
+        return take(_three, f"{self.label}: {what}(t) at t = {t:.6g} s", called(self.label, what, function, t))
+
+    @checked(t=TIME)
+    def turn(self, t: float) -> Array:
+        """Rotation from the triad at t = 0 at time t: (3, 3).
+
+        Raises
+        ------
+        SceneError
+            The function fails, or returns something else.
+        """
+        if self.rotation is None:
+            return np.eye(3)
+        return take(_turn, f"{self.label}: rotation(t) at t = {t:.6g} s", called(self.label, "rotation", self.rotation, t))
+
+    def rates(self) -> tuple[Array, Array]:
+        """Velocity, m/s, and angular velocity in space, rad/s, at t = 0."""
+        times = SHORT * np.arange(5)
+        places, turns = np.array([self.place(t) for t in times]), np.array([self.turn(t) for t in times])
+        relative = turns @ turns[0].T
+        spins = np.stack((relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
+                          relative[:, 1, 0] - relative[:, 0, 1]), axis=1) / 2.0
+        # of sin(angle) times the axis, whose first four derivatives at 0 give that of the angle
+        velocity, spin = (_rate(x, size) for x, size in ((places, float(np.max(np.abs(places)))), (spins, 1.0)))
+        return velocity, spin
+
+
+def _values(value: Any) -> Array:
+    """[n] or [n, 3]."""
+    found = numbers(value)
+    fits = found is not None and (found.ndim == 1 or found.ndim == 2 and found.shape[1] == 3)
+    if found is None or not fits or not np.all(np.abs(found) <= LARGEST):
+        raise Refusal(f"must be finite numbers [n] or [n, 3], got {shown(value)}")
+    return checks.constant(found)
+
+
+@checked(times=Numbers((None,), "increasing finite numbers [n]"), values=_values, direction=Vector, rest=Flag())
+class Signal:
+    """A function of time from a table: a cubic spline through its values.
+
+    Parameters
+    ----------
+    times : array_like [n]
+        s, increasing, at least four.
+    values : array_like [n] or [n, 3]
+    direction : array_like (3,), optional
+        Makes vectors of values [n]: value x direction.
+    rest : bool
+        True (default): what it describes rests before and after, so the slope is zero at both ends and the end values stay.
+        False: the spline is that without a jump of the third derivative at the second and last but one value, and asking
+        outside the table is an error.
+
+    Raises
+    ------
+    SceneError
+        Tables of different length, times that do not increase, less than four of them; called outside the table with rest=False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.linspace(0.0, 1.0, 101)
+    >>> push = Signal(t, 0.01 * np.sin(np.pi * t)**2, direction=(0, 0, 1))
+    >>> push(0.5).round(6).tolist(), push(2.0).round(6).tolist()
+    ([0.0, 0.0, 0.01], [0.0, 0.0, 0.0])
+    """
+
+    kind: ClassVar[str] = "signal"
+
+    def __init__(self, times: Any, values: Any, *, direction: Any = None, rest: bool = True) -> None:
+        from scipy.interpolate import CubicSpline
+        if len(times) < FEWEST or not np.all(np.diff(times) > 0.0):
+            raise SceneError(f"Signal: times must increase, and be at least {FEWEST}, got {shown(times)}")
+        if len(values) != len(times):
+            raise SceneError(f"Signal: values must be as many as times, got {len(values)} and {len(times)}")
+        if direction is not None:
+            if values.ndim == 2:
+                raise SceneError("Signal: direction belongs to values [n]; these are vectors already")
+            values = values[:, None] * direction
+        self.begin, self.end, self.rest = float(times[0]), float(times[-1]), rest
+        self.times, self.values = checks.constant(times), checks.constant(values)
+        try:
+            with np.errstate(all="ignore"):
+                self._spline = CubicSpline(times, values, bc_type="clamped" if rest else "not-a-knot")
+            good = np.isfinite(self._spline.c).all()
+        except (ValueError, np.linalg.LinAlgError):
+            good = False
+        if not good:
+            raise SceneError("Signal: no spline goes through this table, its numbers are too large or its times too close")
+
+    @checked(t=TIME)
+    def __call__(self, t: float) -> Any:
+        """Value at time t, s: a number, or (3,)."""
+        if not self.rest and not self.begin <= t <= self.end:
+            raise SceneError(f"Signal: t = {t:.6g} s lies outside its table, {self.begin:.6g} to {self.end:.6g} s; give more "
+                             "values, or rest=True where nothing moves beyond it")
+        found = self._spline(min(max(float(t), self.begin), self.end))
+        return float(found) if found.ndim == 0 else found

@@ -1,0 +1,82 @@
+"""Forces by a function of the user's own."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Flag, Function, Name, Numbers, checked
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.parts import Node
+
+Array = np.ndarray
+SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"
+
+
+class NodeOrBeam:
+    """A node, body, point of one or mass; or a whole beam."""
+
+    def __call__(self, value: Any) -> NodeRef | Beam:
+        return value if isinstance(value, Beam) else Node()(value)
+
+
+@checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"),
+         dissipates=Flag())
+@dataclass(frozen=True, eq=False)
+class UserForce:
+    """A force and a moment on a node or body, or per length along a beam, by a function that is compiled into the step.
+
+    The law is a plain Python function that numba can compile, called as
+
+        law(t, position, directors, velocity, spin, parameters, force, moment)
+
+    with the time in the middle of a step (s), means of both ends of the step of position [3] (m) and directors [3, 3] (rows d1,
+    d2, d3), mean velocity [3] (m/s) and spin [3] (rad/s), and `parameters`. It writes force[:] (N, along a beam N/m) and
+    moment[:] (N m, N m/m), both 0 when it is called. Its derivatives are taken by differences; its work is among the loads of
+    `Result.balance`. Scenes with such forces run in space, with the conserving step.
+
+    Parameters
+    ----------
+    name : str
+    at : NodeRef, RigidBody, PointMass or Beam
+        A whole beam has Lagrange elements; the law is evaluated at its nodes, which are the points of a Gauss-Lobatto quadrature.
+    law : callable
+    parameters : array_like [n]
+        Numbers for the law. Another law or other numbers compile no other part of the step again.
+    dissipates : bool
+        False for a law of time, position and directors alone, which order 4 takes, too.
+
+    Raises
+    ------
+    SceneError
+        A value of the wrong kind, or a beam with B-splines.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fastbeam.scene import PointMass, Scene, UserForce
+    >>> def drag(t, position, directors, velocity, spin, parameters, force, moment):
+    ...     speed = np.sqrt(velocity[0]**2 + velocity[1]**2 + velocity[2]**2)
+    ...     force[:] = -parameters[0] * speed * velocity
+    >>> ball = PointMass('ball', mass=0.2, position=(0, 0, 0), velocity=(20, 0, 5))
+    >>> Scene(ball, UserForce('drag', ball, drag, parameters=(0.004,)), gravity=(0, 0, -9.81)).check()
+    """
+
+    kind: ClassVar[str] = "user force"
+
+    name: str
+    at: NodeRef | Beam
+    law: Callable[..., None]
+    _: KW_ONLY
+    parameters: Any = ()
+    dissipates: bool = True
+
+    def __post_init__(self) -> None:
+        checks.fill(self, parameters=np.array(self.parameters, dtype=float))
+        if isinstance(self.at, Beam) and self.at.interpolation != "lagrange":
+            raise SceneError(f"{checks.label(self.kind, self.name)}: {self.at.label} has B-splines, whose nodes do not lie on "
+                             "it; use interpolation='lagrange', or a force on its start or end")

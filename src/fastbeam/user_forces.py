@@ -1,0 +1,105 @@
+"""Forces by functions of the user's own: compiled functions with an address, and their table."""
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ._jit import compiled_force
+from .arguments import shown
+from .errors import SceneError
+from .kernels.user_force import Laws, UserForces
+from .numbering import NodeList
+from .scene import Beam, Scene, UserForce
+from .workspace import law_work
+
+Array = np.ndarray
+
+
+class Loaded:
+    """The nodes of all forces by laws in a scene.
+
+    Attributes
+    ----------
+    forces : list of UserForce
+    node : int64 [K]
+    share : float64 [K]
+        1, along beams the length that belongs to the node, m.
+    of : int64 [K]
+        Which force.
+    """
+
+    def __init__(self, scene: Scene, nodes: NodeList) -> None:
+        self.forces = scene.user_forces
+        node, share = [np.zeros(0, np.int64)], [np.zeros(0)]
+        for force in self.forces:
+            if isinstance(force.at, Beam):
+                basis = force.at.basis
+                node.append(nodes.start(force.at) + np.arange(basis.n_nodes))
+                share.append(np.bincount(basis.element_nodes.reshape(-1), basis.mass_phi.sum(axis=2).reshape(-1)))
+            else:
+                node.append(np.array([nodes.number(force.at)]))
+                share.append(np.ones(1))
+        self.node, self.share = np.concatenate(node), np.concatenate(share)
+        self.of = np.repeat(np.arange(len(self.forces)), [len(x) for x in node[1:]]).astype(np.int64)
+
+    def table(self, row_of: Array, blocks: Any, q: Array, place: int) -> UserForces:
+        """The term; q [N, 4, 3]: where laws are tried; place: of their work in the history.
+
+        Raises
+        ------
+        SceneError
+            A law that cannot be compiled, fails, or gives numbers that are not finite.
+        """
+        counts = [force.parameters.size for force in self.forces]
+        starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+        addresses = []
+        for k, force in enumerate(self.forces):
+            address, compiled = compiled_law(force)
+            try_law(force, compiled, q[self.node[np.argmax(self.of == k)]])
+            addresses.append(address)
+        return UserForces(self.node, row_of[self.node], blocks.between(self.node, self.node), self.share, starts[self.of],
+                          np.concatenate([np.zeros(0), *(force.parameters for force in self.forces)]), np.array([place]),
+                          Laws(np.array(addresses, np.int64)[self.of]), law_work())
+
+
+def compiled_law(force: UserForce) -> tuple[int, Any]:
+    """Address of a law, and the law for Python; kept as long as the process.
+
+    Raises
+    ------
+    SceneError
+        numba cannot compile it.
+    """
+    try:
+        compiled = _compiled(force.law, force.parameters.size)
+    except Exception as failed:
+        text = " ".join(str(failed).split())[:300]
+        raise SceneError(f"user force {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
+                         "and numpy functions") from failed
+    return compiled[0].address, compiled[1]
+
+
+_compiled = cache(compiled_force)
+
+
+def try_law(force: UserForce, compiled: Any, q: Array) -> None:
+    """Call a law once in Python and once compiled, at the start."""
+    who = f"user force {force.name!r}"
+    given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), np.array(force.parameters)
+    found = []
+    for function in (force.law, compiled):
+        out = np.zeros(3), np.zeros(3)
+        try:
+            with np.errstate(all="ignore"):
+                function(*given, *out)
+        except Exception as failed:
+            raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
+        found.append(np.concatenate(out))
+        if not np.isfinite(found[-1]).all():
+            raise SceneError(f"{who}: its law gives {shown(found[-1])} for force and moment at the start; it has to give finite "
+                             "numbers")
+    if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
+        raise SceneError(f"{who}: its law gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads beside "
+                         "its arguments is frozen when it is compiled: hand it over in parameters=")

@@ -1,0 +1,82 @@
+"""What a user must not miss: events of a run that tell where it is not to be trusted."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from .dynamics import UNRESOLVED_TURN
+from .model import Model
+from .newton import Stepper
+from .resolution import Resolution
+from .result import Result
+
+# steps between two looks whether the mesh resolves the shape, so that looks take little time beside steps
+STEPS_A_LOOK = 50
+# relative drift of an invariant beyond which round-off cannot be all
+LARGEST_DRIFT = 1e-6
+# events of one kind that name a part each
+MOST_NAMED = 100
+
+
+class Watch:
+    """Looks at a run now and then.
+
+    Parameters
+    ----------
+    model : Model
+    stepper : Stepper
+    event : callable
+        Takes an event {'kind', 'time', 'text', ...}.
+    t_start, t_end : float
+        Of the run, s.
+    """
+
+    def __init__(self, model: Model, stepper: Stepper, event: Callable[[dict[str, Any]], None], t_start: float,
+                 t_end: float) -> None:
+        self.model, self.stepper, self.event, self.t_start, self.t_end = model, stepper, event, t_start, t_end
+        self._turns_are_resolved = True
+        self._resolution: Resolution | None = None
+        self._next_look, self._steps_to_look = t_start, STEPS_A_LOOK
+
+    def massless(self) -> None:
+        """An event for each beam whose triads nothing holds."""
+        massless = self.model.massless if self.stepper.plane is None else ()
+        for beam in massless[:MOST_NAMED]:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{beam}: rhoI2 = rhoI3 = 0 and no clamp or rigid connection, so nothing resists a spin about "
+                                "its own axis: out of a plane its triads may spin at random; give the section rotary inertia"})
+        if len(massless) > MOST_NAMED:
+            self.event({"kind": "massless", "time": self.t_start,
+                        "text": f"{len(massless) - MOST_NAMED} more beams have rhoI2 = rhoI3 = 0 and nothing that holds them"})
+
+    def turns(self, t: float, h: float) -> None:
+        """An event where a step turns a triad further than it can resolve, once a run."""
+        node, turn = self.stepper.largest_turn()
+        if turn > UNRESOLVED_TURN and self._turns_are_resolved:
+            self._turns_are_resolved = False
+            self.event({"kind": "unresolved", "time": t,
+                        "text": f"{self.model.node_label(node)} turns by {turn:.3g} rad in a step of {h:.3g} s that ends at t = "
+                                f"{t:.6g} s: invariants are kept, but the rotation is not resolved; use a smaller step"})
+
+    def drift(self, t: float, result: Result, conserved: Iterable[str]) -> None:
+        """An event where the conserving step did not conserve: then its equations were not solved."""
+        if self.stepper.method.name == "energy_momentum":
+            for name in conserved:
+                drift = result.drift(name) if name in result.series else 0.0
+                if not drift <= LARGEST_DRIFT:
+                    self.event({"kind": "drift", "time": t,
+                                "text": f"{name} should be constant and drifted by {drift:.2g} of its size: do not trust this "
+                                        "run; use a smaller step, bring the scene near the origin and at rest, and compare "
+                                        "with solver='sparse', eliminate_inner=False"})
+
+    def mesh(self, t: float, steps: int, last: bool = False) -> None:
+        """Remember where elements do not resolve the shape after so many steps, a few times a run; at the end events say so."""
+        if self._resolution is None:
+            self._resolution = Resolution(self.model)
+        if last or (t >= self._next_look and steps >= self._steps_to_look):
+            self._resolution.look(t, self.stepper.state.q)
+            self._next_look = t + (self.t_end - self.t_start) / self._resolution.looks
+            self._steps_to_look = steps + STEPS_A_LOOK
+        if last:
+            for event in self._resolution.events():
+                self.event(event)

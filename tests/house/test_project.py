@@ -1,0 +1,38 @@
+"""What the project says of itself in several places is the same."""
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import fastbeam as fb
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_one_version_stands_everywhere() -> None:
+    assert PROJECT["version"] == fb.__version__
+    assert f"version: {fb.__version__}\n" in text("CITATION.cff")
+    assert re.findall(r"^## (\S+)", text("CHANGELOG.md"), re.MULTILINE)[0] == fb.__version__
+
+
+def test_license_and_authors_are_the_same() -> None:
+    author, = PROJECT["authors"]
+    assert PROJECT["license"] == "MIT" and text("LICENSE").startswith("MIT License")
+    assert author["name"] in text("LICENSE") and author["name"] in text("CITATION.cff") and "license: MIT" in text("CITATION.cff")
+
+
+def test_the_files_are_linked_and_name_what_is_there() -> None:
+    readme = text("README.md")
+    assert [name for name in ("LICENSE", "CITATION.cff", "CONTRIBUTING.md", "CHANGELOG.md") if f"]({name})" not in readme] == []
+    page = text("CONTRIBUTING.md")
+    targets = set(re.findall(r"\]\(([^)#]+)", page)) | set(re.findall(r"`([\w./]+\.py)`", page))
+    missing = [name for name in targets if not any((ROOT / folder / name).exists() for folder in ("", "src/fastbeam"))]
+    assert len(targets) > 8 and missing == []
+    commands = re.findall(r"make ([\w-]+)", page)
+    assert [name for name in commands if not re.search(rf"^{name}:", text("Makefile"), re.MULTILINE)] == []

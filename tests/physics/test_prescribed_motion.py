@@ -1,0 +1,247 @@
+"""Supports that move as functions of time: exact answers at orders 2 and 4, the work that they do, and what is refused."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+Array = np.ndarray
+SOFT = fb.Section(EA=1e3, GA2=500.0, GA3=500.0, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
+ROUND_OFF = 1e-12
+
+
+def rates(errors: list[float]) -> Array:
+    """Orders of convergence where each step is half the one before."""
+    return np.log2(np.abs(np.array(errors[:-1]) / np.array(errors[1:])))
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_mass_on_a_spring_with_a_shaken_base(order: int) -> None:
+    a, k, m, W, T = 0.02, 200.0, 2.0, 7.0, 2.0
+    base, mass = fb.PointMass("base", mass=1.0, position=(0, 0, 0)), fb.PointMass("mass", mass=m, position=(1, 0, 0))
+    shake = fb.PrescribedMotion("shake", base, displacement=lambda t: (a * np.sin(W * t), 0, 0))
+    model = fb.compile_scene(fb.Scene(base, mass, fb.Spring(base, mass, stiffness=k), shake))
+    w = np.sqrt(k / m)
+    exact = a * w**2 / (w**2 - W**2) * (np.sin(W * T) - W / w * np.sin(w * T))
+    errors = []
+    for steps in (50, 100, 200):
+        run = fb.simulate(model, t_end=T, step=T / steps, order=order, points={"mass": mass}, progress=False)
+        errors.append(float(run.point("mass")[-1, 0] - 1.0 - exact))
+        assert run.drift("balance") < ROUND_OFF and "lin_mom" not in run.info["conserved"]
+        work = run.balance()["motion of point mass 'base' ('shake')"]
+        assert np.ptp(work) > 0.01
+    assert np.all(np.abs(rates(errors) - order) < 0.3) and abs(errors[-1]) < (3e-4 if order == 2 else 5e-8)
+
+
+@pytest.mark.parametrize(("order", "planar"), [(2, "auto"), (4, "auto"), pytest.param(4, False, marks=pytest.mark.slow)])
+def test_a_bar_with_a_shaken_end_moves_as_a_standing_wave(order: int, planar: bool | str) -> None:
+    """u = a sin(W t) cos(k (L - s))/cos(k L), k = W/c, at any amplitude: Simo-Reissner strains are linear in the stretch."""
+    a, W, T = 0.01, 20.0, 0.3
+    k = W / np.sqrt(SOFT.EA / SOFT.rhoA)
+    beam = fb.Beam.straight("bar", (0, 0, 0), (1, 0, 0), section=SOFT, elements=6, degree=4)
+    start = fb.InitialVelocity(beam, velocity=lambda s: np.outer(a * W * np.cos(k * (1.0 - s)) / np.cos(k), (1, 0, 0)))
+    shake = fb.PrescribedMotion("base", beam.start, displacement=lambda t: (a * np.sin(W * t), 0, 0))
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), shake, start), planar=planar)
+    errors = []
+    for steps in (40, 320):
+        run = fb.simulate(model, t_end=T, step=T / steps, order=order, points={"p": (beam, 0.37)}, progress=False)
+        errors.append(float(run.point("p")[-1, 0] - 0.37 - a * np.sin(W * T) * np.cos(0.63 * k) / np.cos(k)))
+        assert run.drift("balance") < ROUND_OFF
+    # the shortest waves of the mesh meet the resonances of order 4 in between (theory.md 6)
+    assert rates(errors)[0] / 3.0 > order - 0.3 and abs(errors[-1]) < (3e-7 if order == 2 else 1e-11)
+
+
+def turning_arm(planar: bool | str = "auto", damping: float = 0.0) -> fb.Model:
+    """A beam with a body at its tip on a hub that moves and turns."""
+    section = replace(SOFT, damping=damping)
+    beam = fb.Beam.straight("arm", (0, 0, 0), (2, 0, 0), section=section, elements=5, degree=3)
+    body = fb.RigidBody("tip", mass=0.3, inertia=(0.01, 0.01, 0.01), position=(2, 0, 0))
+    hub = fb.PrescribedMotion("hub", beam.start, displacement=hub_place, rotation=lambda t: (0, 0, 4.0 * t * t / (1.0 + t)))
+    return fb.compile_scene(fb.Scene(beam, body, fb.RigidConnection(beam.end, body), hub, gravity=(0, -9.81, 0)), planar=planar)
+
+
+def hub_place(t: float) -> Array:
+    return np.array([0.2 * np.sin(3.0 * t)**2, 0.1 * (1.0 - np.cos(5.0 * t)), 0.0])
+
+
+def test_a_turning_arm_stands_where_it_is_put_and_its_motor_pays() -> None:
+    """In space as in the plane; the damped one, too."""
+    flat, space, damped = (fb.simulate(turning_arm(*options), t_end=1.0, step=0.01, progress=False)
+                           for options in (("auto",), (False,), ("auto", 0.01)))
+    for run in (flat, space, damped):
+        assert run.drift("balance") < ROUND_OFF
+        np.testing.assert_allclose(run.phi[-1, 0], hub_place(1.0), rtol=0, atol=1e-15)
+        # the triad has turned by 2 rad
+        np.testing.assert_allclose(run.directors[-1, 0, 0], (np.cos(2.0), np.sin(2.0), 0.0), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(flat.state.q, space.state.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(flat.series["works"], space.series["works"], rtol=1e-11, atol=1e-13)
+    assert abs(damped.series["works"][-1, 0]) > 1.0 and damped.series["losses"][-1, 0] > 1.0
+    assert set(damped.balance()) == {"kinetic", "strain", "gravity", "damping of beam 'arm'",
+                                     "motion of beam 'arm' node 0 ('hub')", "sum"}
+
+
+def test_a_pendulum_on_a_moving_support() -> None:
+    """J + m l^2 about the pivot: th'' = -m l (g sin th + x'' cos th)/(J + m l^2)."""
+    from scipy.integrate import solve_ivp
+    m, J, l, g, a, W, T = 2.0, 0.3, 0.8, 9.81, 0.2, 6.0, 2.0
+    pivot = fb.PointMass("pivot", mass=1.0, position=(0, 0, 0))
+    body = fb.RigidBody("bob", mass=m, inertia=(J, J, J), position=(l * np.sin(0.5), -l * np.cos(0.5), 0))
+    ride = fb.PrescribedMotion("ride", pivot, position=lambda t: (a * np.sin(W * t)**2, 0, 0))
+    model = fb.compile_scene(fb.Scene(pivot, body, fb.BallJoint(pivot, body.point(-body.position)), ride, gravity=(0, -g, 0)))
+
+    def equation(t: float, y: Array) -> list[float]:
+        push = 2.0 * a * W**2 * np.cos(2.0 * W * t)
+        return [y[1], -m * l * (g * np.sin(y[0]) + push * np.cos(y[0])) / (J + m * l * l)]
+
+    theta = solve_ivp(equation, (0.0, T), (0.5, 0.0), method="DOP853", rtol=1e-12, atol=1e-13).y[0, -1]
+    exact = np.array([a * np.sin(W * T)**2 + l * np.sin(theta), -l * np.cos(theta)])
+    errors = []
+    for steps in (100, 200, 400):
+        run = fb.simulate(model, t_end=T, step=T / steps, order=4, points={"bob": body}, progress=False)
+        errors.append(float(np.linalg.norm(run.point("bob")[-1, :2] - exact)))
+        assert run.drift("balance") < ROUND_OFF
+    assert np.all(rates(errors) > 3.5) and errors[-1] < 1e-6
+
+
+def test_a_body_that_is_turned_takes_its_energy_from_the_motor() -> None:
+    """About an oblique axis in space, by rotation vectors and by matrices."""
+    axis = np.array([1.0, 2.0, -2.0]) / 3.0
+    x = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+
+    def angle(t: float) -> float:
+        return 3.0 * t * t
+
+    def vector(t: float) -> Array:
+        return angle(t) * axis
+
+    def matrix(t: float) -> Array:
+        return np.eye(3) + np.sin(angle(t)) * x + (1.0 - np.cos(angle(t))) * x @ x
+
+    runs = []
+    for rotation in (vector, matrix):
+        body = fb.RigidBody("b", mass=1.0, inertia=(1.0, 2.0, 2.5), position=(0, 0, 0))
+        model = fb.compile_scene(fb.Scene(body, fb.PrescribedMotion("motor", body, rotation=rotation)))
+        runs.append(fb.simulate(model, t_end=1.0, step=0.01, progress=False))
+    for run in runs:
+        np.testing.assert_allclose(run.directors[-1, 0], matrix(1.0).T, rtol=0, atol=1e-13)
+        assert run.drift("balance") < ROUND_OFF
+        # at the speed 6 rad/s; second order
+        assert abs(run.series["works"][-1, 0] - 0.5 * axis @ (np.array([1.0, 2.0, 2.5]) * axis) * 36.0) < 0.05
+    np.testing.assert_allclose(runs[0].series["works"], runs[1].series["works"], rtol=0, atol=1e-11)
+
+
+def test_a_run_goes_on_from_a_checkpoint_bit_for_bit_however_it_is_cut() -> None:
+    model = turning_arm()
+    whole = fb.simulate(model, t_end=0.6, step=0.01, every=1, progress=False)
+    half = fb.simulate(model, t_end=0.3, step=0.01, every=10, progress=False)
+    rest = fb.simulate(model, t_end=0.6, step=0.01, every=7, start=half.checkpoint, progress=False)
+    assert all(np.array_equal(a, b) for a, b in zip(whole.state, rest.state))
+    # from the state alone it moves on from where it is
+    other = fb.simulate(model, t_end=0.6, step=0.01, start=half.state, t_start=0.3, progress=False)
+    np.testing.assert_allclose(other.state.q, whole.state.q, rtol=0, atol=1e-9)
+    assert not [event for event in other.events if event["kind"] == "support"]
+
+
+def test_a_signal_is_the_spline_through_its_table() -> None:
+    t = np.linspace(0.0, 2.0, 401)
+    signal = fb.Signal(t, np.sin(t), rest=False)
+    assert abs(signal(1.2345) - np.sin(1.2345)) < 1e-9
+    with pytest.raises(fb.SceneError, match="outside its table"):
+        signal(2.1)
+    push = fb.Signal(t, np.sin(np.pi * t)**2, direction=(0, 2, 0))
+    np.testing.assert_allclose(push(0.505), (0.0, 2.0 * np.sin(0.505 * np.pi)**2, 0.0), rtol=0, atol=1e-8)
+    assert push(-1.0).tolist() == [0.0, 0.0, 0.0] and abs(push(5.0)[1]) < 1e-15
+
+
+def test_a_quake_from_a_table_is_that_of_its_function() -> None:
+    t = np.linspace(0.0, 0.5, 201)
+    found = []
+    for displacement in (fb.Signal(t, 0.02 * np.sin(2.0 * np.pi * t)**2, direction=(0, 1, 0)),
+                         lambda t: (0, 0.02 * np.sin(2.0 * np.pi * t)**2, 0)):
+        mast = fb.Beam.straight("mast", (0, 0, 0), (2, 0, 0), section=SOFT, elements=5, degree=3)
+        shake = fb.PrescribedMotion("quake", mast.start, displacement=displacement)
+        model = fb.compile_scene(fb.Scene(mast, fb.Clamp(mast.start), shake))
+        found.append(fb.simulate(model, t_end=0.5, step=0.005, progress=False).state.q)
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-8)
+
+
+def scene_of(**motion: Any) -> fb.Scene:
+    mast = fb.Beam.straight("mast", (0, 0, 0), (2, 0, 0), section=SOFT, elements=5, degree=3)
+    return fb.Scene(mast, fb.Clamp(mast.start), fb.PrescribedMotion("shake", mast.start, **motion))
+
+
+def still(t: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
+
+
+def tied() -> fb.Scene:
+    a, b = (fb.Beam.straight(name, (0, 0, 0), (2, y, 0), section=SOFT, elements=2) for name, y in (("a", 0.0), ("b", 1.0)))
+    body = fb.RigidBody("hub", mass=1.0, inertia=(1, 1, 1), position=(-1, 0, 0))
+    return fb.Scene(a, b, body, fb.Clamp(body), fb.RigidConnection(body, a.start), fb.Clamp(b.start),
+                    fb.PrescribedMotion("shake", a.start, rotation=still))
+
+
+def twice() -> fb.Scene:
+    scene = scene_of(displacement=still)
+    return scene.add(fb.PrescribedMotion("again", scene.beams[0].start, displacement=still))
+
+
+@pytest.mark.parametrize(("make", "says"), [
+    (lambda: scene_of(position=lambda t: (1, 0, 0)), "lies 1 m from"), (twice, "moves the same node"),
+    (tied, "move that instead"), (scene_of, "give position or displacement"),
+    (lambda: scene_of(position=still, displacement=still), "not both"),
+    (lambda: scene_of(displacement=lambda t: (t, 0)), "3 finite numbers"),
+    (lambda: scene_of(displacement=lambda t: 1 / t), "must not fail"),
+    (lambda: scene_of(rotation=lambda t: np.ones((3, 3))), "orthonormal")])
+def test_motions_that_make_no_sense_are_refused(make: Callable[[], fb.Scene], says: str) -> None:
+    with pytest.raises(fb.SceneError, match=says):
+        fb.compile_scene(make())
+
+
+def test_motions_that_go_wrong_on_the_way_are_refused() -> None:
+    with pytest.raises(fb.SceneError, match="finite numbers.*nan|must return 3 finite numbers"):
+        fb.simulate(fb.compile_scene(scene_of(displacement=lambda t: (0, 0, 0) if t < 0.5 else (np.nan, 0, 0))),
+                    t_end=1.0, step=0.1, progress=False)
+    # out of the plane at a time at which nobody has looked
+    jump = scene_of(displacement=lambda t: (0, 0.1 * t * t, 1e-3 if 0.2345 < t < 0.2355 else 0.0))
+    model = fb.compile_scene(jump)
+    assert model.plane is not None
+    with pytest.raises(fb.SceneError, match="planar=False"):
+        fb.simulate(model, t_end=1.0, step=0.005, progress=False)
+    assert fb.compile_scene(scene_of(displacement=lambda t: (0, t * t, t**3))).plane is None
+    with pytest.raises(fb.SceneError, match="half a turn"):
+        fb.simulate(fb.compile_scene(scene_of(rotation=lambda t: (0, 0, 10.0 * np.pi * t))), t_end=1.0, step=0.1,
+                    progress=False)
+    for method in ("midpoint", "trapezoidal"):
+        with pytest.raises(fb.SceneError, match="supports that move"):
+            fb.simulate(fb.compile_scene(scene_of(displacement=still)), t_end=1.0, step=0.1, method=method, progress=False)
+
+
+@pytest.mark.slow
+def test_a_shaken_net_is_condensed_to_the_same_numbers() -> None:
+    grid = np.array([(x, y, 0.0) for x in range(4) for y in range(4)])
+    edges = [(4 * x + y, 4 * x + y + 1) for x in range(4) for y in range(3)] + [(4 * x + y, 4 * x + y + 4) for x in range(3)
+                                                                               for y in range(4)]
+    net = fb.Net("net", grid, edges, section=SOFT, elements=4, degree=2, clamps=[0, 12])
+    shake = fb.PrescribedMotion("shake", net.node(0), displacement=lambda t: (0, 0, 0.1 * np.sin(8.0 * t)**2))
+    scene = fb.Scene(net, shake, gravity=(0, 0, -2))
+    runs = [fb.simulate(fb.compile_scene(scene, condense=condense), t_end=0.2, step=0.01, progress=False)
+            for condense in (False, True)]
+    assert max(run.drift("balance") for run in runs) < ROUND_OFF
+    np.testing.assert_allclose(runs[1].state.q, runs[0].state.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(runs[1].series["works"], runs[0].series["works"], rtol=1e-8)
+
+
+def test_a_slider_on_a_moving_beam_keeps_the_balance() -> None:
+    rail = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=SOFT, elements=5, degree=3)
+    bead = fb.PointMass("bead", mass=0.3)
+    lift = fb.PrescribedMotion("lift", rail.start, displacement=lambda t: (0, 0.3 * np.sin(3.0 * t)**2, 0),
+                               rotation=lambda t: (0, 0, -0.4 * np.sin(4.0 * t)**2))
+    model = fb.compile_scene(fb.Scene(rail, bead, lift, fb.Slider("s", bead, rail, at=0.4, rate=1.0), gravity=(0, -5, 0)))
+    run = fb.simulate(model, t_end=0.5, step=0.005, progress=False)
+    assert run.drift("balance") < ROUND_OFF and run.drift("gap") < 1e-14 and abs(run.series["works"][-1, 0]) > 0.01

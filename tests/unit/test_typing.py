@@ -1,0 +1,106 @@
+"""What editors and type checkers see: every public name, every argument."""
+from __future__ import annotations
+
+import ast
+import inspect
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fastbeam as fb
+
+ROOT = Path(__file__).resolve().parents[2]
+IDIOMS = """
+import numpy as np
+import fastbeam as fb
+
+rubber = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
+rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=rubber, elements=12)
+graded = fb.Beam.straight("graded", [2, 0, 0], np.zeros(3), section=rubber, elements=[0.0, 0.5, 2.0], degree=2)
+bead = fb.PointMass("bead", mass=0.5)
+block = fb.RigidBody("block", mass=40.0, inertia=(2.0, 1.2, 1.6), position=(2, 0, 0))
+scene = fb.Scene(rod, bead, fb.Slider("contact", bead, rod, at=0.8, rate=0.5), fb.Clamp(rod.start), fb.Pin(block),
+                 fb.Load("pull", rod.end, force=(0, 0, 1), time=lambda t: 2.0 * t), gravity=(0, 0, -9.81), name="bead")
+scene.add(block, fb.RigidConnection(rod.end, block), fb.Spring(rod.end, block, stiffness=3.0))
+model = fb.compile_scene(scene)
+result = fb.simulate(model, t_end=1.5, step=2e-3, points={"tip": rod.end, "middle": (rod, 1.0)},
+                     callback=lambda t, state: t > 1.0)
+drift: float = result.drift("total")
+force: np.ndarray = result.slider("contact")["force"]
+fb.plot_overview(result).savefig("first.png")
+result.to_vtk("run.vtkhdf", surface=True)
+fb.animate(result, "run.gif", speed=0.1)
+again = fb.simulate(model, start=result.state, t_start=1.5, t_end=2.0, step=1e-3)
+more = fb.simulate(model, start=result.checkpoint, t_end=2.0, step=1e-3, file="run.h5")
+rest = fb.solve_static(model, levels=(0.25, 1.0), held=("contact",))
+table = fb.sweep(lambda a: a + 1, {"a": [1, 2]}, workers=1)
+first: dict[str, object] = table[0]
+net = fb.Net("roof", np.zeros((3, 3)), [(0, 1), (1, 2)], section=[rubber, rubber], section_of=[0, 1], joints="ball", pins=[0])
+lift = fb.Slider("lift", bead, net.beam(0), at=0.4)
+rope = fb.Path("rope", [rod, (graded, -1)], closed=True)
+ride = fb.Slider("ride", bead, on=rope, at=1.0, friction=0.2, drive=fb.Drive(speed=0.5), stops=fb.Stops(0.5, 3.0))
+"""
+MISTAKES = """
+import fastbeam as fb
+rubber = fb.Section.circle(radius="wide", E=1e6, rho=1.0)
+beem = fb.Beem("x")
+rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), elements=3)
+rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=rubber, elements=3, elemets=4)
+run = fb.simulate(rod, t_end=1.0, step=1.0)
+load = fb.Load("l", rod.end, forces=(0, 0, 1))
+"""
+
+
+def test_editors_are_told_every_public_name_from_where_it_is() -> None:
+    tree = ast.parse((ROOT / "src" / "fastbeam" / "__init__.py").read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    assert ast.unparse(block.test) == "TYPE_CHECKING"
+    told = {alias.asname: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    # a name that is added to _WHERE belongs into the block under TYPE_CHECKING, too
+    assert told == fb._HOME
+
+
+def test_help_lists_every_argument() -> None:
+    hidden = []
+    for name in fb.__all__:
+        thing = getattr(fb, name)
+        if inspect.isclass(thing) and issubclass(thing, BaseException):
+            continue
+        calls = {name: thing} | ({f"{name}.{x}": y for x, y in inspect.getmembers(thing, callable) if not x.startswith("_")}
+                                 if inspect.isclass(thing) else {})
+        for label, call in calls.items():
+            if callable(call):
+                kinds = [p.kind for p in inspect.signature(call).parameters.values()]
+                hidden += [label] * (inspect.Parameter.VAR_KEYWORD in kinds)
+    assert hidden == []
+    arguments = inspect.signature(fb.Beam.arc).parameters
+    assert list(arguments)[-6:] == ["section", "elements", "degree", "interpolation", "directors", "strain"]
+    assert arguments["degree"].default == 3 and arguments["section"].default is inspect.Parameter.empty
+
+
+def checked(*files: Path) -> str:
+    pytest.importorskip("mypy")
+    done = subprocess.run([sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", os.devnull,
+                           *map(str, files)], cwd=files[0].parent, env={**os.environ, "MYPYPATH": str(ROOT / "src")},
+                          capture_output=True, text=True, check=False)
+    return done.stdout
+
+
+@pytest.mark.slow  # mypy reads numpy
+def test_idioms_examples_and_the_program_of_the_readme_pass_a_type_checker(tmp_path: Path) -> None:
+    program, = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "readme.py").write_text(program)
+    (tmp_path / "idioms.py").write_text(IDIOMS)
+    said = checked(tmp_path / "readme.py", tmp_path / "idioms.py", *sorted((ROOT / "examples").glob("*.py")))
+    assert said.startswith("Success: no issues found in 6 source files"), said
+
+
+@pytest.mark.slow  # mypy reads numpy
+def test_a_type_checker_finds_mistakes(tmp_path: Path) -> None:
+    (tmp_path / "mistakes.py").write_text(MISTAKES)
+    said = checked(tmp_path / "mistakes.py")
+    assert [f"mistakes.py:{k}: error" in said for k in range(3, 9)] == [True] * 6, said
