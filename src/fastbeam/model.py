@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from . import notebook
 from .arguments import Count, checked, shown
 from .errors import SceneError
 from .holding import Holding
@@ -439,6 +440,9 @@ class Model:
 
     def __str__(self) -> str:
         return self.text
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Model of {self.scene_name}", self.text)
 
 
 def check_model(who: str, model: Any) -> None:

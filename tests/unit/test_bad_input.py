@@ -7,7 +7,7 @@ import random
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
@@ -101,7 +101,7 @@ WRONG: dict[str, Any] = {
     "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9), "lock": fb.Lock(1.0), "release": fb.Release(1.0),
     "locks": [fb.Lock(1.0, until=2.0), fb.Lock(3.0)], "one-sided": fb.OneSided((0, 0, 1)),
     "condition": lambda t, s, rate: rate - 1.0,
-    "path": AROUND}
+    "path": AROUND, "executor": ThreadPoolExecutor(1)}
 
 
 def pool(folder: Path) -> dict[str, Callable[[], Any]]:
@@ -376,7 +376,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
             path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
         "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
-            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping)), lambda x: np.size(x) == 0),
+            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping))),
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
             overwrite=is_flag, retry=is_flag, progress=is_flag)),
         "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
+from fastbeam import notebook
 from fastbeam.arguments import Flag, Name, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
@@ -58,7 +59,7 @@ class APart:
 
 
 @checked(parts=APart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
-class Scene:
+class Scene(notebook.Parts):
     """A set of parts under one gravity.
 
     Parameters
