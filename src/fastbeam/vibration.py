@@ -78,6 +78,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
     about = Linearisation(model, state, ~stays, factors, flat)
+    about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if not np.any(about.mass.diagonal() > 0.0):
         raise SceneError("modes: nothing that may move has a mass; give sections rhoA, or bodies")
     try:
