@@ -107,8 +107,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     stays = held_sliders(model, held)
     check_slider_forces("solve_path", model, stays)
     if model.user_forces:
-        raise SceneError(f"solve_path: user force {model.user_forces[0]!r} is no load that grows by one factor; use solve_static, "
-                         "which scales it, or leave it out")
+        raise SceneError(f"solve_path: user force {model.user_forces[0]!r} is no load that grows by one factor; use "
+                         "solve_static, which scales it, or leave it out")
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     step = min(step, largest_step)
