@@ -326,7 +326,7 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "deviation", "drift", "is_conserved")},
+           for name in ("point", "slider", "joint", "deviation", "drift", "is_conserved")},
         "Result.state_for": Call(result().state_for, dict(model=model()), dict(model=one_of(Model))),
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
