@@ -363,7 +363,7 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "deviation", "drift", "is_conserved", "velocity", "section")},
+           for name in ("point", "slider", "joint", "deviation", "drift", "is_conserved", "velocity", "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
