@@ -61,10 +61,10 @@ def test_operations_of_short_kernels_are_those_counted_by_hand() -> None:
     x = np.zeros(1000)
     # weight (C e) for six strains: a product, a sum to zero, the weight; coupled six products and sums
     simo, green = strain_sets.SIMO_REISSNER, strain_sets.GREEN_LAGRANGE
-    assert counting.count(strains.stresses, green, x, 0, False, x, 0, 0, 0) == 6 * 3
-    assert counting.count(strains.stresses, green, x, 0, True, x, 0, 0, 0) == 6 * (6 * 2 + 1)
+    assert counting.count(strains.stresses, green.law, green, x, 0, False, x, 0, 0, 0) == 6 * 3
+    assert counting.count(strains.stresses, green.law, green, x, 0, True, x, 0, 0, 0) == 6 * (6 * 2 + 1)
     # (4.7): a product; two products and differences; three sums of products and products, a factor
-    assert counting.count(strains.stresses, simo, x, 0, False, x, 0, 0, 0) == 6 * 3 + 1 + 2 * 2 + 3 * 3 + 1
+    assert counting.count(strains.stresses, simo.law, simo, x, 0, False, x, 0, 0, 0) == 6 * 3 + 1 + 2 * 2 + 3 * 3 + 1
     # position: factor and sum of a vector; three directors and their derivatives
     assert counting.count(strains.interpolate, x, 0, 2, 192, x, 0, 0) == 2 * (6 + 3 * 12)
     # (2.2): twelve products of vectors, a half, three differences and halves, two sums and a factor; (2.1): seven, a half, one

@@ -96,8 +96,9 @@ def mean(strains, scratch, eo, end, ao):
         put_half_change.call(strains.law, scratch, eo + i, g_start, g_end)
     for i in range(24, 48, 8):
         k = vld(scratch, eo + i, 0); k_end = vld(scratch, end + i, 0)
-        vst(scratch, eo + i, 0, 0.5 * (c * k + c_end * k_end)); vst(scratch, ao + i, 0, 0.5 * (k + k_end))
-        put_half_change.call(strains.law, scratch, eo + i, c * k, c_end * k_end)
+        e_start = c * k; e_end = c_end * k_end
+        vst(scratch, eo + i, 0, 0.5 * (e_start + e_end)); vst(scratch, ao + i, 0, 0.5 * (k + k_end))
+        put_half_change.call(strains.law, scratch, eo + i, e_start, e_end)
 
 
 @present_strains.register(SimoReissner)
