@@ -20,8 +20,9 @@ from .._jit import inlined, kernel
 from .algebra import call_law, dot
 from .curves import find_element, node_of
 from .kinds import dim, vector, zero_vector
-from .slider import (NoSleeves, SlidingLaw, Weights, account_along, add_contact, add_slider, begin_along, begin_passage, is_settled_along,
-                     mean_tangent, motion_along, pass_along, push_of_moments, put_residual, put_translation, sliding_law)
+from .slider import (NoSleeves, SlidingLaw, Weights, account_along, add_contact, add_slider, begin_along, begin_passage,
+                     is_settled_along, mean_tangent, motion_along, pass_along, push_of_moments, put_residual, put_translation,
+                     sliding_law)
 from .terms import put_loads, spread_nodes
 
 # kinds of drives
