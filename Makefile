@@ -5,13 +5,14 @@ OUT ?= out
 BIN := $(VENV)/bin
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow lint study peers perf perf-compare perf-limits clean
+.PHONY: help demo test test-slow lint docs study peers perf perf-compare perf-limits clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
 	@echo "make test       install into $(VENV) and run the tests, without the long ones"
 	@echo "make test-slow  the long physics runs"
 	@echo "make lint       ruff, as the tests run it"
+	@echo "make docs       the pages of docs/ as a site in $(OUT)/site"
 	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
 	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
 	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
@@ -30,6 +31,10 @@ test-slow: $(VENV)/.installed-dev
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/python -m ruff check .
+
+docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --disable-pip-version-check -q "mkdocs>=1.6"
+	$(BIN)/python -m mkdocs build --quiet --strict --site-dir $(abspath $(OUT))/site
 
 study: $(VENV)/.installed
 	$(BIN)/python examples/study/run.py

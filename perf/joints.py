@@ -4,9 +4,9 @@
     python perf/joints.py --planar            the same in a plane
     python perf/joints.py --bodies 5000       one chain
 
-A chain of up to 1000 bodies hangs from the ground between hinges whose axes are turned by a right angle from one to the next (planar:
-all the same) and swings under its weight; more bodies are more such chains. Prints the time to compile the scene, Newton iterations a
-step, the time of an iteration for each joint, and the largest gap.
+A chain of up to 1000 bodies hangs from the ground between hinges whose axes are turned by a right angle from one to the next
+(planar: all the same) and swings under its weight; more bodies are more such chains. Prints the time to compile the scene, Newton
+iterations a step, the time of an iteration for each joint, and the largest gap.
 """
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def chains(bodies: int, planar: bool = False) -> Any:
         links = [fb.RigidBody(f"link {first + k}", mass=0.1, inertia=(1e-4, 2e-4, 2e-4), position=(0.1 * k + 0.05, height, 0))
                  for k in range(min(LONGEST, bodies - first))]
         parts += [*links, fb.RevoluteJoint(fb.GROUND, links[0].point(-half), f"joint {first}", axis=axes[0])]
-        parts += [fb.RevoluteJoint(a.point(half), b.point(-half), f"joint {first + k + 1}", axis=axes[0 if planar else (k + 1) % 2])
-                  for k, (a, b) in enumerate(zip(links, links[1:]))]
+        parts += [fb.RevoluteJoint(a.point(half), b.point(-half), f"joint {first + k}", axis=axes[0 if planar else k % 2])
+                  for k, (a, b) in enumerate(zip(links, links[1:]), 1)]
     return fb.Scene(*parts, gravity=(0, 0, -9.81))
 
 

@@ -3,11 +3,12 @@
     python perf/sweep.py [--workers 2] [--rounds 3]
 
 Three kinds of runs: a flight of a few milliseconds, one of about 26 ms, and nothing at all, which leaves the time that a sweep
-itself takes for a run.
+itself takes for a run. On a machine that others use too, processor time tells more than the clock.
 """
 from __future__ import annotations
 
 import argparse
+import os
 import statistics
 import time
 from collections.abc import Callable
@@ -31,10 +32,11 @@ def nothing(k: int) -> int:
     return k
 
 
-def seconds(call: Callable[[], Any]) -> float:
-    begin = time.perf_counter()
+def seconds(call: Callable[[], Any]) -> tuple[float, float]:
+    """Wall clock and processor time of a call, of its processes too."""
+    begin, used = time.perf_counter(), sum(os.times()[:4])
     call()
-    return time.perf_counter() - begin
+    return time.perf_counter() - begin, sum(os.times()[:4]) - used
 
 
 def main() -> None:
@@ -50,12 +52,13 @@ def main() -> None:
         for _ in range(chosen.rounds):
             alone.append(seconds(lambda: [flight(**case) for case in cases]))
             together.append(seconds(lambda: fb.sweep(flight, cases, workers=chosen.workers, progress=False)))
-        one, many = statistics.median(alone), statistics.median(together)
-        ratio = statistics.median(a / b for a, b in zip(alone, together))
+        one, many = (statistics.median(x for x, _ in times) for times in (alone, together))
+        ratio = statistics.median(a / b for (a, _), (b, _) in zip(alone, together))
+        work = statistics.median(b / a for (_, a), (_, b) in zip(alone, together))
         print(f"{n} runs of {1e3 * one / n:.1f} ms: {one:.2f} s one by one, {many:.2f} s on {chosen.workers} processes, "
-              f"{ratio:.2f} times faster")
+              f"{ratio:.2f} times faster; processor time {work:.2f} of that one by one")
     for workers in (1, chosen.workers):
-        empty = min(seconds(lambda: fb.sweep(nothing, {"k": range(1000)}, workers=workers, progress=False))
+        empty = min(seconds(lambda: fb.sweep(nothing, {"k": range(1000)}, workers=workers, progress=False))[0]
                     for _ in range(chosen.rounds))
         print(f"a run that does nothing, on {workers}: {empty:.2f} ms")
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fastbeam.basis import CurveBasis
-from fastbeam.scene import Beam, Path, PointMass, RigidBody, Scene, Slider
+from fastbeam.scene import Beam, Drag, Path, PointMass, RigidBody, Scene, Slider
 
 Array = np.ndarray
 
@@ -417,6 +417,23 @@ class Twin:
             f[at] += internal_forces(beam, self.reference[beam.name], q_n[at], q_n1[at], h)
         return f
 
+    def resistance(self, drag: Drag, velocity: Array, d1: Array) -> Array:
+        """Minus the forces of the air on all nodes [N, 3]; theory.md (4.12)."""
+        f = np.zeros((self.n, 3))
+        size = np.zeros(self.n)
+        if isinstance(drag.on, Beam):
+            at = self.number(drag.on.start) + drag.on.basis.element_nodes
+            np.add.at(size, at, drag.on.basis.mass_phi.sum(axis=2))
+        else:
+            size[self.number(drag.on)] = 1.0
+        for k in np.flatnonzero(size):
+            w = velocity[k] - drag.air
+            t = d1[k] / np.linalg.norm(d1[k]) * isinstance(drag.on, Beam)
+            along, across = (w @ t) * t, w - (w @ t) * t
+            f[k] = size[k] * (drag.normal * np.linalg.norm(across) * across + drag.tangential * np.linalg.norm(along) * along
+                              + drag.linear * w)
+        return f
+
     def reduced(self, q_mid: Array, f: Array) -> Array:
         """Forces of dependent coordinates moved to the others, projected, held unknowns removed: [N, 6]."""
         moved = (self.tie.T @ f.reshape(4 * self.n, 3)).reshape(self.n, 4, 3)
@@ -429,6 +446,8 @@ class Twin:
         inertia = self.mass @ (2.0 / step.h**2 * (dq - step.h * step.v_n)).reshape(4 * self.n, 3)
         f = inertia.reshape(self.n, 4, 3) + self.beam_forces(step.q_n, q_n1, step.h)
         f -= self.load_forces(q_mid, *self.dead_loads(factor))
+        for drag in self.scene.drags:
+            f[:, 0] += self.resistance(drag, dq[:, 0] / step.h, q_mid[:, 1])
         contact = np.zeros((len(self.scene.sliders), 4))
         for k, slider in enumerate(self.scene.sliders):
             pull, contact[k] = self.slider_terms(slider, step.s_n[k], step.s_end[k], step.force[k], step.q_n, q_n1)

@@ -120,7 +120,8 @@ def _joints(of: dict[str, Any], body: fb.RigidBody, beam: fb.Beam, rotation: Arr
         pinned: Any = fb.RevoluteJoint(point, arm.point(-0.5 * of["offset"]), "pinned", axis=rotation @ axis,
                                        stiffness=of["stiffness"], rest=0.3)
     else:
-        pinned = fb.UniversalJoint(point, arm.point(-0.5 * of["offset"]), "pinned", axis_a=rotation @ axis, axis_b=rotation @ across)
+        pinned = fb.UniversalJoint(point, arm.point(-0.5 * of["offset"]), "pinned", axis_a=rotation @ axis,
+                                   axis_b=rotation @ across)
     tip = beam.reference(beam.length)[0][0]
     block = fb.RigidBody("block", mass=of["masses"][1], inertia=(0.2, 0.25, 0.3), position=tip + of["way"] @ rotation.T,
                          directors=rotation.T)

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drive", "Friction", "GROUND",
-              "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
-              "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
-              "Signal", "Sleeve", "Slider", "Spring", "Stops", "UniversalJoint", "UserForce"],
+    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
+              "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
+              "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
+              "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+              "UniversalJoint", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
@@ -34,11 +35,14 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
-        BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, DistanceJoint as DistanceJoint,
-        DistributedLoad as DistributedLoad, Drive as Drive, Friction as Friction, InitialVelocity as InitialVelocity,
-        Load as Load, Net as Net, NodeRef as NodeRef, Path as Path, Pin as Pin, PointMass as PointMass, RigidBody as RigidBody,
-        RigidConnection as RigidConnection, RigidMotion as RigidMotion, Scene as Scene, Section as Section, Sleeve as Sleeve,
-        Slider as Slider, Spring as Spring, Stops as Stops,
+        BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, CylindricalJoint as CylindricalJoint,
+        DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drive as Drive, Friction as Friction,
+        GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net, NodeRef as NodeRef,
+        OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
+        PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
+        RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
+        Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,
+        Stops as Stops, UniversalJoint as UniversalJoint, UserForce as UserForce,
     )
     from .errors import (
         BackendError as BackendError, ConvergenceError as ConvergenceError, Interrupted as Interrupted,
@@ -48,13 +52,16 @@ if TYPE_CHECKING:
     from .checkpoint import Checkpoint as Checkpoint, load_checkpoint as load_checkpoint
     from .run import simulate as simulate
     from .statics import solve_static as solve_static
+    from .vibration import modes as modes
+    from .equilibrium_paths import solve_path as solve_path
     from .result import Result as Result
+    from .resultants import section_forces as section_forces
     from .reading import load_result as load_result
     from .sweeping import Sweep as Sweep, load_sweep as load_sweep, sweep as sweep
     from .animation import animate as animate
     from .plot import (
-        plot_balance as plot_balance, plot_invariants as plot_invariants, plot_overview as plot_overview,
-        plot_shapes as plot_shapes, plot_slider as plot_slider,
+        plot_balance as plot_balance, plot_invariants as plot_invariants, plot_modes as plot_modes,
+        plot_overview as plot_overview, plot_shapes as plot_shapes, plot_slider as plot_slider,
     )
 
 if not TYPE_CHECKING:

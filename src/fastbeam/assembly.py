@@ -69,7 +69,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     reactions = None if prescribed is None else Reactions(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
     forces = JointForces(motion) if motion is not None and model.motions.acts else None
-    others = prescribed, loads, bodies, *links, forces, None if static else motion, model.ties, reactions, held
+    drag = None if static else model.drag
+    others = prescribed, loads, bodies, drag, *links, forces, None if static else motion, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from .arguments import Anything, Flag, Word, checked, shown
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
-from .dissipation import damped_of
+from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .holding import Holding, trees
 from .joint_motion import motions_of
@@ -153,13 +153,10 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of)
     state, length = unpacked.state, unpacked.numbered.length
-    slider_forces, damped, prescribed = slider_forces_of(scene.sliders), damped_of(scene, nodes), unpacked.prescribed
-    laws = links.loaded.forces
+    slider_forces, laws = slider_forces_of(scene.sliders), links.loaded.forces
     accounts = any(t is not None for t in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]) or laws)
-    # where numbers stand in the history: of sliders, of loads, of damping, of moving supports, of joints
     loads_at = 0 if slider_forces is None else slider_forces.size
-    motions_at = loads_at + accounts + sum(0 if x is None else len(x.labels) for x in (damped, prescribed))
-    return Model(
+    model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
         links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at), kept=unpacked.kept,
@@ -175,10 +172,11 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
-        damped=damped, prescribed=prescribed,
-        motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), motions_at),
+        damped=damped_of(scene, nodes), dragged=unpacked.dragged, prescribed=unpacked.prescribed,
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
+    model = with_drag(model, blocks.diagonal)
+    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model.motion_place))
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:

@@ -150,6 +150,7 @@ class CondensedIteration(Iteration):
         self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (Reactions, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
+        others = tuple(x for x in owner.terms if any(x is y for y in (*model.links, model.drag)))
         self._ties = model.ties
         self._carriers: list[Group] = []
         if model.carriers is not None:
@@ -159,7 +160,7 @@ class CondensedIteration(Iteration):
             self._held = tuple(_held_of_solver(x, model.pattern.n) if isinstance(x, Held) else x for x in self._held)
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
-        self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies)
+        self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others)
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):

@@ -41,10 +41,10 @@ class Condensed:
 def condense(scene: Scene, unpacked: Unpacked, condense: bool | str) -> Condensed:
     """Choose what is condensed; condense: as `compile_scene` takes it."""
     numbered = unpacked.numbered
-    nodes, joints, links = numbered.nodes, numbered.joints, numbered.links
+    nodes, joints, touched = numbered.nodes, numbered.joints, numbered.touched
     packers = {"simo_reissner": ElementPacker(), "green_lagrange": ElementPacker()}
-    carried = None if unpacked.kept or scene.sleeves or not condense else carriers_of(scene, nodes, joints, links.touched)
-    beams, carried = substructures_of(scene, nodes, joints, links.touched, condense, carried)
+    carried = None if unpacked.kept or scene.sleeves or not condense else carriers_of(scene, nodes, joints, touched)
+    beams, carried = substructures_of(scene, nodes, joints, touched, condense, carried)
     for source, part in zip([*scene.beams, *scene.nets], unpacked.elements):
         some, found = beams.get(source.name, (None, []))
         if carried is not None and source.name in carried.elements:

@@ -1,16 +1,20 @@
 """What takes energy out of a scene besides its sliders, or puts it in: names, and places of their energies in `State.history`."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from .kernels.beam import ElementTables
 from .kernels.damping import Dissipation
+from .kernels.drag import Drag
 from .kernels.layout import LIST
+from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Net, Scene
+from .tables import Elements
 
 Array = np.ndarray
 
@@ -52,3 +56,59 @@ def damped_of(scene: Scene, nodes: NodeList) -> Damped | None:
     for k, part in enumerate(parts):
         number[nodes.span(part)] = k
     return Damped(tuple(part.label for part in parts), tuple(part.strain for part in parts), number)
+
+
+@dataclass(frozen=True)
+class Dragged:
+    """Nodes with drag.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Of the drags.
+    node, part : int64 [D]
+        Nodes, and to which drag they belong.
+    coefficient : float64 [D, 3]
+        Normal, tangential and linear ones of whole nodes.
+    slender : int64 [D]
+        1 where d1 counts.
+    air : float64 [D, 3]
+        Velocity of the air, m/s.
+    """
+
+    labels: tuple[str, ...]
+    node: Array
+    part: Array
+    coefficient: Array
+    slender: Array
+    air: Array
+
+    def tables(self, row_of: Array, block: Array, first: int) -> Drag:
+        """Tables; block: diagonal blocks [D]; first: place of the first drag in the history."""
+        return Drag(self.node, row_of[self.node], block, *np.ascontiguousarray(self.coefficient.T), self.slender,
+                    self.air.reshape(-1), first + self.part)
+
+
+def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragged | None:
+    """None where there is no drag. elements: of every beam, then of every net."""
+    if not scene.drags:
+        return None
+    length = np.zeros(len(nodes))
+    for part in elements:
+        length += np.bincount(part.nodes.reshape(-1), part.mass_phi.sum(axis=2).reshape(-1), minlength=length.size)
+    node = [np.arange(len(nodes))[nodes.span(drag.on)] for drag in scene.drags]
+    part = np.repeat(np.arange(len(node)), [x.size for x in node])
+    every = np.concatenate(node)
+    slender = np.array([int(drag.is_slender) for drag in scene.drags])[part]
+    given = np.array([(drag.normal, drag.tangential, drag.linear) for drag in scene.drags])[part]
+    return Dragged(tuple(f"{drag.label} on {drag.on.label}" for drag in scene.drags), every, part,
+                   np.where(slender == 1, length[every], 1.0)[:, None] * given, slender,
+                   np.array([drag.air for drag in scene.drags], dtype=float)[part])
+
+
+def with_drag(model: Model, diagonal: Callable[[Array], Array]) -> Model:
+    """The model with the tables of its drag; diagonal: blocks of the own terms of nodes."""
+    if model.dragged is None:
+        return model
+    first = model.loss_place + len(model.losses) - len(model.dragged.labels)
+    return replace(model, drag=model.dragged.tables(model.pattern.row_of, diagonal(model.dragged.node), first))

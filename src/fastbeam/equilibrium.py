@@ -33,8 +33,6 @@ class StaticSolver:
         # iterations of the last equilibrium, or of the hardest part of it
         self.longest = 0
         self.interrupts = Interrupts()
-        # load factor of the equilibrium that is looked for
-        self.share = 0.0
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 
@@ -49,7 +47,7 @@ class StaticSolver:
         return self.stepper.state
 
     def set_time(self, t: float, factor: float) -> None:
-        """At which time, and with which load factor, user forces are evaluated."""
+        """At which time, and with which load factor, user forces and drives are evaluated."""
         self.stepper.law_work[:2] = t, factor
 
     def _load(self, factors: Array) -> None:

@@ -12,7 +12,8 @@ Array = np.ndarray
 # series, what it is called, kind of part, sign in the balance
 ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops", "slider", 1.0),
             ("lock_loss", "lock", "slider", 1.0),
-            ("drive_work", "drive", "slider", -1.0), ("joint_loss", "damper", "joint", 1.0), ("joint_work", "motor", "joint", -1.0))
+            ("drive_work", "drive", "slider", -1.0), ("joint_loss", "damper", "joint", 1.0),
+            ("joint_work", "motor", "joint", -1.0))
 
 
 def balance_of(result: Result) -> dict[str, Array]:

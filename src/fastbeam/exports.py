@@ -1,6 +1,7 @@
 """What a result hands to other programs: files for ParaView, tables for pandas."""
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import notebook
 from .arguments import Count, FilePath, Flag, checked
 from .errors import BackendError
 
@@ -66,6 +68,9 @@ class Exports:
         from .vtkhdf import write_vtk
         write_vtk(self, Path(path), overwrite=overwrite, surface=surface, refine=refine, double=double)  # type: ignore[arg-type]
 
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
     @checked()
     def to_dataframe(self) -> Any:
         """All series as a pandas DataFrame, with the rows of the result; the index is the time, s (statics: the load factor).
@@ -85,6 +90,16 @@ class Exports:
         frame = pandas.DataFrame(columns_of(self.series, self.names), index=pandas.Index(self.t, name="t"))
         frame.attrs |= {key: value for key, value in self.info.items() if isinstance(value, (str, int, float))}
         return frame
+
+
+def html_of(result: Any) -> str:
+    """Of a result what notebooks show: invariants with their drift, and events."""
+    rows = [[part.strip() for part in re.split(r"\s{2,}", line)] for line in result.table().splitlines()]
+    facts = f"{len(result.t)} rows, {len(result.t_snap)} snapshots of {result.phi.shape[1]} nodes"
+    if len(result.t):
+        facts += f", t = {result.t[0]:g} to {result.t[-1]:g}"
+    notes = [f"{event.get('kind', '')}: {event.get('text', '')}" for event in result.events[:notebook.MOST_ROWS]]
+    return notebook.table(f"Result {result.info.get('scene', '')!s:.80}", rows[0], rows[1:], [facts, *notes])
 
 
 def columns_of(series: Mapping[str, np.ndarray], names: Mapping[str, list[Any]]) -> dict[str, np.ndarray]:

@@ -194,5 +194,6 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int, 
     if substeps > 1 and motions.damped:
         raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
     if static and motions.driven:
-        raise SceneError(f"{motions.labels[[m is not None for m in motions.motors].index(True)]}: solve_static takes no motors of "
-                         "joints; leave it out, or hold the joint by a stiff spring with rest=")
+        label = next(label for label, motor in zip(motions.labels, motions.motors) if motor is not None)
+        raise SceneError(f"{label}: solve_static takes no motors of joints; leave it out, or hold the joint by a stiff spring "
+                         "with rest=")

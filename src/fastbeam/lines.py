@@ -1,7 +1,9 @@
 """Beams of a result as lines with directors and the outline of their sections: what pictures and files for other programs share.
 
-Everything is read from the names of a result (`Result`), which may come from a file of an older version or of somebody who meant
-harm: what is missing or does not fit is replaced by lines through the nodes.
+Everything is read from the names of a result (`Result`): of beams besides what stands there 's' and 'length' (m), 'degree',
+'half_2', 'half_3' and 'round' of the section (`Section.outline`), and of splines 'spline_ends', arc lengths of the element ends;
+of nets 'outlines', three numbers a section, and 'outline_of', the section of every beam. Names may come from a file of an older
+version or of somebody who meant harm: what is missing or does not fit is replaced by lines through the nodes.
 """
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ class Lines:
     labels : list of str
         Names of beams, then of nets.
     s : float64 [M]
-        Arc length, m; in nets the distance along the chord of the first shape is not known: NaN.
+        Arc length, m; NaN in nets, whose names do not tell it.
     outline : float64 [B, 3]
         Half sizes along d2 and d3, m, and 1 where the section is round, 0 for a rectangle.
     """

@@ -262,7 +262,8 @@ class Links:
         loads in the history."""
         out, first = [], sliders
         for entry, parts, node, laws, _ in self.groups:
-            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties, self._spin_root, laws)
+            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties, self._spin_root,
+                        laws)
             table = entry.table(ends)
             out.append(_tested(entry, table) if is_outside(entry.noun) else table)
             first += sum(law is not None for law in laws)

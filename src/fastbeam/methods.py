@@ -110,8 +110,9 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
         raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
                          "follows; use order=2")
     if composed and backward:
+        other = ", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""
         raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in; use "
-                         "order=2" + (", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""))
+                         f"order=2{other}")
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from . import notebook
 from .arguments import Count, checked, shown
 from .errors import SceneError
 from .holding import Holding
@@ -91,6 +92,8 @@ class Model:
         The sliders that are sleeves.
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
+    dragged : dissipation.Dragged or None
+        Nodes with drag; `drag` its tables.
     prescribed : prescribed.PrescribedMotions or None
         Supports that move.
     motions : joint_motion.Motions or None
@@ -152,6 +155,8 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     damped: Any = None
+    dragged: Any = None
+    drag: Any = None
     prescribed: Any = None
     accounts_loads: bool = False
     user_forces: tuple[str, ...] = ()
@@ -302,6 +307,8 @@ class Model:
             parts += [self.prescribed.own]
         if self.motions is not None:
             parts += self.motions.table[:-2]
+        if self.dragged is not None:
+            parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -361,7 +368,8 @@ class Model:
     @property
     def losses(self) -> tuple[str, ...]:
         """What takes energy away besides sliders: its numbers stand behind the work of loads."""
-        return () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
+        damped = () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
+        return damped + (() if self.dragged is None else tuple(self.dragged.labels))
 
     @property
     def works(self) -> tuple[str, ...]:
@@ -432,6 +440,9 @@ class Model:
 
     def __str__(self) -> str:
         return self.text
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Model of {self.scene_name}", self.text)
 
 
 def check_model(who: str, model: Any) -> None:

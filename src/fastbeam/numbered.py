@@ -28,12 +28,20 @@ class Numbered:
         Ties, shared rows and spins, what supports hold.
     links : Links
         Springs and joints with multipliers.
+    dragged : int64 [*]
+        Nodes with drag.
     """
 
     nodes: NodeList
     length: float
     joints: Connections
     links: Links
+    dragged: Array
+
+    @property
+    def touched(self) -> Array:
+        """Nodes that links and drag touch; they are not eliminated inside elements and beams."""
+        return np.union1d(self.links.touched, self.dragged)
 
 
 def number(scene: Scene) -> Numbered:
@@ -49,7 +57,9 @@ def number(scene: Scene) -> Numbered:
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints, hinges = _connections(scene, nodes, length)
-    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges))
+    every = np.arange(len(nodes))
+    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(drag.on)] for drag in scene.drags)])
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged)
 
 
 def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array]:

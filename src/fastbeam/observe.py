@@ -316,7 +316,7 @@ def conserved(model: Model) -> list[str]:
     if not (model.accounts_loads or model.losses or model.works or exchanging):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
-    if not len(model.loads) and not held:
+    if not len(model.loads) and not held and model.drag is None:
         out += ["lin_mom", "ang_mom"]
     return out
 

@@ -49,7 +49,7 @@ def order(numbered: Numbered, condensed: Condensed, solver: str, eliminate_inner
     size, columns = 0, constraints > 0 and carriers is None
     if eliminate_inner:
         eligible = _inner_nodes(n, used, joints)
-        eligible[links.touched] = False
+        eligible[numbered.touched] = False
         for packer in used:
             size = packer.eliminate(eligible, size, columns)
     root = joints.row_root[ends]

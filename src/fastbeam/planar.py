@@ -69,6 +69,10 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
+    if unpacked.dragged is not None:
+        air = np.zeros((len(q), 3))
+        air[unpacked.dragged.node] = unpacked.dragged.air
+        within.append((air, "the air at {} moves out of the plane"))
     if unpacked.prescribed is not None:
         for way, axes in unpacked.prescribed.directions(len(q)):
             within.append((way, "the motion of {} leaves the plane"))
@@ -256,10 +260,12 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane), simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
+        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
+        simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, links=tuple(table for table in links if table is not None), ties=ties, held=_held(model.held),
-        static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
+        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
+        held=_held(model.held), static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v,
+        dofs=PLANE))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
@@ -330,6 +336,11 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
     if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)
+
+
+def _drag(drag: Any, axes: Array) -> Any:
+    """Drag has the same tables, but for the velocity of the air."""
+    return None if drag is None else drag._replace(air=(drag.air.reshape(-1, 3) @ axes[:2].T).reshape(-1))
 
 
 def _held(held: Held | None) -> Held | None:

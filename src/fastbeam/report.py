@@ -49,7 +49,7 @@ def describe(scene: Scene, model: Model) -> str:
         masses = model.bodies.node.size - len(scene.bodies)
         lines.append(f"  point inertia      {_plural(len(scene.bodies), 'rigid body').replace('bodys', 'bodies')}, "
                      f"{_plural(masses, 'point mass').replace('masss', 'masses')}")
-    loops = sum(link.law.is_vector for link in model.kept)
+    loops = sum(link.law.is_vector for link in model.kept) - sum(getattr(link, "is_pinned", False) for link in scene.links)
     if loops:
         lines.append(f"  closed loops       {_plural(loops, 'ball joint')} held by multipliers")
     for noun, count in Counter(type(link).kind for link in scene.links).items():

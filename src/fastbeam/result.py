@@ -234,7 +234,7 @@ class Result(Readings, Exports):
 
     @checked(name=NAMED)
     def joint(self, name: str) -> dict[str, np.ndarray]:
-        """What a joint with axes leaves free, [n] each: angle (rad) and spin (rad/s), distance (m) and speed (m/s), since t = 0;
+        """What a joint with axes leaves free, zero at t = 0, [n]: angle (rad) and spin (rad/s), distance (m) and speed (m/s);
         energy of its spring, loss of its damper and work of its motor (J).
 
         Raises

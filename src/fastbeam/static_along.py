@@ -77,18 +77,19 @@ class StaticAlong:
         at_stop = (np.abs(s - self.stops[:, 1]) <= 1e-9 * self.lengths).astype(int)
         at_stop -= np.abs(s - self.stops[:, 0]) <= 1e-9 * self.lengths
         self.modes = Modes(np.zeros(s.size, np.int64), np.where(self.held, 0, at_stop), np.zeros(s.size, np.int64))
+        # the load factor
         self.share = 0.0
         self.in_circles = False
         self.reserve = RESERVE
 
     # --- one load step ------------------------------------------------------------------------------------------------
-    def begin(self, share: float, s: Array) -> Array:
-        """Places [S] at this load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
-        self.share, self.before = share, s.copy()
+    def begin(self, s: Array) -> Array:
+        """Places [S] at the load factor of sliders whose motion is prescribed, those of the others as they are, at `s`."""
+        self.before = s.copy()
         self.modes.sign[:] = 0
         self.modes.changes[:] = 0
         at = np.clip(s, *self.stops.T)
-        return np.where(self.held, self.start + share * (self.end - self.start), at)
+        return np.where(self.held, self.start + self.share * (self.end - self.start), at)
 
     @property
     def free(self) -> Array:

@@ -85,7 +85,7 @@ class SlidingSolver(StaticSolver):
         self._refused = 0
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
-        self.held, self.at_time = held, at_time
+        self.held = held
         self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_limits
         self.along = None
         if uneliminated.slider_forces is not None:
@@ -97,7 +97,8 @@ class SlidingSolver(StaticSolver):
 
     def set_time(self, t: float, factor: float) -> None:
         super().set_time(t, factor)
-        self.share = factor
+        if self.along is not None:
+            self.along.share = factor
 
     @property
     def name(self) -> str:
@@ -135,7 +136,7 @@ class SlidingSolver(StaticSolver):
             self._refused = self._factors.refused
         along, state = self.along, self.stepper.core_state
         if along is not None:
-            state.s[:] = along.begin(self.share, state.s)
+            state.s[:] = along.begin(state.s)
         status, sizes = self._newton(np.zeros(self.held.size, bool))
         for _ in range(ROUNDS * (self.held.size + 1)):
             if status == OK and self.sliding.any():
@@ -198,9 +199,9 @@ class SlidingSolver(StaticSolver):
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
             # where friction or a stop holds a slider, it stays
-            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu",
-                                  self.at_time)
-            other.set_time(*self.stepper.law_work[:2])
+            t, share = (float(x) for x in self.stepper.law_work[:2])
+            other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t)
+            other.set_time(t, share)
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext

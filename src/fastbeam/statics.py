@@ -160,7 +160,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
         if observer.needs_forces:
-            observer.add_forces(row, np.concatenate((solver.state.force, reactions.at(factor * factors) if reactions else ())), factor)
+            found = reactions.at(factor * factors) if reactions else ()
+            observer.add_forces(row, np.concatenate((solver.state.force, found)), factor)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
@@ -267,8 +268,8 @@ def check_slider_forces(who: str, model: Model, stays: Array, rubbing: bool = Fa
         return
     off = np.flatnonzero(forces.off_at_start)
     if off.size:
-        raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let it "
-                         "begin on the beam, or run until it rests")
+        raise SceneError(f"{who}: slider {model.names['sliders'][off[0]]!r} begins away from its beam, where nothing rests; let "
+                         "it begin on the beam, or run until it rests")
     refused = np.flatnonzero((forces.lets_go_of if rubbing else forces.acts_on) & ~stays)
     if refused.size:
         name = model.names["sliders"][refused[0]]

@@ -30,6 +30,8 @@ Array = np.ndarray
 FORMAT, VERSION = "fastbeam-sweep", 1
 # s between two flushes, bytes that wait in memory at most
 FLUSH_TIME, PENDING = 0.5, 1 << 24
+# locks of this process; forks let go of theirs, or they would outlive it
+_HELD: list[Any] = []
 # an entry of the table: number, case, values, error or None, arrays by name
 Row = dict[str, Any]
 
@@ -76,6 +78,7 @@ class SweepFile:
             # the old file is there until all that it held stands in the new one
             os.replace(self._part, self._where)
             self._new = self._where.open("rb")
+            _HELD.append(self._new)
             lock(self._new, "LOCK_SH")
         except (OSError, RuntimeError) as error:
             self._close()
@@ -145,10 +148,17 @@ class SweepFile:
                 file.close()
         if hasattr(self, "_new"):
             self._new.close()
+            _HELD[:] = [held for held in _HELD if held is not self._new]
 
     def _unwritable(self, error: BaseException) -> ResultFileError:
         return ResultFileError(f"sweep file '{self.path}': cannot be written ({' '.join(str(error).split())}); make room or "
                                "choose another path")
+
+
+def let_go() -> None:
+    """In a fork: the locks are those of the process that writes."""
+    while _HELD:
+        _HELD.pop().close()
 
 
 def read_sweep(path: Path) -> tuple[dict[str, Any], list[Row]]:

@@ -7,6 +7,8 @@ import math
 import os
 import signal
 import sys
+import threading
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -29,7 +31,7 @@ from .progress import Progress
 from .result import Result
 from .run import simulate
 from .scene import Scene
-from .sweep_file import Row, SweepFile, read_sweep
+from .sweep_file import Row, SweepFile, let_go, read_sweep
 
 MOST_CASES = 10**6
 # runs that wait for a free worker, of each; from how many runs of a worker on the first one compiles the kernels for all
@@ -416,8 +418,10 @@ class _Kept:
 _KEPT = _Kept()
 
 
-def _begin(job: Job | None, threads: int) -> None:
-    """In a worker: Ctrl-C is for the process that hands out cases."""
+def _begin(job: Job | None, threads: int, parent: int) -> None:
+    """In a worker: Ctrl-C and locks are for the process that hands out cases, and without that process there is no work."""
+    let_go()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     with suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["FASTBEAM_THREADS"] = str(threads)
@@ -425,12 +429,20 @@ def _begin(job: Job | None, threads: int) -> None:
         _KEPT.job = job
 
 
+def _end_with(parent: int) -> None:
+    """End this process when its parent was killed: nobody would tell it."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
 @contextmanager
 def _pool(job: Job, n: int) -> Iterator[Executor]:
     import multiprocessing
     forks = _forks()
     context = multiprocessing.get_context("fork" if forks else "spawn")
-    pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin, initargs=(job if forks else None, job.threads))
+    pool = ProcessPoolExecutor(n, mp_context=context, initializer=_begin,
+                               initargs=(job if forks else None, job.threads, os.getpid()))
     try:
         yield pool
     except BaseException:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .connections import Connections
+from .dissipation import Dragged, dragged_of
 from .initial import initial_state
 from .multipliers import KeptLink
 from .kernels.work import State
@@ -53,6 +54,8 @@ class Unpacked:
         What a projection of the initial velocities changed; empty where there was none.
     prescribed : PrescribedMotions or None
         Supports that move.
+    dragged : Dragged or None
+        Nodes with drag.
     """
 
     numbered: Numbered
@@ -65,6 +68,7 @@ class Unpacked:
     state: State
     projected: str
     prescribed: PrescribedMotions | None
+    dragged: Dragged | None
 
     @property
     def nodes(self) -> NodeList:
@@ -93,7 +97,7 @@ def unpack(scene: Scene, numbered: Numbered) -> Unpacked:
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, projected,
-                    prescribed_of(scene, nodes, joints, numbered.length))
+                    prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements))
 
 
 def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:

@@ -26,7 +26,8 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     kept = int(keep)
     q = model.q0.size
     # what is not a beam takes the coordinates from these
-    moved = q * (rates or model.sliders is not None or model.ties is not None or model.bodies is not None or bool(model.links))
+    moved = q * (rates or bool(model.links) or any(
+        x is not None for x in (model.sliders, model.ties, model.bodies, model.drag)))
     border = model.border * model.n_constraints
     # what only a dense border needs
     dense = 0 if model.by_rows or model.carriers is not None else border

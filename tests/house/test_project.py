@@ -36,3 +36,19 @@ def test_the_files_are_linked_and_name_what_is_there() -> None:
     assert len(targets) > 8 and missing == []
     commands = re.findall(r"make ([\w-]+)", page)
     assert [name for name in commands if not re.search(rf"^{name}:", text("Makefile"), re.MULTILINE)] == []
+
+
+def test_the_page_of_trust_names_tests_that_exist_and_no_file_is_unpickled() -> None:
+    page = text("docs/security.md")
+    named = re.findall(r"`((?:tests|src)/[\w./]+\.py)`", page)
+    assert len(named) > 8 and [name for name in named if not (ROOT / name).exists()] == []
+    # kernels and the two processes that compile them; numba's cache and Python's own channels are pickles
+    users = {path.relative_to(ROOT / "src" / "fastbeam").as_posix() for path in (ROOT / "src").rglob("*.py")
+             if re.search(r"\bpickle\.(?:loads?|Unpickler)\b|\bnp\.load\(|\beval\(|\bexec\(", path.read_text(encoding="utf-8"))}
+    assert users == {"_background.py", "_jit.py", "_sealed.py"}
+
+
+def test_every_page_is_part_of_the_site() -> None:
+    listed = re.findall(r": ([\w-]+\.md)$", text("mkdocs.yml"), re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "docs").glob("*.md"))
+    assert set(re.findall(r"\]\(([\w-]+\.md)\)", text("docs/index.md"))) == set(listed) - {"index.md", "contacts-ahead.md"}

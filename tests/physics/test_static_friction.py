@@ -52,6 +52,8 @@ def test_drives_and_stops_give_the_forces_that_they_must() -> None:
     assert driven.slider("s")["drive_force"][-1] == pytest.approx(weight, rel=1e-9)
     spring = fb.solve_static(rigid_rail(30.0, 1.0, drive=fb.Drive(position=2.0, stiffness=0.05)))
     assert spring.state.s[0] == pytest.approx(2.0 - weight / 0.05, rel=1e-9)
+    # it is what makes that stable, in the plane and in space
+    assert spring.info["unstable_directions"] == 0 and spring.info["free_directions"] == 0
 
 
 def test_a_spring_with_friction_has_an_interval_of_rest() -> None:

@@ -7,7 +7,7 @@ import random
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
@@ -101,7 +101,7 @@ WRONG: dict[str, Any] = {
     "drive": fb.Drive(speed=0.1), "stops": fb.Stops(0.1, 0.9), "lock": fb.Lock(1.0), "release": fb.Release(1.0),
     "locks": [fb.Lock(1.0, until=2.0), fb.Lock(3.0)], "one-sided": fb.OneSided((0, 0, 1)),
     "condition": lambda t, s, rate: rate - 1.0,
-    "path": AROUND}
+    "path": AROUND, "executor": ThreadPoolExecutor(1)}
 
 
 def pool(folder: Path) -> dict[str, Callable[[], Any]]:
@@ -112,7 +112,8 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
     more: dict[str, Callable[[], Any]] = {
         "generator": lambda: (x for x in (1.0, 2.0, 3.0)), "generator of texts": lambda: (x for x in "abc"), "pipe": lambda: pipe,
         "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
-        "model": model, "result": result, "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
+        "model": model, "result": result, "modes": modes,
+        "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
         "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)),
         "state of texts": lambda: State("q", "v", "s", "f"),
         "state of Nones": lambda: State(None, None, None, None)}
@@ -255,6 +256,9 @@ def calls(folder: Path) -> dict[str, Call]:
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
         "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
         "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
+            name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
+            linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
@@ -339,7 +343,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
-            held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
+            held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
+            side=among(1, -1))),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
             held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
@@ -371,7 +376,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
             path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
         "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
-            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping)), lambda x: np.size(x) == 0),
+            build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping))),
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
             overwrite=is_flag, retry=is_flag, progress=is_flag)),
         "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
@@ -501,10 +506,12 @@ def public() -> Iterator[tuple[str, Any]]:
     """Every public call with arguments: functions, constructors, methods."""
     for name in set(fb.__all__) - OWN:
         thing = getattr(fb, name)
-        if not inspect.isclass(thing):
+        if callable(thing) and not inspect.isclass(thing):
             yield name, thing
             continue
-        yield name, thing.__init__
+        # an object of the package, such as GROUND, has methods alone
+        if inspect.isclass(thing):
+            yield name, thing.__init__
         for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
             if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:
                 yield f"{name}.{method}", found

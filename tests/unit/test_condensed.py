@@ -164,6 +164,28 @@ def test_steps_of_random_nets_are_the_same(seed: int, strain: str, degree: int, 
     assert results[0].info["iterations"] == results[1].info["iterations"]
 
 
+@pytest.mark.parametrize("kind", ["springs", pytest.param("drag", marks=pytest.mark.slow),
+                                  pytest.param("loops", marks=pytest.mark.slow)])
+def test_what_couples_nodes_of_a_net_acts_where_it_is_condensed(kind: str) -> None:
+    net = grid(4)
+    corner = net.nodes[15]
+    body = fb.RigidBody("body", mass=1.0, inertia=(0.1, 0.1, 0.1), position=corner + (0.0, 0.0, -1.0))
+    ground = fb.PointMass("ground", mass=1.0, position=corner + (0.0, 0.0, 2.0))
+    parts: list[Any] = [net]
+    if kind == "springs":
+        parts += [ground, fb.Clamp(ground), fb.Spring(net.node(15), ground, stiffness=50.0, length=1.0)]
+    if kind == "drag":
+        rope = fb.Beam.straight("rope", corner, corner + (0.0, 0.0, -2.0), section=net.sections[0], elements=4)
+        parts += [rope, fb.RigidConnection(net.node(15), rope.start), fb.Drag("air", rope, normal=2.0, air=(1, 0, 0))]
+    if kind == "loops":
+        parts += [body, fb.BallJoint(net.node(15), body.point((0, 0, 1))),
+                  fb.BallJoint(net.node(14), body.point(net.nodes[14] - body.position)), fb.DistanceJoint(net.node(3), body)]
+    scene = fb.Scene(*parts, gravity=(0, 0, -2))
+    runs = [fb.simulate(model, t_end=0.05, step=0.01, progress=False) for model in models(scene, planar=False)]
+    assert_same(*runs)
+    assert np.max(np.abs(runs[0].phi[-1] - runs[0].phi[0])) > 1e-4
+
+
 def test_steps_of_order_four_in_a_plane_are_the_same() -> None:
     scene = fb.Scene(grid(4, flat=True, degree=2), gravity=(0.0, -9.81, 0.0))
     results = [fb.simulate(model, t_end=0.02, step=5e-3, order=4, progress=False) for model in models(scene)]

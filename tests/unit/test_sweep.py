@@ -182,6 +182,15 @@ fb.sweep(slow, {{"a": range(30)}}, workers={workers}, file=sys.argv[1], progress
 """
 
 
+def alive(group: int) -> bool:
+    """Whether a group has processes."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_sweep_that_was_killed_goes_on(workers: int, tmp_path: Path) -> None:
     program = KILLED.format(path=[str(SOURCE), str(Path(__file__).parent), str(Path(__file__).parents[1])], workers=workers)
@@ -195,9 +204,17 @@ def test_a_sweep_that_was_killed_goes_on(workers: int, tmp_path: Path) -> None:
                 found = len(fb.load_sweep(tmp_path / "s.h5"))
         with pytest.raises(fb.ResultFileError, match="another sweep writes it"):
             fb.sweep(slow, {"a": range(30)}, workers=1, file=tmp_path / "s.h5", overwrite=True)
-    finally:
-        os.killpg(process.pid, signal.SIGKILL)
+        # its workers are told by nobody
+        process.kill()
         process.wait()
+        gone, give_up = False, time.monotonic() + 10.0
+        while not gone and time.monotonic() < give_up:
+            time.sleep(0.1)
+            gone = not alive(process.pid)
+        assert gone
+    finally:
+        if alive(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
     before = fb.load_sweep(tmp_path / "s.h5")
     assert 2 <= len(before) < 30 and len(before.missing) == 30 - len(before)
     table = fb.sweep(slow, {"a": range(30)}, workers=2, file=tmp_path / "s.h5", progress=False)

@@ -22,8 +22,8 @@ from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import predict_sliders
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
-from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Load, Pin, PointMass, RigidBody, RigidConnection, Scene,
-                            Section, Slider)
+from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody, RigidConnection,
+                            Scene, Section, Slider)
 from fastbeam.load_times import load_factors
 from fastbeam.workspace import contact_of, work_of
 
@@ -156,6 +156,14 @@ def _damped_beams_at_an_angle() -> Scene:
     return Scene(*scene.parts, slow, RigidConnection(a.start, slow.start), gravity=scene.gravity)
 
 
+def _in_the_wind() -> Scene:
+    beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.4, section=DIAGONAL, elements=3, degree=2)
+    body = RigidBody("body", mass=2.0, inertia=(1, 1.3, 0.8), position=beam.reference(beam.length)[0][0] + (0.3, 0.1, -0.2))
+    return Scene(beam, body, RigidConnection(body, beam.end),
+                 Drag("air", beam, normal=3.0, tangential=1.0, linear=0.5, air=(2, -1, 3)),
+                 Drag("gust", body, normal=2.0, linear=1.0))
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     f"{strain}-{section}-{family}": lambda a=(strain, section, family): _curved(*a)
     for strain in ("simo_reissner", "green_lagrange") for section in ("diagonal", "coupled") for family in FAMILIES}
@@ -176,6 +184,7 @@ SCENES |= {
     "beam looped on a body": _beam_looped_on_a_body,
     "beams at an angle": _beams_at_an_angle,
     "damped beams at an angle": _damped_beams_at_an_angle,
+    "in the wind": _in_the_wind,
 }
 # (scene, s_n and s_n+1 of every slider as parts of the length)
 WHOLE = [(name, ()) for name in SCENES if not any(word in name for word in ("mass on", "rail")) or name == "mass on ball joint"]

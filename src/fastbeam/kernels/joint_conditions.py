@@ -6,7 +6,8 @@ coordinates, so that its derivative at the mean shape is the discrete gradient:
     D_i . D_j = 0       moment mu D_i,mean x D_j,mean on a, the opposite on b
     r . D_i = const     force mu D_i,mean on b, the opposite on a, moment mu D_i,mean x r_mean on a
 
-Arrays: q, q_mid, q_end [12 N], in a plane [4 N]; blocks as `Work.blocks`; column, line as rows of `Contact.column`, `Contact.line`.
+Arrays: q, q_mid, q_end [12 N], in a plane [4 N]; blocks as `Work.blocks`; column, line as rows of `Contact.column` and
+`Contact.line`.
 """
 from __future__ import annotations
 

@@ -129,8 +129,8 @@ def forget_gaps(joints, system, h, c):
 
 @kernel
 def is_closed(contact, k, allowed):
-    """Whether the augmented Lagrangian leaves a gap of round-off size at constraint k, or one that does not shrink any more: round-off
-    of triads and arms makes redundant joints disagree, by some 1e-16 times the root of the number of steps."""
+    """Whether the augmented Lagrangian leaves a gap of round-off size at constraint k, or one that does not shrink any more:
+    round-off of triads and arms makes redundant joints disagree, by some 1e-16 times the root of the number of steps."""
     left = contact.remaining[k]
     before = contact.before[k]
     contact.before[k] = left

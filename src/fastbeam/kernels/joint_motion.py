@@ -5,7 +5,7 @@ x is the distance r . D_1 or the angle by which b has turned against a about D_1
     G = -k ((x_n + x_n+1)/2 - x_rest) - c Dx/h + F,     F the mean of a force of time over the step                      (4.14)
 
 a distance gets the force G D_1,mean as in joint_conditions.py. An angle gets the moment T a, a = D_1,mean, on b and the opposite
-on a. As both triads keep the axis, theta_b - theta_a is parallel to a, and the moments do the work T w, w = a . (theta_b - theta_a):
+on a. As both triads keep the axis, theta_b - theta_a is parallel to a; the moments do the work T w, w = a . (theta_b - theta_a):
 
     T = G Dx/w,     tan(Dx/2) = p/q,  p = w/(2 a.a),  q = 1 + theta_a . theta_b/4                                       (4.15)
 
@@ -218,8 +218,8 @@ def push_distance(motion, c, system, force, slope):
 
 @kernel
 def push_angle(motion, c, system, turn, force, slope):
-    """The moment force x turn.ratio along the mean axis on b and the opposite on a; slope: derivative of the force by the angle at
-    the end."""
+    """The moment force x turn.ratio along the mean axis on b and the opposite on a; slope: derivative of the force by the angle
+    at the end."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     moment = force * turn.ratio

@@ -88,7 +88,8 @@ class BeamOptions(TypedDict, total=False):
 @checked(owner=Anything(), index=Anything(), offset=Vector)
 @dataclass(frozen=True, eq=False)
 class NodeRef:
-    """One node of a beam, or a point fixed to a rigid body, a point mass or the ground. Made by `beam.start`, `body.point(...)` and so on.
+    """One node of a beam, or a point fixed to a rigid body, point mass or the ground. Made by `beam.start`, `body.point(...)` and
+    so on.
 
     Attributes
     ----------

@@ -50,14 +50,14 @@ class AxisJoint(Link):
         who = self.kind if self.name is None else checks.label(self.kind, self.name)
         for side in (self.a, self.b):
             if isinstance(getattr(side, "owner", None), PointMass):
-                raise SceneError(f"{who}: {side.owner.label} has no rotation; join a RigidBody, a point of one or a node of a beam, "
-                                 "or use BallJoint or DistanceJoint")
-        sides = {"a": self.a, "b": self.b}
-        for one, other in (("a", "b"), ("b", "a")):
-            if isinstance(sides[one], Ground) and not isinstance(sides[other], Ground):
-                checks.fill(self, **{one: GROUND.point(_place(sides[other]))})
-        if isinstance(self.a, Ground) or isinstance(self.b, Ground):
+                raise SceneError(f"{who}: {side.owner.label} has no rotation; join a RigidBody, a point of one or a node of a "
+                                 "beam, or use BallJoint or DistanceJoint")
+        fixed = [isinstance(side, Ground) or side.owner.kind == "ground" for side in (self.a, self.b)]
+        if all(fixed):
             raise SceneError(f"{who}: both sides are the ground; one has to belong to something that moves")
+        for name, side, other in (("a", self.a, self.b), ("b", self.b, self.a)):
+            if isinstance(side, Ground):
+                checks.fill(self, **{name: GROUND.point(_place(other))})
         super().__post_init__()
 
     @property
@@ -70,11 +70,6 @@ class AxisJoint(Link):
     def motor(self) -> Any:
         """Force or torque on what it leaves free: a number, a function of time, or None."""
         return None
-
-    @property
-    def axes(self) -> tuple[Array, Array]:
-        """D_1 of a and the direction in b that the conditions name, in space at t = 0, both [3]."""
-        raise NotImplementedError
 
 
 def _place(node: NodeRef) -> Array:
@@ -99,7 +94,7 @@ class OneAxisJoint(AxisJoint):
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `AxisJoint`."""
+        """D_1 of a and the direction in b that the conditions name, in space at t = 0, both [3]."""
         return self.axis, self.axis
 
 
@@ -240,7 +235,7 @@ class PlanarJoint(AxisJoint):
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `AxisJoint`."""
+        """As of `OneAxisJoint`."""
         return self.normal, self.normal
 
 
@@ -282,5 +277,5 @@ class UniversalJoint(AxisJoint):
 
     @property
     def axes(self) -> tuple[Array, Array]:
-        """As of `AxisJoint`."""
+        """As of `OneAxisJoint`."""
         return self.axis_a, self.axis_b

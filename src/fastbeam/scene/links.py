@@ -26,8 +26,8 @@ class Link:
     def __post_init__(self) -> None:
         a, b = self.a, self.b
         if a.owner.kind == b.owner.kind == "ground":
-            raise SceneError(f"{self.kind if self.name is None else checks.label(self.kind, self.name)}: both sides are the ground; "
-                             "one has to belong to something that moves")
+            who = self.kind if self.name is None else checks.label(self.kind, self.name)
+            raise SceneError(f"{who}: both sides are the ground; one has to belong to something that moves")
         if a.owner is b.owner and a.index == b.index and (a.offset == b.offset).all():
             who = self.kind if self.name is None else checks.label(self.kind, self.name)
             same = a.label if isinstance(a.owner, Beam) else a.owner.label

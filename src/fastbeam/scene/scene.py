@@ -8,11 +8,13 @@ from typing import Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
+from fastbeam import notebook
 from fastbeam.arguments import Flag, Name, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
@@ -27,9 +29,9 @@ from fastbeam.scene.sliders import Slider
 from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link | PrescribedMotion | UserForce)
+        | RigidMotion | Slider | Link | PrescribedMotion | Drag | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, UserForce)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, Drag, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -57,7 +59,7 @@ class APart:
 
 
 @checked(parts=APart(), name=Name(), gravity=Vector, gravity_time=Factor(), project_velocities=Flag())
-class Scene:
+class Scene(notebook.Parts):
     """A set of parts under one gravity.
 
     Parameters
@@ -155,6 +157,11 @@ class Scene:
     def prescribed(self) -> list[PrescribedMotion]:
         """All supports that move as functions of time."""
         return self._of(PrescribedMotion)
+
+    @property
+    def drags(self) -> list[Drag]:
+        """All drags."""
+        return self._of(Drag)
 
     @property
     def rigid(self) -> list[RigidConnection]:
@@ -446,7 +453,7 @@ class Scene:
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, UserForce)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
@@ -483,6 +490,8 @@ def _owners(part: Part) -> list[Any]:
         owners.append(part.beam)
     if isinstance(part, RigidMotion):
         owners.extend(part.objects or ())
+    if isinstance(part, Drag):
+        owners.append(part.on)
     return owners
 
 

@@ -1,0 +1,80 @@
+"""Drag of beams, nets, bodies and masses in air."""
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+from fastbeam.arguments import Name, Number, Refusal, Vector, checked, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import Array
+from fastbeam.scene.nets import Net
+from fastbeam.scene.parts import ZERO, PointMass, RigidBody
+
+NOT_NEGATIVE = Number(least=0.0)
+
+
+@dataclass(frozen=True)
+class InAir:
+    """A Beam, Net, RigidBody or PointMass."""
+
+    def __call__(self, value: Any) -> Any:
+        if isinstance(value, NodeRef):
+            raise Refusal(f"must be a Beam, Net, RigidBody or PointMass, got {value}; give {value.owner.label} itself")
+        if not isinstance(value, (Beam, Net, RigidBody, PointMass)):
+            raise Refusal(f"must be a Beam, Net, RigidBody or PointMass, got {shown(value)}")
+        return value
+
+
+@checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Vector)
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`.
+
+    On beams and nets the coefficients are those of a length, and velocities are split along d1 and across it; on bodies and
+    masses the force acts at the centre and has no direction of its own, so there is no `tangential`. `linear` alone, alpha x
+    rhoA or alpha x mass, is damping proportional to mass.
+
+    Parameters
+    ----------
+    name : str
+    on : Beam, Net, RigidBody, PointMass
+    normal, tangential : float
+        Force over the square of the velocity across and along the beam, N s^2/m^3, of a body N s^2/m^2; >= 0. Of a round wire of
+        diameter d normal is about 0.6 rho d, rho the density of the air: half of 1.2 rho d.
+    linear : float
+        Force over velocity, N s/m^2, of a body N s/m; >= 0.
+    air : array_like (3,)
+        Velocity of the air, m/s.
+
+    Raises
+    ------
+    SceneError
+        A coefficient is negative, all are zero, or a body has a tangential one.
+    """
+
+    kind: ClassVar[str] = "drag"
+
+    name: str
+    on: Beam | Net | RigidBody | PointMass
+    _: KW_ONLY
+    normal: float = 0.0
+    tangential: float = 0.0
+    linear: float = 0.0
+    air: Array = ZERO
+
+    def __post_init__(self) -> None:
+        if self.normal == self.tangential == self.linear == 0.0:
+            raise SceneError(f"{self.label}: give normal, tangential or linear")
+        if self.tangential > 0.0 and not self.is_slender:
+            raise SceneError(f"{self.label}: {self.on.label} has no direction; give normal, its whole resistance")
+
+    @property
+    def label(self) -> str:
+        """`drag 'name'`."""
+        return f"{self.kind} {self.name!r}"
+
+    @property
+    def is_slender(self) -> bool:
+        """Whether the direction of a beam counts."""
+        return isinstance(self.on, (Beam, Net))

@@ -1,0 +1,111 @@
+"""Drag in still and moving air against exact answers, and the energy that it takes."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+Array = np.ndarray
+G = 9.81
+ROUND_OFF = 1e-12
+ROPE = fb.Section.circle(radius=0.01, E=1e7, rho=1000.0)
+
+
+def rope(**options: Any) -> fb.Beam:
+    return fb.Beam.straight("rope", (0, 0, 0), (2, 0, 0), section=ROPE, elements=5, degree=3, **options)
+
+
+def extrapolated(values: list[float]) -> float:
+    """From steps h, h/2, h/4 of a method of second order that is symmetric in time."""
+    first = [b + (b - a) / 3.0 for a, b in zip(values, values[1:])]
+    return first[1] + (first[1] - first[0]) / 15.0
+
+
+@pytest.mark.parametrize(("what", "planar"), [("mass", "auto"), ("rope", "auto"), ("rope", False)])
+def test_what_falls_has_the_exact_velocity(what: str, planar: bool | str) -> None:
+    """v = v_inf tanh(g t/v_inf), v_inf^2 = m g/k; a rope that lies across the fall stays straight."""
+    k, m = 0.3, ROPE.rhoA if what == "rope" else 0.5
+    limit = np.sqrt(m * G / k)
+    part = rope() if what == "rope" else fb.PointMass("mass", mass=m, position=(0, 0, 0))
+    model = fb.compile_scene(fb.Scene(part, fb.Drag("air", part, normal=k, tangential=k if what == "rope" else 0.0),
+                                      gravity=(0, 0, -G)), planar=planar)
+    found = []
+    for steps in (50, 100, 200):
+        run = fb.simulate(model, t_end=0.5, step=0.5 / steps, progress=False)
+        found.append(float(run.state.v.reshape(-1, 12)[0, 2]))
+        assert run.drift("balance") < ROUND_OFF and "lin_mom" not in run.info["conserved"]
+        assert np.all(np.diff(run.series["losses"][:, 0]) > 0.0)
+    exact = -limit * np.tanh(G * 0.5 / limit)
+    errors = np.abs(np.array(found) - exact)
+    assert np.all(np.log2(errors[:-1] / errors[1:]) > 1.9) and abs(extrapolated(found) - exact) < 1e-6 * abs(exact)
+
+
+def test_along_a_rope_the_tangential_coefficient_counts_and_a_linear_one_in_all_directions() -> None:
+    """v' = -k v^2/m, and v' = -c v/m."""
+    for direction, coefficients in (((1, 0, 0), {"tangential": 0.2}), ((0.6, 0, 0.8), {"linear": 2.0 * ROPE.rhoA})):
+        beam = rope()
+        model = fb.compile_scene(fb.Scene(beam, fb.Drag("air", beam, **coefficients),
+                                          fb.RigidMotion(velocity=3.0 * np.array(direction))))
+        found = []
+        for steps in (50, 100, 200):
+            run = fb.simulate(model, t_end=0.5, step=0.5 / steps, progress=False)
+            assert run.drift("balance") < ROUND_OFF
+            found.append(float(run.state.v.reshape(-1, 12)[0, :3] @ direction))
+        exact = 3.0 * np.exp(-1.0) if "linear" in coefficients else 3.0 / (1.0 + 0.5 * 0.2 * 3.0 / ROPE.rhoA)
+        assert abs(extrapolated(found) - exact) < 1e-6 * exact
+
+
+def in_the_wind(planar: bool | str) -> fb.Model:
+    """A hanging rope with a ball at its end in a wind, from a horizontal start."""
+    beam = rope()
+    ball = fb.RigidBody("ball", mass=0.05, inertia=(1e-4, 1e-4, 1e-4), position=(2, 0, 0))
+    return fb.compile_scene(fb.Scene(
+        beam, ball, fb.RigidConnection(beam.end, ball), fb.Pin(beam.start), gravity=(0, 0, -G),
+        *(fb.Drag(f"wind on {x.name}", x, normal=0.05, linear=0.01, air=(4.0, 0.0, 1.0)) for x in (beam, ball))), planar=planar)
+
+
+def test_a_plane_gives_the_numbers_of_space_and_books_close_in_moving_air() -> None:
+    flat, space = (fb.simulate(in_the_wind(planar), t_end=0.5, step=0.005, progress=False) for planar in (True, False))
+    assert flat.drift("balance") < ROUND_OFF and space.drift("balance") < ROUND_OFF
+    np.testing.assert_allclose(flat.state.q, space.state.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(flat.series["losses"], space.series["losses"], rtol=1e-9, atol=1e-13)
+    assert flat.names["losses"] == ["drag 'wind on rope' on beam 'rope'", "drag 'wind on ball' on body 'ball'"]
+    assert flat.info["iterations"] < 5 * flat.info["steps"]
+
+
+def test_a_wind_carries_a_mass_along_and_gives_the_energy() -> None:
+    """Relative to the air w' = -c w/m."""
+    mass = fb.PointMass("leaf", mass=0.5, position=(0, 0, 0))
+    model = fb.compile_scene(fb.Scene(mass, fb.Drag("wind", mass, linear=1.0, air=(0, 3, 0))))
+    run = fb.simulate(model, t_end=5.0, step=0.01, progress=False)
+    assert run.drift("balance") < ROUND_OFF
+    np.testing.assert_allclose(run.state.v[:3], (0.0, 3.0 * (1.0 - np.exp(-10.0)), 0.0), rtol=0, atol=1e-5)
+    assert abs(run.series["losses"][-1, 0] + run.series["kinetic"][-1]) < 1e-12
+
+
+def test_a_run_goes_on_from_a_checkpoint_bit_for_bit() -> None:
+    model = in_the_wind(True)
+    whole = fb.simulate(model, t_end=0.2, step=0.005, every=10, progress=False)
+    half = fb.simulate(model, t_end=0.1, step=0.005, every=10, progress=False)
+    rest = fb.simulate(model, t_end=0.2, step=0.005, every=10, start=half.checkpoint, progress=False)
+    assert all(np.array_equal(a, b) for a, b in zip(whole.state, rest.state))
+
+
+def test_what_drag_does_not_go_together_with_is_refused() -> None:
+    model = in_the_wind(True)
+    for options, says in (({"order": 4}, "backward in time"), ({"method": "midpoint"}, "no damping")):
+        with pytest.raises(fb.SceneError, match=says):
+            fb.simulate(model, t_end=0.1, step=0.01, progress=False, **options)
+    with pytest.raises(fb.SceneError, match="planar|plane"):
+        beam = rope()
+        fb.compile_scene(fb.Scene(beam, fb.Drag("air", beam, normal=1.0, air=(0, 1, 0)), fb.Clamp(beam.start),
+                                  gravity=(0, 0, -G)), planar=True)
+    ball = fb.PointMass("ball", mass=1.0, position=(0, 0, 0))
+    refused = ((lambda: fb.Drag("air", ball, tangential=1.0), "no direction"), (lambda: fb.Drag("air", ball), "give normal"),
+               (lambda: fb.Drag("air", beam.end, normal=1.0), "beam 'rope' itself"))
+    for make, says in refused:
+        with pytest.raises(fb.SceneError, match=says):
+            make()
