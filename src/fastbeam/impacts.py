@@ -12,6 +12,7 @@ from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, veloci
 from .mapping import contact
 from .model import Model
 from .nearest import nearest
+from .starting import direction_rates
 
 Array = np.ndarray
 # time of an impact where there was none, s
@@ -138,8 +139,9 @@ def jump(model: Model, state: State, k: int, lead: Array, change: Array) -> tupl
         leads = lead if j == k else np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
         rows.append(sparse.csr_matrix(leads) @ matrix[3 * j:3 * j + 3])
         right.append(change if j == k else np.zeros(len(leads)))
-    rows.append(matrix[3 * len(tangents):])
-    right.append(np.zeros(matrix.shape[0] - 3 * len(tangents)))
+    for others in (matrix[3 * len(tangents):], *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
+        rows.append(others)
+        right.append(np.zeros(others.shape[0]))
     free = free_unknowns(model)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)

@@ -306,10 +306,17 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             for c in range(3):
                 out[2 * k + j, 12 * nodes + c] = -values * axis[c]
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
-    x = q[:, 0]
     own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in model.kept]
-    directions = []
-    for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q.reshape(-1, 4, 3))):
+    directions, off = direction_rates(model, q, s)
+    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, q), *directions), format="csr"),
+            np.concatenate((gaps, *own, *off)))
+
+
+def direction_rates(model: Model, q: Array, s: Array) -> tuple[list[Any], list[Array]]:
+    """Of every sleeve the directions of its section as a matrix on the coordinates, sparse, and their values; q [N, 4, 3]."""
+    from scipy import sparse
+    x, directions, off = q[:, 0], [], []
+    for (k, _), section in zip(model.sleeve_pairs, sections(model, s, q)):
         # the place of the sleeve follows its point along the beam
         nodes, values, slopes = curve_at(model, int(k), s[k])
         tangent = slopes @ x[nodes]
@@ -318,9 +325,8 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             way[0, 12 * nodes + c] = -values * tangent[c] / (tangent @ tangent)
             way[0, 12 * int(model.sliders.point[k]) + c] = tangent[c] / (tangent @ tangent)  # type: ignore[union-attr]
         directions.append(section.by_coordinates(len(x)) + sparse.csr_matrix(section.values(1)[:, None]) @ way.tocsr())
-        own.append(section.values())
-    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, q), *directions), format="csr"),
-            np.concatenate((gaps, *own)))
+        off.append(section.values())
+    return directions, off
 
 
 def turned(triads: Array, spins: Array) -> Array:

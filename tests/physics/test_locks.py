@@ -141,6 +141,24 @@ def test_a_telescope_that_latches_keeps_its_momentum(planar: Any) -> None:
     assert result.drift("lin_mom") < 1e-13 and balanced(result)
 
 
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_telescope_that_latches_off_its_axis_turns_as_one_body(planar: Any) -> None:
+    # the head passes 0.5 m beside the rod with 1.5 m/s: behind the latch both are one rigid body
+    tube = fb.Beam.straight("tube", (0, 0, 0), (1, 0, 0), section=RAIL, elements=2)
+    hub = fb.RigidBody("hub", mass=2.0, inertia=(1.0, 1.0, 1.0), position=(0, 0, 0))
+    head = fb.RigidBody("head", mass=3.0, inertia=(1.0, 1.0, 1.0), position=(0.25, 0, 0.5), velocity=(1.5, 0, 0))
+    sleeve = fb.Sleeve("s", head.point((0, 0, -0.5)), tube, at=0.25, lock=fb.Lock(0.1))
+    tied = [fb.RigidConnection(hub, tube.node(i)) for i in range(tube.n_nodes)]
+    result = run(fb.compile_scene(fb.Scene(tube, hub, head, sleeve, *tied), planar=planar), 0.3)
+    m, x, z = np.array([2.0, RAIL.rhoA, 3.0]), np.array([0.0, 0.5, 0.4]), np.array([0.0, 0.0, 0.5])
+    x0, z0 = m @ x / m.sum(), m @ z / m.sum()
+    inertia = 2.0 + RAIL.rhoA / 12.0 + RAIL.rhoI2 + m @ ((x - x0)**2 + (z - z0)**2)
+    spin = 3.0 * 1.5 * (0.5 - z0) / inertia
+    loss = 0.5 * 3.0 * 1.5**2 - 0.5 * (3.0 * 1.5)**2 / m.sum() - 0.5 * inertia * spin**2
+    assert abs(result.slider("s")["lock_loss"][-1] / loss - 1.0) < 1e-8
+    assert result.drift("lin_mom") < 1e-12 and result.drift("ang_mom") < 1e-12 and balanced(result)
+
+
 def pendulum(planar: Any = "auto", **forces: Any) -> fb.Model:
     """A bead on a rigid rod that swings about its start."""
     rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=RAIL, elements=2)
