@@ -83,13 +83,26 @@ class Exports:
         BackendError
             pandas is missing.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise BackendError("tables need pandas: pip install pandas; result.series holds the same as arrays") from error
+        pandas = import_pandas()
         frame = pandas.DataFrame(columns_of(self.series, self.names), index=pandas.Index(self.t, name="t"))
         frame.attrs |= {key: value for key, value in self.info.items() if isinstance(value, (str, int, float))}
         return frame
+
+
+def import_pandas() -> Any:
+    """The module pandas.
+
+    Raises
+    ------
+    BackendError
+        It is missing.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise BackendError("tables need pandas: pip install pandas; .series of results and .rows of sweeps hold the same"
+                           ) from error
+    return pandas
 
 
 def html_of(result: Any) -> str:
