@@ -138,22 +138,32 @@ class PathSolver(SlidingSolver):
     def eigenvalue(self, k: int) -> float:
         """The k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not found. That
         of number k changes its sign where k + 1 directions become unstable after k."""
+        found = self._eigen(k + 1)
+        return np.nan if found is None or found[0].size <= k else float(found[0][k])
+
+    def critical_direction(self, k: int) -> Direction | None:
+        """Of the eigenvalue next to zero among the lowest k + 2, its largest component positive."""
+        found = self._eigen(k + 2)
+        if found is None or not found[0].size:
+            return None
+        v = found[1][:, int(np.argmin(np.abs(found[0])))]
+        return Direction(v * np.sign(v[np.argmax(np.abs(v) * np.sqrt(self._weight))]), 0.0)
+
+    def _eigen(self, n: int) -> tuple[Array, Array] | None:
+        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1."""
         from scipy import sparse
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
-        n = int(np.sum(~saddle.multiplier))
+        k = int(np.sum(~saddle.multiplier))
         free = np.append(self.contacts.free(len(self.core.dofs)), np.ones(self.sliding.size))
-        mass = sparse.diags(self._weight[:n] * free, format="csr")
+        mass = sparse.diags(self._weight[:k] * free, format="csr")
         matrix = (0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
         try:
-            found = lowest(Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((n, 0))), k + 1, self._backend)
+            v = lowest(Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((k, 0))), n, self._backend).vectors
         except SingularError:
-            return np.nan
-        if found.values.size <= k:
-            return np.nan
-        # not set to zero where it is round-off
-        v = found.vectors[:, k]
-        return float(v @ (matrix @ v))
+            return None
+        # not set to zero where they are round-off
+        return np.sum(v * (matrix @ v), axis=0), v
 
     def unstable(self) -> int | None:
         """Number of negative eigenvalues of the tangent; None where moments leave it undecided."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arc_length import Direction, PathSolver, root
-from .arguments import Anything, Count, Number, Word, checked
+from .arguments import Anything, Count, Number, Refusal, Word, checked, shown, whole
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.work import State
@@ -17,6 +17,7 @@ from .model import Model, check_model
 from .newton import BACKENDS
 from .observe import POINTS, Observer
 from .progress import Progress
+from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
@@ -27,16 +28,32 @@ Array = np.ndarray
 LEAST_COSINE = 0.9
 # iterations up to which steps grow, and by how much
 FEW, GROWTH = 5, 1.5
+# a slider that near to an end, as a share of its beam, is what stops a path
+AT_END = 1e-3
 STEP = Number(above=0.0, most=10.0)
+KINDS = ("limit", "bifurcation")
+
+
+def which_branch(value: Any) -> int:
+    """1 or -1.
+
+    Raises
+    ------
+    Refusal
+    """
+    side = whole(value)
+    if side not in (1, -1):
+        raise Refusal(f"must be 1 or -1, the side to which the path branches off, got {shown(value)}")
+    return side
 
 
 @checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
          most_points=Count(most=1_000_000), at_time=Number(unit="s"), points=POINTS, held=which_sliders,
-         max_iterations=Count(most=10_000), backend=Word())
+         max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch)
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
                largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500, at_time: float | None = None,
                points: Mapping[str, Any] | None = None, held: bool | str | Sequence[str] = False, max_iterations: int = 15,
-               backend: str = "auto") -> Result:
+               backend: str = "auto", stop_at: str | None = None, side: int | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
     length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 
@@ -65,6 +82,10 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     max_iterations : int
         Newton iterations a step.
     backend : {'auto', 'pardiso', 'superlu'}
+    stop_at : {'limit', 'bifurcation'}, optional
+        End at the first critical point of this kind.
+    side : {1, -1}, optional
+        Leave the start, a bifurcation (`stop_at`), on the other path that goes through it, to this side.
 
     Returns
     -------
@@ -85,6 +106,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     check_model("solve_path", model)
     stays = held_sliders(model, held)
     check_slider_forces("solve_path", model, stays)
+    if model.user_forces:
+        raise SceneError(f"solve_path: user force {model.user_forces[0]!r} is no load that grows by one factor; use solve_static, "
+                         "which scales it, or leave it out")
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     step = min(step, largest_step)
@@ -98,9 +122,12 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     factors = load_factors_at("solve_path", model, at_time)
     if start is not None:
         start, _ = check_start(model, start, 1.0, at_rest=True)
+    if side is not None and start is None:
+        raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
+                         "load_factor=")
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor)
     check_supports(model, solver.stepper.plane is not None)
-    return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to)
+    return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to, stop_at, side)
 
 
 class _Path:
@@ -110,6 +137,7 @@ class _Path:
                  smallest: float, most: int) -> None:
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
+        self.resolution = Resolution(model)
         self.observer = Observer(model, ("slider",), points)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
                                      "counted_in": "space" if solver.stepper.plane is None else "plane"}
@@ -129,18 +157,21 @@ class _Path:
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
+        self.resolution.look(self.length, state.q)
         self.rows += 1
         self.iterations += iterations
 
     def finish(self) -> Result:
         """The result so far."""
+        for event in self.resolution.events():
+            self.buffer.event(event)
         result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,
                                                 "wall_time": time.perf_counter() - self.begin})
         result.state = State(*(x.copy() for x in self.solver.state))
         return result
 
-    def to(self, to: float) -> Result:
-        """Until this load factor.
+    def to(self, to: float, stop_at: str | None, side: int | None) -> Result:
+        """Until this load factor, or a critical point of this kind; side: of the bifurcation that it begins at.
 
         Raises
         ------
@@ -149,7 +180,7 @@ class _Path:
         bar = Progress(float(self.most), f"{self.model.scene_name}: path")
         try:
             with Interrupts() as self.solver.interrupts:
-                self._go(to, bar)
+                self._go(to, stop_at, side, bar)
         except KeyboardInterrupt as stopped:
             bar.close()
             result = self.finish()
@@ -158,9 +189,9 @@ class _Path:
         bar.close()
         return self.finish()
 
-    def _go(self, to: float, bar: Progress) -> None:
+    def _go(self, to: float, stop_at: str | None, side: int | None, bar: Progress) -> None:
         solver = self.solver
-        along = self._first(to)
+        along = self._first(to) if side is None else self._off(side)
         unstable, sign = solver.unstable(), np.sign(along.factor)
         self.record(0, 0.0, unstable)
         while self.rows < self.most:
@@ -174,7 +205,10 @@ class _Path:
                 continue
             counted, size = solver.unstable(), self.step
             found = None
-            if after.factor * sign < 0.0:
+            if self.rows == 1 and side is not None:
+                # what changes on the way off is no event
+                sign = np.sign(after.factor)
+            elif after.factor * sign < 0.0:
                 # to the limit point first
                 sign = -sign
                 found = self._limit(before, along, after)
@@ -196,6 +230,8 @@ class _Path:
             self.length += size
             self.record(iterations, size, counted)
             bar.update(1.0)
+            if found is not None and self.info["critical_points"][-1]["kind"] == stop_at:
+                return
             along, unstable = after, counted
             self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
         text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
@@ -222,6 +258,19 @@ class _Path:
                                    state=solver.state, result=self.finish())
         return along
 
+    def _off(self, side: int) -> Direction:
+        """The first direction on the other path through a bifurcation.
+
+        Raises
+        ------
+        ConvergenceError
+        """
+        off = self.solver.critical_direction(self.solver.unstable() or 0)
+        if off is None:
+            raise ConvergenceError("solve_path: no direction was found in which a path branches off the start",
+                                   state=self.solver.state, result=self.finish())
+        return Direction(side * off.x, 0.0)
+
     def _direction(self, along: Direction) -> Direction:
         return self.solver.direction(along) or along
 
@@ -235,10 +284,17 @@ class _Path:
         """
         if self.step <= self.smallest:
             bar.close()
-            result = self.finish()
-            raise ConvergenceError(f"load factor {self.solver.factor:.6g}: the smallest step of the path fails; the last "
-                                   "equilibrium is in .state, everything until then in .result", step=self.rows - 1,
-                                   time=self.length, state=result.state, result=result)
+            solver, result = self.solver, self.finish()
+            where = self.model.node_label(solver.stepper.worst_node()[0])
+            to_end = np.min(np.abs(solver.stepper.core_state.s - solver.ends.T), axis=0) / solver.lengths
+            if self.rows == 1 and solver.sliding.any():
+                where += ("; a slider whose contact carries no force yet has no place of its own: hold it (held=True), or begin "
+                          "with start=solve_static(...).state and its load_factor")
+            elif np.any(to_end < AT_END):
+                where += f"; slider {self.model.names['sliders'][int(np.argmin(to_end))]!r} comes to an end of its beam"
+            raise ConvergenceError(f"load factor {solver.factor:.6g}: the smallest step of the path fails, the largest residual "
+                                   f"is at {where}; the last equilibrium is in .state, everything until then in .result",
+                                   step=self.rows - 1, time=self.length, worst=where, state=result.state, result=result)
         self.step = max(self.smallest, 0.5 * self.step)
 
     def _located(self, before: tuple[Any, ...], along: Direction, f: Callable[[], float], first: float, last: float,
@@ -287,5 +343,5 @@ class _Path:
         point = {"kind": kind, "load_factor": float(self.solver.factor), "length": length, "row": self.rows}
         self.info["critical_points"].append(point)
         text = ("limit point: loads cannot grow beyond it, or not fall" if kind == "limit" else
-                "bifurcation: another path branches off; an imperfection in the shape of fb.modes(...) leads to it")
+                "bifurcation: another path branches off; side= leads there (see solve_path)")
         self.buffer.event({"kind": kind, "time": length, "text": f"load factor {self.solver.factor:.12g}: {text}"})

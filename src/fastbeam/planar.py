@@ -263,8 +263,9 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
-        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties, held=_held(model.held),
-        static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
+        bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
+        held=_held(model.held), static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v,
+        dofs=PLANE))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:

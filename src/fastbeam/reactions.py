@@ -37,8 +37,8 @@ class Reactions:
         core = self.own.core
         self.holding = holding = stepper.model.holding
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
-        along, laws = (None, self.own.law_work) if static else (stepper.along, stepper.law_work)
-        terms = terms_of(core, None, static, along, law_work=laws)
+        of = self.own if static else stepper
+        terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         self.links, self.kept_names = stepper.model.kept, stepper.model.kept_names
@@ -71,6 +71,8 @@ class Reactions:
         h : float
         """
         own = self.own
+        if own.motion is not None:
+            own.motion.given[:] = self.stepper.motion.given
         state = before._replace(force=own.core_state.force)
         return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
 

@@ -186,7 +186,8 @@ def section_forces(model: Model, shapes: Result | State, beam: Beam, s: Any = No
     -------
     SectionForces
         N, Q2, Q3, T, M2, M3 [n, m] and more. In an element they are polynomials through the points of its strain energy: forces
-        and the moments about a fixed point, which follow what acts on the element (theory.md 2.1).
+        and the moments about a fixed point, which follow what acts on the element (theory.md (2.7)). Elastic forces: those of
+        `damping` are not in them.
 
     Raises
     ------

@@ -25,6 +25,7 @@ AT_REST = 1e-8
 SETTLED = 1e-9
 # share of the loads that may push along free motions as round-off
 UNBALANCED = 1e-9
+LEAST = 12
 
 
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
@@ -77,6 +78,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
     about = Linearisation(model, state, ~stays, factors, flat)
+    about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if not np.any(about.mass.diagonal() > 0.0):
         raise SceneError("modes: nothing that may move has a mass; give sections rhoA, or bodies")
     try:
@@ -99,7 +101,8 @@ def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
     k = about.free.size
     for _ in range(4):
         pencil, right = about.assembled()
-        found = lowest(pencil, n, backend)
+        # all free motions of a rigid scene, for what follows
+        found = lowest(pencil, max(n, LEAST), backend)
         # what pushes along free motions: round-off, or it is no equilibrium
         free = found.vectors[:k, np.real(found.values) == 0.0]
         along = free.T @ right[:k]
@@ -118,7 +121,9 @@ def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
         if np.linalg.norm(change) <= SETTLED * np.linalg.norm(about.stepper.core_state.force):
             break
         about.add_forces(change)
-    return found
+    # no half of a pair
+    n -= int(0 < n < found.values.size and np.imag(found.values[n - 1]) > 0.0)
+    return found._replace(values=found.values[:n], vectors=found.vectors[:, :n], noise=found.noise[:n])
 
 
 def _no_equilibrium(about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:

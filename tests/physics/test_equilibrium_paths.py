@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg as dense
 from scipy.optimize import brentq, minimize_scalar
+from scipy.special import ellipe, ellipk
 
 import fastbeam as fb
 from fastbeam import equilibrium_paths
@@ -117,9 +118,9 @@ def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeyp
 
     monkeypatch.setattr(equilibrium_paths._Path, "record", watch)
     half = np.deg2rad(107.5)
-    arch = fb.Beam.arc("arch", (-np.sin(half), 0, np.cos(half)), (np.cos(half), 0, np.sin(half)),
-                       (np.sin(half), 0, -np.cos(half)),
-                       radius=1.0, angle=2 * half, section=section(1e5, 1e5, 1.0), elements=16)
+    start, tangent = (-np.sin(half), 0, np.cos(half)), (np.cos(half), 0, np.sin(half))
+    arch = fb.Beam.arc("arch", start, tangent, (np.sin(half), 0, -np.cos(half)), radius=1.0, angle=2 * half,
+                       section=section(1e5, 1e5, 1.0), elements=16)
     scene = fb.Scene(arch, fb.Clamp(arch.start), fb.Pin(arch.end), fb.Load("top", arch.at(arch.length / 2), force=(0, 0, -10.0)))
     result = fb.solve_path(fb.compile_scene(scene))
     limits = 10.0 * np.array(critical(result, "limit"))
@@ -129,7 +130,7 @@ def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeyp
 
 
 def test_frame_of_lee_snaps_back() -> None:
-    """Two legs of 120 cm, E = 720, sections 3 x 2; limit loads 1.85 and -0.94 (with shear; Lee, Manuel, Rossow 1968)."""
+    """Two legs of 120 cm, E = 720, sections 3 x 2; limit loads 1.85 and -0.94 (S. Lee, F. Manuel, E. Rossow, 1968)."""
     E, area, inertia = 720.0, 6.0, 2.0
     leg = section(E * area, E / 2.6 * area * 5 / 6, E * inertia)
     column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 120), section=leg, elements=5)
@@ -141,3 +142,52 @@ def test_frame_of_lee_snaps_back() -> None:
     rows = [point["row"] for point in result.info["critical_points"]]
     z = result.point("load")[rows[0]:rows[1] + 1, 2]
     assert np.any(np.diff(z) > 0.0) and np.any(np.diff(z) < 0.0), "the load falls and its place turns back"
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_column_buckles_along_its_elastica(side: int) -> None:
+    """P L^2/EI = K(k)^2, height 2 E/K - 1, deflection 2 k/K; what is left is its stretch."""
+    critical_load = np.pi**2 / 4.0
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=16)
+    load = fb.Load("press", column.end, force=(0, 0, -2.0 * critical_load))
+    model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), load))
+    at = fb.solve_path(model, stop_at="bifurcation")
+    assert len(at.info["critical_points"]) == 1 and at.info["critical_points"][0]["row"] == len(at.t) - 1
+    factor = float(at.series["load_factor"][-1])
+    bent = fb.solve_path(model, start=at.state, load_factor=factor, side=side, to=0.576, points={"tip": column.end})
+    k = brentq(lambda k: ellipk(k * k)**2 - 0.576 * 2.0 * critical_load, 1e-3, 0.99)
+    x, y, z = bent.point("tip")[-1]
+    assert np.hypot(x, y) == pytest.approx(2.0 * k / ellipk(k * k), rel=1e-6)
+    assert z == pytest.approx(2.0 * ellipe(k * k) / ellipk(k * k) - 1.0, rel=1e-5)
+    assert np.all(bent.series["unstable_directions"][1:] == 0.0) and bent.info["critical_points"] == []
+    other = fb.solve_path(model, start=at.state, load_factor=factor, side=-side, to=0.576, points={"tip": column.end})
+    np.testing.assert_allclose(other.point("tip")[-1], [-x, -y, z], atol=1e-9)
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    ({"to": 0.0}, "to: the path begins at load factor 0 and has no way to go"),
+    ({"step": 0.2, "largest_step": 0.1, "smallest_step": 0.15}, "step: needs smallest_step <= step and <= largest_step"),
+    ({"side": 1}, "side: needs a start on a bifurcation"), ({"side": 2}, "side: must be 1 or -1"),
+    ({"stop_at": "snap"}, "'snap' does not exist: choose 'limit' or 'bifurcation'"),
+    ({"backend": "mumps"}, "backend 'mumps' does not exist"), ({"held": "ring"}, "has no slider 'ring'"),
+    ({"start": 3}, "start: must be a State"), ({"arc": 3}, "has no argument 'arc'")])
+def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=2)
+    model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), fb.Load("press", column.end, force=(0, 0, -1.0))))
+    with pytest.raises(fb.SceneError, match=message):
+        fb.solve_path(model, **arguments)
+
+
+def test_paths_that_do_not_begin_or_end_say_so() -> None:
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=2)
+    with pytest.raises(fb.SceneError, match="solve_path: the scene has no loads that could grow"):
+        fb.solve_path(fb.compile_scene(fb.Scene(column, fb.Clamp(column.start))))
+    model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), fb.Load("across", column.end, force=(1.0, 0, 0))))
+    short = fb.solve_path(model, most_points=3)
+    assert [event["kind"] for event in short.events] == ["stopped"] and len(short.t) == 3
+    ring = fb.PointMass("ring", mass=1.0)
+    slides = fb.Scene(column, fb.Clamp(column.start), ring, fb.Slider("fall", ring, column, at=0.9), gravity=(1.0, 0, 0))
+    with pytest.raises(fb.ConvergenceError, match=r"the largest residual is at .*hold it \(held=True\)"):
+        fb.solve_path(fb.compile_scene(slides))
+    rest = fb.solve_path(model, start=short.state, load_factor=float(short.series["load_factor"][-1]))
+    np.testing.assert_allclose(rest.state.q, fb.solve_static(model).state.q, atol=1e-11)

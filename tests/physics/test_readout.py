@@ -204,3 +204,29 @@ def test_section_forces_refuse_what_is_not_there():
                             ((model, fb.compile_scene(fb.Scene(other)).state(), beam), "has shape")):
         with pytest.raises(fb.SceneError, match=text):
             fb.section_forces(*arguments)
+
+
+def test_a_hinge_with_a_motor_and_a_moving_support_balance():
+    """Reactions of a revolute joint with spring and motor, and of a support that moves, make up the change of momentum."""
+    arm = fb.RigidBody("arm", mass=1.5, inertia=np.diag([0.02, 0.05, 0.04]), position=(0.4, 0, 0))
+    base = fb.RigidBody("base", mass=2.0, inertia=np.eye(3) * 0.1, position=(0, 0, 0))
+    hinge = fb.RevoluteJoint(base, arm.point((-0.4, 0, 0)), name="hinge", axis=(0, 0, 1), stiffness=3.0,
+                             torque=lambda t: 0.7 * np.sin(9.0 * t))
+    shaker = fb.PrescribedMotion("shaker", base, displacement=lambda t: (0.02 * np.sin(12.0 * t), 0.0, 0.0),
+                                 rotation=lambda t: np.eye(3))
+    model = fb.compile_scene(fb.Scene(arm, base, hinge, shaker, gravity=(0, -9.81, 0)), planar=False)
+    stepper = ReactingStepper(model, np.ones(1))
+    names = model.reaction_names
+    h = 1e-3
+    at = model.numbers.start(arm)
+    for k in range(30):
+        p0, v0 = momentum(model, stepper.state), stepper.state.v.reshape(-1, 4, 3)[at, 0].copy()
+        outcome = stepper.advance(k * h, h, 1)
+        found = dict(zip(names, outcome.force[1, model.n_forces:].reshape(-1, 2, 3)))
+        change = (momentum(model, stepper.state) - p0) / h
+        assert np.max(np.abs(found["shaker"][0] + 3.5 * np.array([0, -9.81, 0]) - change)) < 1e-8
+        own = 1.5 * (stepper.state.v.reshape(-1, 4, 3)[at, 0] - v0) / h
+        assert np.max(np.abs(found["hinge"][0] + 1.5 * np.array([0, -9.81, 0]) - own)) < 1e-8
+        # the joint leaves the turn about its axis free: no moment there
+        assert abs(found["hinge"][1][2]) < 1e-10
+    assert np.max(np.abs(found["hinge"][0])) > 1.0

@@ -112,7 +112,8 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
     more: dict[str, Callable[[], Any]] = {
         "generator": lambda: (x for x in (1.0, 2.0, 3.0)), "generator of texts": lambda: (x for x in "abc"), "pipe": lambda: pipe,
         "folder": lambda: folder, "nowhere": lambda: folder / "none" / "here", "text file": lambda: folder / "text",
-        "model": model, "result": result, "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
+        "model": model, "result": result, "modes": modes,
+        "state": lambda: model().state(), "checkpoint": lambda: result().checkpoint,
         "state of nan": lambda: model().state()._replace(q=np.full(3, np.nan)),
         "state of texts": lambda: State("q", "v", "s", "f"),
         "state of Nones": lambda: State(None, None, None, None)}
@@ -342,7 +343,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
-            held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
+            held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
+            side=among(1, -1))),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
             held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
