@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
         BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, CylindricalJoint as CylindricalJoint,
-        DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drive as Drive, Friction as Friction,
+        DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive, Friction as Friction,
         GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net, NodeRef as NodeRef,
         OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,

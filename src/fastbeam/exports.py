@@ -12,12 +12,13 @@ import numpy as np
 from . import notebook
 from .arguments import Count, FilePath, Flag, checked
 from .errors import BackendError
+from .readings import ROWS, SECTION
 
 if TYPE_CHECKING:
     from .checkpoint import Checkpoint
     from .kernels.work import State
 
-XYZ = ("x", "y", "z")
+XYZ, PAIR = ("x", "y", "z"), ("force", "moment")
 
 
 class Exports:
@@ -83,13 +84,26 @@ class Exports:
         BackendError
             pandas is missing.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise BackendError("tables need pandas: pip install pandas; result.series holds the same as arrays") from error
+        pandas = import_pandas()
         frame = pandas.DataFrame(columns_of(self.series, self.names), index=pandas.Index(self.t, name="t"))
         frame.attrs |= {key: value for key, value in self.info.items() if isinstance(value, (str, int, float))}
         return frame
+
+
+def import_pandas() -> Any:
+    """The module pandas.
+
+    Raises
+    ------
+    BackendError
+        It is missing.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise BackendError("tables need pandas: pip install pandas; .series of results and .rows of sweeps hold the same"
+                           ) from error
+    return pandas
 
 
 def html_of(result: Any) -> str:
@@ -104,18 +118,19 @@ def html_of(result: Any) -> str:
 
 def columns_of(series: Mapping[str, np.ndarray], names: Mapping[str, list[Any]]) -> dict[str, np.ndarray]:
     """Columns [n] of all series, by names such as 'contact_force[ring].x'."""
-    from .result import ROWS
     out: dict[str, np.ndarray] = {}
     for name, x in series.items():
-        if x.ndim == 1:
-            out[name] = x
-            continue
-        labels = names.get("points" if name == "points" else "sliders", [])
-        rows = x.reshape(len(x), -1)
+        shape = ROWS.get(name, ())
+        kind = shape[0] if shape and isinstance(shape[0], str) else "sliders"
         # the last axis of vectors are components, any other are parts
-        vector = x.shape[-1] == 3 and (x.ndim > 2 or ROWS.get(name) == (3,))
-        for k in range(rows.shape[1]):
-            part, axis = (k // 3, k % 3) if vector else (k, None)
-            label = "" if x.ndim == 2 and vector else f"[{labels[part] if part < len(labels) else part}]"
-            out[f"{name}{label}" + ("" if axis is None else f".{XYZ[axis]}")] = rows[:, k]
+        vector = x.shape[-1] == 3 and (x.ndim > 2 or shape == (3,))
+        for index in np.ndindex(x.shape[1:]):
+            parts = list(index)
+            axis = f".{dict(SECTION).get(name, XYZ)[parts.pop()]}" if vector else ""
+            label = ""
+            if parts:
+                labels, k = names.get(kind, []), parts.pop(0)
+                label = f"[{labels[k] if k < len(labels) and labels.count(labels[k]) == 1 else k}]"
+            label += "".join(f".{PAIR[k] if len(PAIR) > k and x.shape[-2:] == (2, 3) else k}" for k in parts)
+            out[f"{name}{label}{axis}"] = x[(slice(None), *index)]
     return out

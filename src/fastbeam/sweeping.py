@@ -24,6 +24,7 @@ import numpy as np
 from .arguments import Anything, Count, FilePath, Flag, Function, Names, checked, shown
 from .compile import compile_scene
 from .errors import BackendError, ResultFileError, SceneError
+from .exports import import_pandas
 from .halves import on_threads
 from .linsolve import load_mkl
 from .model import Model
@@ -86,11 +87,7 @@ class Sweep:
         BackendError
             pandas is missing.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise BackendError("tables need pandas: pip install pandas; .rows holds the same as dicts") from error
-        return pandas.DataFrame(self.rows)
+        return import_pandas().DataFrame(self.rows)
 
     def __repr__(self) -> str:
         names = list(self.rows[0]) if self.rows else []

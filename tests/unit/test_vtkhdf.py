@@ -241,6 +241,18 @@ def test_three_sliders_are_not_three_components() -> None:
     assert list(columns)[-1] == "contact_force[c].z" and len(columns) == 15
 
 
+def test_columns_are_named_after_what_they_belong_to() -> None:
+    from fastbeam.exports import columns_of
+    names = {"points": ["tip"], "reactions": ["wall"], "joints": ["hinge", "hinge"], "sliders": ["a"]}
+    columns = columns_of({"point_velocity": np.zeros((2, 1, 3)), "section_moment": np.zeros((2, 1, 3)),
+                          "reaction": np.arange(12.0).reshape(2, 1, 2, 3), "joint_value": np.zeros((2, 2))}, names)
+    assert list(columns) == ["point_velocity[tip].x", "point_velocity[tip].y", "point_velocity[tip].z", "section_moment[tip].T",
+                             "section_moment[tip].M2", "section_moment[tip].M3", "reaction[wall].force.x",
+                             "reaction[wall].force.y", "reaction[wall].force.z", "reaction[wall].moment.x",
+                             "reaction[wall].moment.y", "reaction[wall].moment.z", "joint_value[0]", "joint_value[1]"]
+    assert columns["reaction[wall].moment.y"].tolist() == [4.0, 10.0]
+
+
 def test_without_pandas_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(fb.BackendError, match="pip install pandas"):
