@@ -24,6 +24,7 @@ from fastbeam.scene.parts import (
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.prescribed import PrescribedMotion
+from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.user_force import UserForce
@@ -301,7 +302,7 @@ class Scene(notebook.Parts):
         if self._link_table[0] != len(self.parts):
             table: dict[int, list[Slider | Joint]] = {}
             for link in [*self.sliders, *self.balls, *self.rigid]:
-                for node in _held_nodes(link):
+                for node in held_nodes(link):
                     if isinstance(node.owner, PointMass):
                         table.setdefault(id(node.owner), []).append(link)
             self._link_table = (len(self.parts), (table, {}))
@@ -347,7 +348,7 @@ class Scene(notebook.Parts):
         for ball in [*self.balls, *(link for link in self.links if isinstance(link, AxisJoint) and link.is_pinned)]:
             gap = float(np.linalg.norm(self.position_of(ball.a) - self.position_of(ball.b)))
             if gap > tolerance:
-                raise SceneError(f"{_who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
+                raise SceneError(f"{who(ball)}: {ball.a} and {ball.b} lie {gap:.6g} m apart at t = 0 (allowed: {tolerance:.2g} "
                                  "m); move one of them" + (", or use RigidConnection, which allows an offset" if
                                                            isinstance(ball, BallJoint) else ""))
 
@@ -357,7 +358,7 @@ class Scene(notebook.Parts):
         named: dict[str, Part] = {}
         for part in self.parts:
             if id(part) in known and not isinstance(part, (Clamp, Pin)):
-                raise SceneError(f"{self.label}: {_who(part)} was added twice")
+                raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(id(part))
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
@@ -370,17 +371,17 @@ class Scene(notebook.Parts):
         """Every beam, body or mass that a part refers to is in the scene."""
         members = {id(part) for part in [*self.beams, *self.nets, *self.bodies, *self.masses]}
         for part in self.parts:
-            for owner in _owners(part):
+            for owner in owners(part):
                 if not isinstance(owner, Ground) and id(owner.net if isinstance(owner, NetBeam) else owner) not in members:
-                    raise SceneError(f"{_who(part)}: {owner.label} is not in {self.label}; add it to the scene")
+                    raise SceneError(f"{who(part)}: {owner.label} is not in {self.label}; add it to the scene")
 
     def _check_control_points(self) -> None:
         """Interior control points of a spline beam are no points of it: nothing can be held, joined or loaded there."""
         for part in self.parts:
-            for node in [part.at] if isinstance(part, (Load, UserForce)) else _held_nodes(part):
+            for node in [part.at] if isinstance(part, (Load, UserForce)) else held_nodes(part):
                 beam = None if isinstance(node, Beam) else node.owner
                 if isinstance(beam, Beam) and beam.interpolation == "bspline" and 0 < node.index < beam.n_nodes - 1:
-                    raise SceneError(f"{_who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
+                    raise SceneError(f"{who(part)}: {node} is a control point, which does not lie on the beam; use its start or "
                                      "end, split the beam there, or interpolation='lagrange'")
 
     @staticmethod
@@ -388,12 +389,12 @@ class Scene(notebook.Parts):
         """The contact lies on another beam than the point's own."""
         beam, point = slider.beam, slider.point
         if any(point.owner is one for one in slider.beams):
-            raise SceneError(f"{_who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
+            raise SceneError(f"{who(slider)}: {point} belongs to the beam it slides on; the point must belong to something else")
         if slider.is_endless and abs(slider.at) > MOST_ROUNDS * beam.length:
-            raise SceneError(f"{_who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
+            raise SceneError(f"{who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
                              f"{beam.length:.6g} m); leave whole rounds out")
         if not slider.is_endless and not 0.0 <= slider.at <= beam.length:
-            raise SceneError(f"{_who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
+            raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
     def _placed_once(self) -> set[int]:
         """Ids of the masses that joints join to one group in which a single slider or joint says where it is: nothing can
@@ -426,7 +427,7 @@ class Scene(notebook.Parts):
                 continue
             gap = float(np.linalg.norm(position - place))
             if gap > tolerance:
-                raise SceneError(f"{mass.label}: {_who(first)} and {_who(link)} place it {gap:.6g} m apart; make them agree"
+                raise SceneError(f"{mass.label}: {who(first)} and {who(link)} place it {gap:.6g} m apart; make them agree"
                                  + (", or give its position" if isinstance(link, RigidConnection) else ""))
 
     def _check_contact(self, slider: Slider, tolerance: float) -> None:
@@ -437,13 +438,13 @@ class Scene(notebook.Parts):
         gap = float(np.linalg.norm(point - slider.place))
         if gap <= tolerance:
             return
-        s, least = _closest(beam, point)
+        s, least = closest(beam, point)
         if least <= tolerance:
             cure = f"use at={s:.10g}, where it lies on the beam"
         else:
             cure = f"the beam is closest at s={s:.4g} m, still {least:.6g} m away: move the point"
         leave = "leave its position out, or " if isinstance(slider.point.owner, PointMass) else ""
-        raise SceneError(f"{_who(slider)}: {slider.point} lies {gap:.6g} m away from {beam.label} at={slider.at:.6g}; "
+        raise SceneError(f"{who(slider)}: {slider.point} lies {gap:.6g} m away from {beam.label} at={slider.at:.6g}; "
                          f"{leave}{cure}")
 
     def __repr__(self) -> str:
@@ -460,48 +461,3 @@ class Scene(notebook.Parts):
         if np.any(self.gravity):
             items.append(f"gravity {checks.shown(self.gravity)}")
         return f"<{self.label}: {', '.join(items) or 'empty'}>"
-
-
-def _who(part: Any) -> str:
-    """A part as text for messages; automatic names already say the kind."""
-    name = getattr(part, "name", None)
-    if name is None:
-        return getattr(part, "label", part.kind)
-    return name if name.startswith(f"{part.kind} of ") else f"{part.kind} {name!r}"
-
-
-def _held_nodes(part: Part) -> list[NodeRef]:
-    """The nodes that a support, joint, link or slider takes as points."""
-    if isinstance(part, (Clamp, Pin, PrescribedMotion)):
-        return [part.at]
-    if isinstance(part, (RigidConnection, BallJoint, Link)):
-        return [part.a, part.b]
-    return [part.point] if isinstance(part, Slider) else []
-
-
-def _owners(part: Part) -> list[Any]:
-    """The beams, bodies and masses that a part refers to."""
-    owners = [node.owner for node in _held_nodes(part)]
-    if isinstance(part, (Load, UserForce)):
-        owners.append(part.at if isinstance(part.at, Beam) else part.at.owner)
-    if isinstance(part, Slider):
-        owners.extend(part.beams)
-    if isinstance(part, (DistributedLoad, InitialVelocity)):
-        owners.append(part.beam)
-    if isinstance(part, RigidMotion):
-        owners.extend(part.objects or ())
-    if isinstance(part, Drag):
-        owners.append(part.on)
-    return owners
-
-
-def _closest(beam: Beam | Path, point: Array) -> tuple[float, float]:
-    """Arc length of the point of the reference curve of a beam or path closest to `point` (3,), and the distance, both m."""
-    low, high = 0.0, beam.length
-    s = np.linspace(low, high, 1001)
-    for _ in range(8):
-        distance = np.linalg.norm(beam.reference(s)[0] - point, axis=1)
-        best = int(np.argmin(distance))
-        low, high = s[max(best - 1, 0)], s[min(best + 1, s.size - 1)]
-        s = np.linspace(low, high, 41)
-    return float(s[best]), float(distance[best])

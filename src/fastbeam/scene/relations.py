@@ -1,0 +1,63 @@
+"""What parts of a scene refer to, and how messages call them."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import Array
+from fastbeam.scene.drag import Drag
+from fastbeam.scene.links import Link
+from fastbeam.scene.parts import (
+    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, RigidConnection, RigidMotion,
+)
+from fastbeam.scene.paths import Path
+from fastbeam.scene.prescribed import PrescribedMotion
+from fastbeam.scene.sliders import Slider
+from fastbeam.scene.user_force import UserForce
+
+
+def who(part: Any) -> str:
+    """A part as text for messages; automatic names already say the kind."""
+    name = getattr(part, "name", None)
+    if name is None:
+        return getattr(part, "label", part.kind)
+    return name if name.startswith(f"{part.kind} of ") else f"{part.kind} {name!r}"
+
+
+def held_nodes(part: Any) -> list[NodeRef]:
+    """The nodes that a support, joint, link or slider takes as points."""
+    if isinstance(part, (Clamp, Pin, PrescribedMotion)):
+        return [part.at]
+    if isinstance(part, (RigidConnection, BallJoint, Link)):
+        return [part.a, part.b]
+    return [part.point] if isinstance(part, Slider) else []
+
+
+def owners(part: Any) -> list[Any]:
+    """The beams, bodies and masses that a part refers to."""
+    found = [node.owner for node in held_nodes(part)]
+    if isinstance(part, (Load, UserForce)):
+        found.append(part.at if isinstance(part.at, Beam) else part.at.owner)
+    if isinstance(part, Slider):
+        found.extend(part.beams)
+    if isinstance(part, (DistributedLoad, InitialVelocity)):
+        found.append(part.beam)
+    if isinstance(part, RigidMotion):
+        found.extend(part.objects or ())
+    if isinstance(part, Drag):
+        found.append(part.on)
+    return found
+
+
+def closest(beam: Beam | Path, point: Array) -> tuple[float, float]:
+    """Arc length of the point of the reference curve of a beam or path closest to `point` (3,), and the distance, both m."""
+    low, high = 0.0, beam.length
+    s = np.linspace(low, high, 1001)
+    for _ in range(8):
+        distance = np.linalg.norm(beam.reference(s)[0] - point, axis=1)
+        best = int(np.argmin(distance))
+        low, high = s[max(best - 1, 0)], s[min(best + 1, s.size - 1)]
+        s = np.linspace(low, high, 41)
+    return float(s[best]), float(distance[best])
