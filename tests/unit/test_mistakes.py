@@ -34,7 +34,7 @@ MISTAKES = {
     "fb.Section.circle(radius=0.1, E=1, density=1)": "has no argument 'density'; use rho",
     "fb.Section.circle(radius=0.1, E=1)": "Section.circle: rho missing; it takes radius, E, rho",
     "fb.Section.circle(radius='0.1', E=1, rho=1)": "radius must be a finite number > 0 m, got '0.1'",
-    "fb.Section.circle(radius=0.1, E=1, rho=1, damping=1)": "'damping'; fastbeam does not do that, docs/limits.md says what to",
+    "fb.Section.circle(radius=0.1, E=1, rho=1, plasticity=1)": "'plasticity'; fastbeam does not do that, docs/limits.md says what to",
     "fb.Section.rectangle(hight=0.1, width=1, E=1, rho=1)": "has no argument 'hight'; did you mean height?",
     "fb.Beam.straight('b', (0,0,0), (1,0,0), sec, 4)": "takes name, start, end without a name, got 5 arguments; give the others "
                                                        "by name: d2=..., twist=..., section=..., elements=...",
@@ -80,7 +80,7 @@ MISTAKES = {
     "fb.Slider('s', rod, bead, at=0.5)": "slider 's': point names all of beam 'rod'",
     "fb.Slider('s', bead, rod.end, at=0.5)": "beam must be a Beam, got <beam 'rod' node 6 (s = 1 m)>; give beam 'rod' itself",
     "fb.Slider('s', bead, net, at=0.5)": "beam must be a Beam, got <net 'roof': 1 beams, 1 elements, 2 nodes>; use its beam(k)",
-    "fb.Slider('s', bead, rod, at=0.5, damping=0.1)": "no argument 'damping'; fastbeam does not do that, docs/limits.md says",
+    "fb.Slider('s', bead, rod, at=0.5, spring=0.1)": "no argument 'spring'; fastbeam does not do that, docs/limits.md says",
     "fb.Scene([rod, bead])": "is no part of a scene; unpack it: scene.add(*parts)",
     "fb.Scene(rod.end)": "<beam 'rod' node 6 (s = 1 m)> is no part of a scene; add beam 'rod'",
     "fb.Scene(rod, fb.Clamp)": "is no part of a scene; call it to make one",
