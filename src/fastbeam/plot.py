@@ -83,7 +83,7 @@ def plot_invariants(result: Result) -> Figure:
 @checked(result=A_RESULT)
 @styled
 def plot_balance(result: Result) -> Figure:
-    """Energies that parts store, take away and put in over time (J), see `Result.balance`, and how far their sum moves.
+    """Change since the start of what parts store, take away and put in (J), see `Result.balance`, and how far their sum moves.
 
     Raises
     ------
@@ -95,9 +95,9 @@ def plot_balance(result: Result) -> Figure:
     figure = new_figure((7.5, 6.5))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
     for (name, x), colour in zip(parts.items(), _cycle(len(parts))):
-        upper.plot(result.t, x, color=colour, label=name)
-    upper.plot(result.t, total, color="black", label="sum", lw=2.0)
-    _finish(upper, "Energy balance", "energy [J]", columns=3)
+        upper.plot(result.t, x - x[:1], color=colour, label=name)
+    upper.plot(result.t, total - total[:1], color="black", label="sum", lw=2.0)
+    _finish(upper, "Energy balance, change since the start", "energy [J]", columns=3)
     size = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in parts.values()) or 1.0
     lower.plot(result.t, (total - total[:1]) / size, color="black", lw=1.1)
     _finish(lower, "Sum less its start, relative to the largest part", "deviation [-]")
