@@ -96,7 +96,8 @@ def test_balance_shows_every_part_and_their_sum() -> None:
     upper, lower = plot_balance(run).axes
     lines = {line.get_label(): line.get_ydata() for line in upper.get_lines()}
     np.testing.assert_array_equal(lines["friction of slider 'ring'"], lost)
-    np.testing.assert_allclose(lines["sum"], 2.0, rtol=1e-15)
+    np.testing.assert_allclose(lines["kinetic"], -strain - lost, atol=1e-15)
+    np.testing.assert_allclose(lines["sum"], 0.0, atol=1e-15)
     assert np.abs(lower.get_lines()[0].get_ydata()).max() < 1e-15
     with pytest.raises(SceneError, match="'kinetic' was not recorded"):
         plot_balance(Result(t=[0.0]))
