@@ -96,6 +96,7 @@ def test_of_two_beams_each_has_its_own_account_and_one_without_damping_has_none(
     clamps = [fb.Clamp(x.start) for x in (a, b, c)]
     model = fb.compile_scene(fb.Scene(a, b, c, *clamps, fb.Load("pull", a.end, force=(0, 1, 0)), gravity=(0, -3, 0)))
     run = fb.simulate(model, t_end=0.5, step=0.01, progress=False)
+    assert "energy taken       damping of beam 'a', damping of beam 'c'" in str(model)
     balance = run.balance()
     assert [name for name in balance if "damping" in name] == ["damping of beam 'a'", "damping of beam 'c'"]
     assert run.drift("balance") < ROUND_OFF and balance["damping of beam 'a'"][-1] != balance["damping of beam 'c'"][-1]

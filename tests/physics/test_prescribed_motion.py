@@ -213,6 +213,7 @@ def test_motions_that_go_wrong_on_the_way_are_refused() -> None:
     assert model.plane is not None
     with pytest.raises(fb.SceneError, match="planar=False"):
         fb.simulate(model, t_end=1.0, step=0.005, progress=False)
+    assert "supports that move motion of beam 'mast' node 0 ('shake')" in str(model)
     assert fb.compile_scene(scene_of(displacement=lambda t: (0, t * t, t**3))).plane is None
     with pytest.raises(fb.SceneError, match="half a turn"):
         fb.simulate(fb.compile_scene(scene_of(rotation=lambda t: (0, 0, 10.0 * np.pi * t))), t_end=1.0, step=0.1,
