@@ -34,7 +34,7 @@ MISTAKES = {
     "fb.Section.circle(radius=0.1, E=1, density=1)": "has no argument 'density'; use rho",
     "fb.Section.circle(radius=0.1, E=1)": "Section.circle: rho missing; it takes radius, E, rho",
     "fb.Section.circle(radius='0.1', E=1, rho=1)": "radius must be a finite number > 0 m, got '0.1'",
-    "fb.Section.circle(radius=0.1, E=1, rho=1, plasticity=1)": "'plasticity'; fastbeam does not do that, docs/limits.md says what to",
+    "fb.Section.circle(radius=0.1, E=1, rho=1, contact=1)": "'contact'; fastbeam does not do that, docs/limits.md says what to",
     "fb.Section.rectangle(hight=0.1, width=1, E=1, rho=1)": "has no argument 'hight'; did you mean height?",
     "fb.Beam.straight('b', (0,0,0), (1,0,0), sec, 4)": "takes name, start, end without a name, got 5 arguments; give the others "
                                                        "by name: d2=..., twist=..., section=..., elements=...",
