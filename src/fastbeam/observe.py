@@ -24,7 +24,7 @@ from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "inner", "joint", "velocity", "section", "reaction")
+KINDS = ("energy", "momentum", "slider", "joint", "inner", "velocity", "section", "reaction")
 LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7

@@ -96,7 +96,7 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit() -> None:
 
 def test_what_drag_does_not_go_together_with_is_refused() -> None:
     model = in_the_wind(True)
-    for options, says in (({"order": 4}, "backward in time"), ({"method": "midpoint"}, "no damping")):
+    for options, says in (({"order": 4}, "backward in time"), ({"method": "midpoint"}, "does not know drag")):
         with pytest.raises(fb.SceneError, match=says):
             fb.simulate(model, t_end=0.1, step=0.01, progress=False, **options)
     with pytest.raises(fb.SceneError, match="planar|plane"):

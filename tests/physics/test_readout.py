@@ -212,7 +212,7 @@ def test_a_hinge_with_a_motor_and_a_moving_support_balance():
     base = fb.RigidBody("base", mass=2.0, inertia=np.eye(3) * 0.1, position=(0, 0, 0))
     hinge = fb.RevoluteJoint(base, arm.point((-0.4, 0, 0)), name="hinge", axis=(0, 0, 1), stiffness=3.0,
                              torque=lambda t: 0.7 * np.sin(9.0 * t))
-    shaker = fb.PrescribedMotion("shaker", base, displacement=lambda t: (0.02 * np.sin(12.0 * t), 0.0, 0.0),
+    shaker = fb.PrescribedMotion("shaker", base, displacement=lambda t: (0.02 * (1.0 - np.cos(12.0 * t)), 0.0, 0.0),
                                  rotation=lambda t: np.eye(3))
     model = fb.compile_scene(fb.Scene(arm, base, hinge, shaker, gravity=(0, -9.81, 0)), planar=False)
     stepper = ReactingStepper(model, np.ones(1))

@@ -167,7 +167,7 @@ def test_what_does_not_fit_is_refused():
     model = fb.compile_scene(fb.Scene(ball, fb.UserForce("air", ball, drag, parameters=(0.1,))))
     with pytest.raises(fb.SceneError, match="dissipates=False"):
         fb.simulate(model, t_end=0.1, step=0.01, order=4)
-    with pytest.raises(fb.SceneError, match="does not know user forces"):
+    with pytest.raises(fb.SceneError, match="does not know user force"):
         fb.simulate(model, t_end=0.1, step=0.01, method="generalized_alpha")
     with pytest.raises(fb.SceneError, match="user force 'air' may lead out of a plane"):
         fb.compile_scene(fb.Scene(ball, fb.UserForce("air", ball, drag, parameters=(0.1,))), planar=True)

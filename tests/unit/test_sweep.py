@@ -240,6 +240,8 @@ sys.path[:0] = {path!r}
 import fastbeam as fb
 from test_sweep import slow
 fb.sweep
+# a shell in the background starts programs that ignore it
+signal.signal(signal.SIGINT, signal.default_int_handler)
 threading.Timer(1.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 begin = time.monotonic()
 try:
