@@ -10,7 +10,7 @@ from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.joint_motion import JointForces, JointMotion
 from .kernels.inner import Inner, NoInner
-from .kernels.prescribed import Prescribed, Reactions
+from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
@@ -66,7 +66,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
                 losses.append(model.damped.term(strains, tables, model.loss_place))
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
-    reactions = None if prescribed is None else Reactions(prescribed)
+    reactions = None if prescribed is None else MovedRows(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
     forces = JointForces(motion) if motion is not None and model.motions.acts else None
     drag = None if static else model.drag

@@ -25,7 +25,7 @@ from .kernels.inner import Inner, NoInner
 from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
-from .kernels.prescribed import Reactions
+from .kernels.prescribed import MovedRows
 from .kernels.slider import Sliding
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
 from .kernels.work import follow_increment, start_increment
@@ -147,7 +147,7 @@ class CondensedIteration(Iteration):
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
         # reactions are what stands in rows before they are held
-        self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (Reactions, Held)))
+        self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (MovedRows, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         others = tuple(x for x in owner.terms if any(x is y for y in (*model.links, model.drag)))

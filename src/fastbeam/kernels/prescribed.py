@@ -31,8 +31,8 @@ class Prescribed(NamedTuple):
     asked: np.ndarray     # int64 [1]: how often this step was asked whether it is done
 
 
-class Reactions(NamedTuple):
-    """The same arrays behind ties."""
+class MovedRows(NamedTuple):
+    """The same arrays behind ties: the rows of these nodes hold their reactions there."""
 
     of: Prescribed
 
@@ -71,7 +71,7 @@ def move_supports(term, system, h, c):
                 work.theta[spins * n + i] = term.given[m, d + i]
 
 
-@assemble.register(Reactions)
+@assemble.register(MovedRows)
 @kernel
 def take_reactions(term, method, system, h):
     r, of = system.work.r, term.of
@@ -80,7 +80,7 @@ def take_reactions(term, method, system, h):
             of.reaction[m, c] = r[8 * of.row[m] + c]
 
 
-@is_settled.register(Reactions)
+@is_settled.register(MovedRows)
 @kernel
 def reactions_are_those_of_the_end(term, system):
     """One more iteration: reactions are those before the last increment."""
@@ -88,7 +88,7 @@ def reactions_are_those_of_the_end(term, system):
     return term.of.asked[0] >= ASKED
 
 
-@account.register(Reactions)
+@account.register(MovedRows)
 @kernel
 def account_motion(term, system, h):
     of, history = term.of, system.state.history
