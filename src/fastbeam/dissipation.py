@@ -14,7 +14,7 @@ from .kernels.layout import LIST
 from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Net, Scene
-from .tables import Elements
+from .tables import Elements, node_lengths
 
 Array = np.ndarray
 
@@ -95,7 +95,7 @@ def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragg
         return None
     length = np.zeros(len(nodes))
     for part in elements:
-        length += np.bincount(part.nodes.reshape(-1), part.mass_phi.sum(axis=2).reshape(-1), minlength=length.size)
+        length += node_lengths(part.nodes, part.mass_phi, length.size)
     node = [np.arange(len(nodes))[nodes.span(drag.on)] for drag in scene.drags]
     part = np.repeat(np.arange(len(node)), [x.size for x in node])
     every = np.concatenate(node)

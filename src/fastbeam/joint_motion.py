@@ -153,7 +153,7 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, place: 
     distance = np.sum((x[:, 1, 0] - x[:, 0, 0]) * np.array([law.axes[0, 0] for law in laws]), axis=1)
     numbers = {name: np.array([float(getattr(part, name, 0.0) or 0.0) for part, *_ in found])
                for name in ("stiffness", "damping", "rest")}
-    motors = [part.motor if hasattr(part, "motor") else None for part, *_ in found]
+    motors = [part.motor for part, *_ in found]
     is_angle = np.array([x[2] for x in found], np.int64)
     count = len(found)
     table = JointMotion(node, row_of[node], block, is_angle, spin_root[node], turn.reshape(-1), distance,

@@ -33,7 +33,7 @@ class Reactions:
     """
 
     def __init__(self, stepper: Stepper, static: bool = False) -> None:
-        self.stepper, self.static = stepper, static
+        self.stepper = stepper
         self.own = stepper if stepper.pivots_everywhere else stepper.fallback
         core = self.own.core
         self.holding = holding = stepper.model.holding
@@ -42,7 +42,9 @@ class Reactions:
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
-        self.links, self.kept_names = stepper.model.kept, stepper.model.kept_names
+        names = {name: k for k, name in enumerate(stepper.model.kept_names)}
+        # joints with multipliers, and which of them every link belongs to
+        self.links = [(link, names[link.joint]) for link in stepper.model.kept]
         self.rows = core.pattern.row_of
         self.count = len(stepper.model.reaction_names)
         n = len(holding.parent)
@@ -105,11 +107,10 @@ class Reactions:
         at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force
         kept = out[s + len(holding.joints):]
         kept[:] = 0.0
-        for link in self.links:
+        for link, k in self.links:
             m = link.forces(3)
             _, (b, by_velocity, by_spin) = link.by_motion(q[list(link.node)])
             push = by_velocity.T @ multipliers[at:at + m]
-            k = self.kept_names.index(link.joint)
             kept[k, 0] += push
             kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
             at += m

@@ -122,6 +122,12 @@ def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
     return np.stack(e, axis=-1)
 
 
+def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:
+    """Lengths of beams that belong to nodes, the integrals of their shape functions, float64 [n], m; nodes [E, nn] and mass_phi
+    [E, nn, nn] of elements."""
+    return np.bincount(nodes.reshape(-1), mass_phi.sum(axis=2).reshape(-1), minlength=n)
+
+
 def group_tables(elements: Elements, lane: Array, size: tuple[int, ...], stiffness: Array, inertia: Array) -> Array:
     """Constants of groups of 8 elements but their reference strains, as kernels/layout.py has them: [groups, doubles].
 

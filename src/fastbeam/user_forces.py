@@ -12,6 +12,7 @@ from .errors import SceneError
 from .kernels.user_force import Laws, UserForces
 from .numbering import NodeList
 from .scene import Beam, Scene, UserForce
+from .tables import node_lengths
 from .workspace import law_work
 
 Array = np.ndarray
@@ -37,7 +38,7 @@ class Loaded:
             if isinstance(force.at, Beam):
                 basis = force.at.basis
                 node.append(nodes.start(force.at) + np.arange(basis.n_nodes))
-                share.append(np.bincount(basis.element_nodes.reshape(-1), basis.mass_phi.sum(axis=2).reshape(-1)))
+                share.append(node_lengths(basis.element_nodes, basis.mass_phi, basis.n_nodes))
             else:
                 node.append(np.array([nodes.number(force.at)]))
                 share.append(np.ones(1))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from restarts import assert_goes_on
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
 SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
@@ -51,20 +52,7 @@ def test_a_run_goes_on_bit_for_bit_from_every_row_around_an_event(name: str, tol
     assert len(times) > 0 and whole.drift("balance") < 1e-12
     near = {int(np.argmin(np.abs(whole.t - t))) + k for t in times[:3] for k in (-2, -1, 0, 1)}
     for n in sorted(near & set(range(1, len(whole.t) - 1))):
-        left = [n]
-
-        def stop(t: float, state: Any) -> bool:
-            left[0] -= 1
-            return left[0] == 0
-
-        part = fb.simulate(model, callback=stop, checkpoint=tmp_path / "c", **settings)
-        rest = fb.simulate(model, start=fb.load_checkpoint(tmp_path / "c"), **settings)
-        for x, y in zip(rest.state, whole.state):
-            assert np.array_equal(x, y), n
-        for series, x in whole.series.items():
-            if series not in ("iterations", "step_size"):
-                y = np.concatenate((part.series[series][:-1], rest.series[series]))
-                assert np.array_equal(x, y, equal_nan=True), (n, series)
+        part, rest = assert_goes_on(model, whole, n, tmp_path / "c", settings)
         assert [x["time"] for x in part.events + rest.events if x["kind"] in KINDS] == times
 
 

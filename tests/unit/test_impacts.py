@@ -9,6 +9,7 @@ import pytest
 import fastbeam as fb
 import fastbeam.run
 from fastbeam.impacts import Impacts
+from restarts import assert_goes_on
 
 RAIL = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
 SOFT = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
@@ -64,21 +65,7 @@ def test_a_run_goes_on_bit_for_bit_from_every_row_around_an_impact(name: str, to
     assert len(times) > 0 and np.ptp(whole.series["stop_loss"]) > 0.0
     near = {int(np.argmin(np.abs(whole.t - t))) + k for t in (times[0], times[-1]) for k in (-2, -1, 0, 1, 2)}
     for n in sorted(near & set(range(1, len(whole.t) - 1))):
-        left = [n]
-
-        def stop(t: float, state: Any) -> bool:
-            left[0] -= 1
-            return left[0] == 0
-
-        part = fb.simulate(model, callback=stop, checkpoint=tmp_path / "c", **settings)
-        rest = fb.simulate(model, start=fb.load_checkpoint(tmp_path / "c"), **settings)
-        for x, y in zip(rest.state, whole.state):
-            assert np.array_equal(x, y), n
-        # the last row of the part is the first of the rest, which knows neither iterations nor the step before
-        for series, x in whole.series.items():
-            if series not in ("iterations", "step_size"):
-                y = np.concatenate((part.series[series][:-1], rest.series[series]))
-                assert np.array_equal(x, y, equal_nan=True), (n, series)
+        assert_goes_on(model, whole, n, tmp_path / "c", settings)
 
 
 def test_the_row_the_callback_and_the_checkpoint_of_an_impact_are_behind_it(tmp_path: Any) -> None:
