@@ -36,7 +36,7 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
 # of `simulate`'s what there is at rest
-RECORDED = ("energy", "section", "reaction")
+RECORDED = ("energy", "spring", "section", "reaction")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -87,7 +87,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
-        As in `simulate`, of 'energy', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
+        As in `simulate`, of 'energy', 'spring', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
