@@ -10,9 +10,7 @@ from scipy.integrate import quad
 
 import fastbeam as fb
 from fastbeam.assembly import system_of, terms_of
-from fastbeam.bushings import bushings_in_plane
 from fastbeam.kernels import step as kernels
-from fastbeam.kernels.algebra import dot  # noqa: F401
 from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.spring_laws import SpringLaws, damping_force, mean_force
 from fastbeam.kernels.terms import Conserving
@@ -72,7 +70,8 @@ def test_mean_forces_are_integrals(name: str) -> None:
         assert found == pytest.approx(mean, rel=1e-12, abs=1e-13)
         d = 1e-6
         numerical = (mean_force(table, 0, e0, e1 + d)[0] - mean_force(table, 0, e0, e1 - d)[0]) / (2.0 * d)
-        if e1 not in (*POINTS, 0.0) or e0 != e1:
+        # at a kink differences of one side count
+        if e1 not in (*POINTS, 0.0):
             assert slope == pytest.approx(numerical, rel=1e-6, abs=1e-6)
 
 
@@ -278,12 +277,13 @@ def test_a_bushing_that_leads_out_of_the_plane_is_run_in_space() -> None:
     model = fb.compile_scene(scene)
     assert model.plane is None and model.not_planar == "bushing 'skew' couples motions in the plane with others"
     # oblique axes alone do not
-    straight = pair(True)
     c, s = np.cos(0.3), np.sin(0.3)
-    straight.add(fb.Bushing(scene.bodies[0], scene.bodies[1], "tilted", stiffness=(9, 9, 9, 2, 2, 2),
-                            directors=[[1, 0, 0], [0, c, s], [0, -s, c]]))
-    straight.parts[-1].a, straight.parts[-1].b
-    assert bushings_in_plane is not None
+    other = pair(True)
+    other.add(fb.Bushing(*other.bodies, "tilted", stiffness=(9, 9, 9, 2, 2, 2), directors=[[1, 0, 0], [0, c, s], [0, -s, c]]))
+    assert fb.compile_scene(other).plane is not None
+    settings = {**SETTINGS, "t_end": 0.1}
+    runs = [fb.simulate(fb.compile_scene(other, planar=planar), **settings) for planar in (True, False)]
+    np.testing.assert_allclose(runs[0].state.q, runs[1].state.q, rtol=0.0, atol=1e-12)
 
 
 def net(condense: bool, threads: int = 1) -> fb.Result:
@@ -366,7 +366,7 @@ def test_what_runs_refuse() -> None:
     with pytest.raises(fb.SceneError, match="observe=.'spring'"):
         plain.spring("d")
     seen = fb.simulate(lossy, t_end=0.02, step=0.01, observe=("energy", "spring"), progress=False)
-    with pytest.raises(fb.SceneError, match="spring 'x' is not in this result: choose from d"):
+    with pytest.raises(fb.SceneError, match="spring 'x' is not in this result: choose from 'd'"):
         seen.spring("x")
 
 
