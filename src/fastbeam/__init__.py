@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from .scene import (
         BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, CylindricalJoint as CylindricalJoint,
         Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
-        Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net, NodeRef as NodeRef,
-        OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
+        Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net,
+        NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
         Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,

@@ -209,7 +209,8 @@ def test_residual_is_the_change_of_energy_and_the_tangent_its_derivative() -> No
 
 
 # ------------------------------------------------------------------------------------------------------------------- runs
-SETTINGS: dict[str, Any] = {"t_end": 0.6, "step": 0.01, "progress": False, "observe": ("energy", "momentum", "spring", "reaction")}
+SETTINGS: dict[str, Any] = {"t_end": 0.6, "step": 0.01, "progress": False,
+                            "observe": ("energy", "momentum", "spring", "reaction")}
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["space", "plane"])
@@ -298,8 +299,8 @@ def net(condense: bool, threads: int = 1) -> fb.Result:
              moment: Array) -> None:
         force[2] = parameters[0]
 
-    scene = fb.Scene(grid, arm, hinged, fb.Bushing(grid.node(5), arm.point((-0.5, 0, 0)), "mount", stiffness=(90, 90, 90, 2, 2, 2),
-                                                   damping=(1, 1, 1, 0.1, 0.1, 0.1)),
+    scene = fb.Scene(grid, arm, hinged, fb.Bushing(grid.node(5), arm.point((-0.5, 0, 0)), "mount",
+                                                   stiffness=(90, 90, 90, 2, 2, 2), damping=(1, 1, 1, 0.1, 0.1, 0.1)),
                      fb.Spring(grid.node(10), arm, "rope", stiffness=20.0, tension_only=True, length=0.9, damping=0.1),
                      fb.RevoluteJoint(grid.node(9), hinged.point((-0.5, 0, 0)), "hinge", axis=(0, 1, 0), stiffness=2.0, rest=0.3),
                      fb.UserForce("wind", grid.node(6), push, parameters=(3.0,)), gravity=(0, 0, -9.81))

@@ -33,7 +33,7 @@ class Table:
         x, y = rows
         if x.size != y.size or not 2 <= x.size <= MOST_POINTS or not all(np.all(np.abs(row) <= LARGEST) for row in rows):
             raise Refusal(f"{need}, got {x.size} elongations and {y.size} forces" + (
-                "" if x.size == y.size and x.size < 2 else f", finite ones of at most {LARGEST:g}; rows have at most {MOST_POINTS}"))
+                "" if x.size != y.size or x.size < 2 else f", finite ones of at most {LARGEST:g}, at most {MOST_POINTS} of them"))
         back = np.flatnonzero(~(np.diff(x) > 1e-12 * np.ptp(x)))
         if back.size:
             k = int(back[0])
