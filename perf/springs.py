@@ -4,8 +4,8 @@
     python perf/springs.py --links 5000       one size
 
 Chains of up to 1000 links hang from the ground side by side and swing under their weight. Kinds: linear springs; ropes, slack in
-part, with damping; tables of 20 points; bushings; bushings with damping. Prints the time to compile the scene, Newton iterations a
-step, the time of an iteration for each link, nodes included, and how well the energies add up.
+part, with damping; tables of 20 points; bushings; bushings with damping. Prints the time to compile the scene, Newton
+iterations a step, the time of an iteration for each link, nodes included, and how well the energies add up.
 """
 from __future__ import annotations
 

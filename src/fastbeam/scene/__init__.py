@@ -27,6 +27,6 @@ __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "CylindricalJoint", "Damper", "DistanceJoint", "DistributedLoad", "Drag",
     "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef",
     "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint",
-    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
-    "UniversalJoint", "UserForce",
+    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+    "StraightLine", "UniversalJoint", "UserForce",
 ]
