@@ -107,6 +107,13 @@ class SpringRows:
         """Shapes of their series."""
         return dict.fromkeys(("spring_length", "spring_force", "spring_energy"), (len(self.names),))
 
+    def slack(self, state: State) -> list[str]:
+        """Names of those that only pull or only push, and do neither."""
+        laws, (a, b) = self._laws, self._node.T
+        x = state.q.reshape(-1, 12)[:, :3]
+        e = np.linalg.norm(x[b] - x[a], axis=1) - laws.length
+        return [self.names[k] for k in np.flatnonzero((laws.side != 0) & (laws.side * e <= 0.0))]
+
     def row(self, state: State) -> dict[str, Array]:
         """Series of one row."""
         laws, (a, b) = self._laws, self._node.T

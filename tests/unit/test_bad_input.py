@@ -270,7 +270,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real, damping=is_real,
-                            tension_only=is_flag, compression_only=is_flag, interpolation=is_text)),
+                            tension_only=is_flag, compression_only=is_flag, table=is_array(2), interpolation=is_text)),
         "Spring of a table": Call(lambda **more: fb.Spring(BEAM.end, BODY, **more), dict(table=([0.0, 1.0], [0.0, 2.0])),
                                   dict(table=is_array(2))),
         "Damper": Call(fb.Damper, dict(a=BEAM.end, b=BODY, damping=1.0), dict(a=NODE, b=NODE, name=is_text, damping=is_real)),

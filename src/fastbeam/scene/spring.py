@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
+from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,7 +26,7 @@ class Table:
     def __call__(self, value: Any) -> Array:
         need = "must be two rows of at least 2 finite numbers each, elongations in m that grow and forces in N"
         try:
-            rows = [numbers(row) for row in value] if not isinstance(value, (str, bytes, dict)) else []
+            rows = [] if isinstance(value, (str, bytes, dict)) else [numbers(row) for row in islice(value, 3)]
         except Exception:          # what cannot be looped over
             rows = []
         if len(rows) != 2 or any(row is None or row.ndim != 1 for row in rows):
