@@ -145,10 +145,10 @@ class KeptLink(NamedTuple):
         lead = self.law.lead(x)
         out = []
         for k in (0, 1):
-            # sum of d_i x (derivative by d_i), the axial vector of a matrix; numpy.cross takes ten times as long for so few numbers
-            turned = x[k, 1:].T @ lead[:, k, 1:]
-            out.append((self.node[k], lead[:, k, 0], np.stack((turned[:, 1, 2] - turned[:, 2, 1], turned[:, 2, 0] - turned[:, 0, 2],
-                                                               turned[:, 0, 1] - turned[:, 1, 0]), axis=1)))
+            # sum of d_i x (derivative by d_i): the axial vector of a matrix, in a tenth of the time of numpy.cross
+            t = x[k, 1:].T @ lead[:, k, 1:]
+            turned = np.stack((t[:, 1, 2] - t[:, 2, 1], t[:, 2, 0] - t[:, 0, 2], t[:, 0, 1] - t[:, 1, 0]), axis=1)
+            out.append((self.node[k], lead[:, k, 0], turned))
         return out
 
 
