@@ -316,6 +316,28 @@ def test_forces_of_links_laws_and_joints_reach_condensed_nets() -> None:
         assert np.ptp(result.series["balance"]) < 1e-12 * np.max(np.abs(result.series["gravity"]))
 
 
+def beams() -> fb.Scene:
+    """Two beams on bushings, with a bead on one that a rope holds."""
+    a = fb.Beam.straight("a", (0, 0, 0), (1, 0, 0), section=BAR, elements=4, degree=3)
+    b = fb.Beam.straight("b", (0, 1, 0), (1, 1, 0.3), section=BAR, elements=4, degree=3)
+    bead, tip = fb.PointMass("bead", mass=0.05), fb.PointMass("tip", mass=0.1, position=(1.1, 0, 0))
+    return fb.Scene(a, b, bead, tip, fb.RigidConnection(a.end, tip), fb.Slider("run", bead, a, at=0.4, rate=0.3),
+                    fb.Bushing(a.node(4), b.node(7), "m", stiffness=(5, 6, 7, 0.01, 0.02, 0.03),
+                               damping=(0.05, 0.05, 0.05, 1e-4, 1e-4, 1e-4)),
+                    fb.Bushing(ORIGIN, a.start, "f", stiffness=(50, 50, 50, 1, 1, 1)),
+                    fb.Spring(bead, b.node(2), "r", stiffness=20.0, tension_only=True, length=1.02, damping=0.01),
+                    fb.Spring(tip, b.end, "t", table=([-0.1, 0, 0.1], [-3, 0, 9])), gravity=(0, -1.0, 0))
+
+
+def test_solvers_agree() -> None:
+    runs = [fb.simulate(fb.compile_scene(beams(), **options), t_end=0.1, step=0.005, progress=False)
+            for options in ({}, {"solver": "sparse"}, {"eliminate_inner": False})]
+    for result in runs:
+        np.testing.assert_allclose(result.state.q, runs[0].state.q, rtol=0.0, atol=1e-12)
+        assert np.ptp(result.series["balance"]) < 1e-12 * np.max(np.abs(result.series["gravity"]))
+        assert result.info["fallbacks"] == 0 and result.info["iterations"] <= 3 * 20
+
+
 # -------------------------------------------------------------------------------------------------------------- what is refused
 def test_what_springs_refuse() -> None:
     def spring(**more: Any) -> fb.Spring:
