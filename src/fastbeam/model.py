@@ -94,6 +94,10 @@ class Model:
         The sliders that are sleeves.
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
+    dampers : tuple of str
+        Springs, dampers and bushings that take energy away.
+    find_springs : callable
+        What springs and bushings have at rows, from the tables of the links.
     dragged : dissipation.Dragged or None
         Nodes with drag; `drag` its tables.
     prescribed : prescribed.PrescribedMotions or None
@@ -158,6 +162,8 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     damped: Any = None
+    dampers: tuple[str, ...] = ()
+    find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
     dragged: Any = None
     drag: Any = None
     prescribed: Any = None
@@ -377,7 +383,7 @@ class Model:
     def losses(self) -> tuple[str, ...]:
         """What takes energy away besides sliders: its numbers stand behind the work of loads."""
         damped = () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
-        return damped + (() if self.dragged is None else tuple(self.dragged.labels))
+        return damped + self.dampers + (() if self.dragged is None else tuple(self.dragged.labels))
 
     @property
     def works(self) -> tuple[str, ...]:

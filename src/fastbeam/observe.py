@@ -24,7 +24,7 @@ from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "joint", "inner", "velocity", "section", "reaction")
+KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "section", "reaction")
 LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
@@ -39,7 +39,7 @@ class Observer:
     Parameters
     ----------
     model : Model
-    kinds : sequence of {'energy', 'momentum', 'slider', 'inner', 'velocity', 'section', 'reaction'}
+    kinds : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
         Positions to record, velocities and section forces where these are asked for.
 
@@ -66,6 +66,7 @@ class Observer:
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
         self.joint = "joint" in kinds and model.motions is not None
+        self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
         self.balance = self.energy and model.balances
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
@@ -97,6 +98,8 @@ class Observer:
         if self.model.motions is not None:
             free = (len(self.model.motions.names),)
             out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
+        for springs in self.springs:
+            out |= springs.series()
         if self.points:
             out["points"] = (len(self.points), 3)
         if self.velocity:
@@ -159,6 +162,8 @@ class Observer:
                     "lock_loss": history[:, LOCK_LOSS]}
         if self.joint:
             out |= model.motions.row(state, model.motion_place)
+        for springs in self.springs:
+            out |= springs.row(state)
         if self.balance:
             self._balance(out, state)
         if self.points:
@@ -247,6 +252,9 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             strain = strain_energy(model, model.q0 + off, self._work)
+            if model.links:
+                # what springs store at the start is no round-off
+                strain = abs(strain - strain_energy(model, model.q0, self._work))
             rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
@@ -287,6 +295,7 @@ class Observer:
         if model.motions is not None:
             kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
             names |= {"joints": model.motions.names, "coordinates": kinds}
+        names |= {springs.kind: springs.names for springs in self.springs}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())

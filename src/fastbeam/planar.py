@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .bushings import bushings_in_plane, check_plane
 from .connections import TRIAD
 from .joint_motion import motions_in_plane
 from .joint_tables import conditions_in_plane, kept_in_plane
 from .kernels.beam import ElementTables
+from .kernels.bushing import Bushings
 from .kernels.inner import Inner, NoColumns, store_size
 from .kernels.joint_conditions import JointConditions
 from .kernels.kinds import PLANE
@@ -21,6 +23,7 @@ from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
 from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
+from .scene import Bushing
 from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
@@ -86,6 +89,7 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
     axes = _axes(normal)
     normal = axes[2]
+    check_plane(unpacked.numbered.links.of(Bushing)[0], normal)
     for x, why in within:
         _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
     for x, why in across:
@@ -333,6 +337,8 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
     nothing is left of them in the plane."""
     if isinstance(table, JointConditions):
         table = conditions_in_plane(table, model.kept, plane)
+    if isinstance(table, Bushings):
+        table = bushings_in_plane(table, plane)
     if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)

@@ -269,7 +269,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
-                       dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real)),
+                       dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real, damping=is_real,
+                            tension_only=is_flag, compression_only=is_flag, table=is_array(2), interpolation=is_text)),
+        "Spring of a table": Call(lambda **more: fb.Spring(BEAM.end, BODY, **more), dict(table=([0.0, 1.0], [0.0, 2.0])),
+                                  dict(table=is_array(2))),
+        "Damper": Call(fb.Damper, dict(a=BEAM.end, b=BODY, damping=1.0), dict(a=NODE, b=NODE, name=is_text, damping=is_real)),
+        "Bushing": Call(fb.Bushing, dict(a=BEAM.end, b=BODY, stiffness=np.ones(6)),
+                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_array(1, 2), damping=is_array(1, 2),
+                             directors=is_array(2))),
         **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
                       dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
            for name, axes, more in (
@@ -363,7 +370,8 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "joint", "deviation", "drift", "is_conserved", "velocity", "section")},
+           for name in ("point", "slider", "joint", "spring", "bushing", "deviation", "drift", "is_conserved", "velocity",
+                        "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
