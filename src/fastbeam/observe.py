@@ -66,6 +66,8 @@ class Observer:
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
         self.joint = "joint" in kinds and model.motions is not None
+        # whether rows hold forces of joints that are unknowns
+        self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and model.balances
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
@@ -95,8 +97,10 @@ class Observer:
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.model.motions is not None:
-            free = (len(self.model.motions.names),)
+            free, holds = (len(self.model.motions.names),), self.model.motions.holds
             out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
+            out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
+            out |= {"joint_force": free} if self.held else {}
         if self.points:
             out["points"] = (len(self.points), 3)
         if self.velocity:
@@ -110,7 +114,7 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """Whether rows hold forces that steps tell."""
-        return self.slider or bool(self.reactions)
+        return self.slider or bool(self.reactions) or self.held
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -203,6 +207,9 @@ class Observer:
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
             sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
+            if "joint_friction" in out:
+                stored += float(np.sum(out["joint_friction"]))
+                sizes.append(float(np.sum(np.abs(out["joint_friction"]))))
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
@@ -213,6 +220,10 @@ class Observer:
             row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
         if self.slider:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
+        if self.held:
+            model = self.model
+            end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
+            row["joint_force"] = model.motions.holds.forces(force[end - model.motions.holds.held.size:end])
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Contact forces, moments of sleeves and forces along the beam."""
@@ -287,6 +298,8 @@ class Observer:
         if model.motions is not None:
             kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
             names |= {"joints": model.motions.names, "coordinates": kinds}
+        if self.held:
+            names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
