@@ -123,6 +123,11 @@ class Holds:
             stops = JointStops(motion, at_stop, self.stops[stopped])
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction)
 
+    @property
+    def has_functions(self) -> bool:
+        """Whether a value that is given is a function of time."""
+        return any(callable(self.parts[k].place) for k in self.given)
+
     # --- what is given ------------------------------------------------------------------------------------------------
     def value(self, k: int, t: float) -> float:
         """Given value of coordinate k at a time, m or rad; not of a given speed."""
@@ -182,6 +187,19 @@ class Holds:
                                  f"{unit}; let it begin with {found[k]:.6g} there, start at the time of the state (t_start=...), or "
                                  "from the equilibrium of solve_static, which goes there")
             own[k] = value
+
+    def check_stays(self, who: str, t: float, found: Array) -> None:
+        """Joints stay at their values `found` [C] where these are given at time t; who: the function that was called.
+
+        Raises
+        ------
+        SceneError
+            One would have to move.
+        """
+        try:
+            self.start(t, found.copy(), found)
+        except SceneError as error:
+            raise SceneError(f"{who}: joints stay where they stand; {error}") from None
 
     def start_rubbing(self, own: Array, rates: Array, fastest: float) -> None:
         """Signs of the velocities of coordinates with friction into a history `own` [R, 3]; rates [C]; fastest: rate of the

@@ -144,6 +144,19 @@ class Motions:
             self.holds.start_rubbing(state.history[self.holds.place:].reshape(-1, RUB), self.rates(q, v),
                                      float(np.max(np.abs(v), initial=0.0)))
 
+    def given_between(self, history: Array, place: int, t: float) -> tuple[Array, Array]:
+        """Of coordinates that are given the values in a history and those at time t; one whose speed is given stays."""
+        before = self.own(history, place)[self.holds.given, VALUE].copy()
+        after = [x if self.holds.parts[k].speed is not None else self.holds.value(k, t)
+                 for k, x in zip(self.holds.given.tolist(), before)]
+        return before, np.array(after)
+
+    def check_stays(self, who: str, state: State, place: int, t: float) -> None:
+        """As of `Holds`, in a state in space."""
+        if self.holds.given.size:
+            before = self.own(state.history, place)[:, VALUE]
+            self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
+
     def row(self, state: State, place: int) -> dict[str, Array]:
         """Series of one row."""
         q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
