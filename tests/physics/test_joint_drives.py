@@ -99,7 +99,7 @@ def test_a_flexible_beam_is_spun_up_as_by_a_support_that_turns(planar: Any, give
         held_by: Any = fb.RevoluteJoint(fb.GROUND, beam.start, "root", axis=(0, 1, 0),
                                         **{given: angle if given == "angle" else speed})
         if held == "support":
-            held_by = fb.PrescribedMotion(beam.start, rotation=lambda t: _about_y(angle(t)), name="root")
+            held_by = fb.PrescribedMotion("root", beam.start, rotation=lambda t: _about_y(angle(t)))
         model = fb.compile_scene(fb.Scene(beam, held_by, gravity=(0, 0, -G)), planar=planar)
         result = run(model, 1.5, 0.01)
         assert result.drift("balance") < 1e-12
@@ -123,7 +123,7 @@ def test_a_flexible_slider_crank_with_a_given_crank_angle_moves_as_with_a_crank_
     def angle(t: float) -> float:
         return w * (t - 0.1 * np.sin(10.0 * t))
 
-    section = fb.Section.rectangle(0.01, 0.02, E=1e9, rho=1500.0)
+    section = fb.Section.rectangle(height=0.01, width=0.02, E=1e9, rho=1500.0)
     ends, works = [], []
     for kind in ("joint", "pin"):
         rod = fb.Beam.straight("rod", (0, 0, r), (x, 0, 0), section=section, elements=4)
@@ -136,16 +136,16 @@ def test_a_flexible_slider_crank_with_a_given_crank_angle_moves_as_with_a_crank_
             parts += [crank, hinge(fb.GROUND, crank, (0, 0, 0), (0, 1, 0), "shaft", angle=angle),
                       fb.RevoluteJoint(crank.point((0, 0, r)), rod.start, "crank pin", axis=(0, 1, 0))]
         else:
-            parts.append(fb.PrescribedMotion(rod.start, position=lambda t: r * np.array([np.sin(angle(t)), 0, np.cos(angle(t))])))
+            parts.append(fb.PrescribedMotion("circle", rod.start, position=lambda t: r * np.array([np.sin(angle(t)), 0, np.cos(angle(t))])))
         model = fb.compile_scene(fb.Scene(*parts, gravity=(0, 0, -G)))
         result = run(model, 0.2 * np.pi, 0.2 * np.pi / 400)
         assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
         ends.append(result.state.q.reshape(-1, 4, 3)[:13, 0])
-        works.append(result.joint("shaft")["work"][-1] if kind == "joint" else -result.balance()[f"motion of {rod.start.label}"
-                     f" ({parts[-1].name!r})"][-1])
+        works.append(-[x for name, x in result.balance().items() if "shaft" in name or "circle" in name][0])
     # the pin goes from point to point on chords, which bends the rod by second order
     np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=5e-6)
-    assert works[0] == pytest.approx(works[1], abs=1e-3) and abs(works[0]) > 0.01
+    np.testing.assert_allclose(works[0][-1], works[1][-1], rtol=0.0, atol=1e-3)
+    assert np.max(np.abs(works[0])) > 0.01
 
 
 FREE = {"angle": lambda t: np.sin(3 * t) - 3 * t, "distance": lambda t: 0.3 * np.cos(3 * t) - 0.3}
@@ -155,8 +155,10 @@ def flight(what: str, **options: Any) -> fb.Model:
     """Two spinning bodies, with a joint that lies at both of their sides."""
     a, b = body("a", (0.5, 0, 0), spin=(1, 2, 3), mass=2.0), body("b", (1.5, 0, 0.2), spin=(-1, 0, 1), velocity=(0, 0.5, 0.2))
     axis = (0.3, 1.0, 0.2)
-    joint: Any = fb.RevoluteJoint(a.point((1, 0, 0)), b.point((0, 0, -0.2)), "joint", axis=axis, **options)
-    if what == "distance":
+    joint: Any
+    if what == "angle":
+        joint = fb.RevoluteJoint(a.point((1, 0, 0)), b.point((0, 0, -0.2)), "joint", axis=axis, **options)
+    else:
         joint = fb.PrismaticJoint(a.point((0.2, 0.1, 0)), b.point((0, 0.1, 0.3)), "joint", axis=axis, **options)
     return fb.compile_scene(fb.Scene(a, b, joint, project_velocities=True))
 
@@ -168,7 +170,7 @@ def test_given_joints_in_flight_keep_momenta_and_close_their_books_with_both_ord
     for order, step in ((2, 0.04), (2, 0.02), (4, 0.04), (4, 0.02), (4, 0.005)):
         result = run(model, 1.0, step, order=order)
         assert max(result.drift(name) for name in ("balance", "lin_mom", "ang_mom")) < 1e-13
-        assert abs(result.joint("joint")["work"][-1]) > 0.01
+        assert abs(result.joint("joint")["work"][-1]) > 1e-3
         ends[order, step] = result.state.q
     exact = ends[4, 0.005]
     two, four = ([float(np.max(np.abs(ends[order, step] - exact))) for step in (0.04, 0.02)] for order in (2, 4))
@@ -195,8 +197,8 @@ def test_an_equilibrium_at_a_given_angle_is_that_of_a_beam_clamped_at_this_angle
         beam = fb.Beam.straight("boom", (0, 0, 0), tip, section=section, elements=4)
         support: Any = fb.Clamp(beam.start)
         if given:
-            support = fb.RevoluteJoint(fb.GROUND, beam.start, "pivot", axis=(0, 1, 0), angle=lambda t: 0.35 * t)
-        model = fb.compile_scene(fb.Scene(beam, support, gravity=(0, 0, -G), project_velocities=True), planar=planar)
+            support = fb.RevoluteJoint(fb.GROUND, beam.start, "pivot", axis=(0, 1, 0), angle=lambda t: 0.175 * t**2)
+        model = fb.compile_scene(fb.Scene(beam, support, gravity=(0, 0, -G)), planar=planar)
         rest = fb.solve_static(model, at_time=2.0)
         assert rest.info["unstable_directions"] == rest.info["free_directions"] == 0
         found.append((rest, fb.modes(model, state=rest.state, n=4).frequencies, model))
@@ -343,15 +345,15 @@ def test_friction_of_a_joint_between_beams_and_its_checkpoint() -> None:
 # ------------------------------------------------------------------------------------------------------ cylindrical joints
 def test_springs_of_a_cylindrical_joint_swing_with_both_frequencies() -> None:
     part = body("bush", (0, 0, 0), spin=(0.6, 0, 0), velocity=(0.4, 0, 0))
-    joint = fb.CylindricalJoint(fb.GROUND, part, "bush", axis=(1, 0, 0), stiffness=(2.0, 400.0), damping=(0.0, 3.0), rest=(0.1, 0.0))
+    joint = fb.CylindricalJoint(fb.GROUND, part, "guide", axis=(1, 0, 0), stiffness=(2.0, 400.0), damping=(0.0, 3.0), rest=(0.1, 0.0))
     result = run(fb.compile_scene(fb.Scene(part, joint)), 1.0, 0.001)
-    found, t = result.joint("bush"), result.t
+    found, t = result.joint("guide"), result.t
     w = np.sqrt(2.0 / 0.02)
     np.testing.assert_allclose(found["angle"], 0.1 - 0.1 * np.cos(w * t) + 0.6 / w * np.sin(w * t), rtol=0.0, atol=2e-4)
     w, rate = np.sqrt(400.0 - 1.5**2), 1.5
     np.testing.assert_allclose(found["distance"], 0.4 / w * np.exp(-rate * t) * np.sin(w * t), rtol=0.0, atol=2e-5)
     assert result.drift("balance") < 1e-13 and found["loss"][-1] > 0.05
-    assert result.balance()["damper of joint 'bush'"][-1] == found["loss"][-1]
+    assert result.balance()["damper of joint 'guide'"][-1] == found["loss"][-1]
 
 
 # ---------------------------------------------------------------------------------------------------------------- refusals

@@ -18,6 +18,8 @@ from fastbeam.scene.sliding import OfTime, SomeStops, Stops, rate_at_start
 
 # largest deviation of two axes from a right angle, as the cosine of the angle
 UPRIGHT = 1e-9
+# as of `rate_at_start`
+FADES = 1e-6
 JOINED = Name("a joint has two sides, write one for every pair")
 
 
@@ -106,7 +108,7 @@ class AxisJoint(Link):
     def given_rate(self) -> float:
         """Of what is given, at t = 0, m/s or rad/s."""
         what = "speed" if self.place is None else self.words[0]
-        return rate_at_start(self.speed if self.place is None else self.place, what, self.label)
+        return rate_at_start(self.speed if self.place is None else self.place, what, self.label, FADES)
 
     @property
     def words(self) -> tuple[str, str, str]:

@@ -168,8 +168,9 @@ def initial_rate(drive: Drive, who: str) -> float:
     return rate_at_start(value, what, who)
 
 
-def rate_at_start(value: Any, what: str, who: str) -> float:
-    """Rate at t = 0 of what a number or a function of time gives: a place, or its rate where `what` is 'speed'."""
+def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
+    """Rate at t = 0 of what a number or a function of time gives: a place, or its rate where `what` is 'speed'. fades: a rate below
+    this share of the largest that follows at once is what differences miss of one that begins with zero."""
     if not callable(value):
         return float(value) if what == "speed" else 0.0
     found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
@@ -180,7 +181,8 @@ def rate_at_start(value: Any, what: str, who: str) -> float:
     rate = float(np.dot(FORWARD, found)) / SHORT
     # round-off of the positions
     noise = 20.0 * float(np.finfo(float).eps) * max(abs(float(x)) for x in found) / SHORT  # type: ignore[arg-type]
-    return rate if abs(rate) > noise else 0.0
+    follows = float(np.max(np.abs(np.diff(np.array(found, float))))) / SHORT
+    return rate if abs(rate) > max(noise, fades * follows) else 0.0
 
 
 @checked(start=Number(), end=Number(), stiffness=Number(above=0.0),
