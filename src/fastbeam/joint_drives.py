@@ -1,5 +1,5 @@
-"""Forces that hold what joints with axes leave free: given angles and distances, friction; and their stops. Tables, what is given in
-every step, and what a run may start from."""
+"""Forces that hold what joints with axes leave free: given angles and distances, friction; and their stops. Tables, what is given
+in every step, and what a run may start from."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -183,9 +183,9 @@ class Holds:
                 off -= 2.0 * np.pi * np.round(off / (2.0 * np.pi))
             if not abs(off) <= JUMP * (1.0 if self.is_angle[k] else self.length):
                 name, _, unit = part.words
-                raise SceneError(f"{part.label}: it stands at {found[k]:.6g} {unit}, its given {name} at t = {t:.6g} s is {value:.6g} "
-                                 f"{unit}; let it begin with {found[k]:.6g} there, start at the time of the state (t_start=...), or "
-                                 "from the equilibrium of solve_static, which goes there")
+                raise SceneError(f"{part.label}: it stands at {found[k]:.6g} {unit}, its given {name} at t = {t:.6g} s is "
+                                 f"{value:.6g} {unit}; let it begin with {found[k]:.6g} there, start at the time of the state "
+                                 "(t_start=...), or from the equilibrium of solve_static, which goes there")
             own[k] = value
 
     def check_stays(self, who: str, t: float, found: Array) -> None:

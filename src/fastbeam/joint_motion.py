@@ -190,10 +190,11 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
     table = JointMotion(node, row_of[node], block, is_angle, spin_root[node], turn.reshape(-1), distance,
                         place + MOTION * np.arange(count), numbers["stiffness"], numbers["damping"], numbers["rest"],
                         np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(32))
-    return Motions(table, np.arange(count), [str(part.name) for part, *_ in found], [part.label for part, *_ in found], motors,
+    parts = [part for part, *_ in found]
+    holds = holds_of(parts, is_angle, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
+    return Motions(table, np.arange(count), [str(part.name) for part in parts], [part.label for part in parts], motors,
                    turn, node, np.stack((numbers["stiffness"], numbers["rest"]), axis=1), distance, is_angle == 1,
-                   bool(np.any(numbers["damping"])), holds_of([part for part, *_ in found], is_angle, model.n_sliders + len(model.kept),
-                                                              place + MOTION * count, model.length))
+                   bool(np.any(numbers["damping"])), holds)
 
 
 def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, constraints: int) -> Motions | None:
@@ -239,5 +240,6 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int, 
         raise SceneError(f"{label}: solve_static takes no motors of joints; leave it out, or hold the joint by a stiff spring "
                          "with rest=")
     if static and holds.rubs.size:
-        raise SceneError(f"{holds.parts[holds.rubs[0]].label}: equilibria and modes know no friction of joints, which leaves a range of "
-                         "them; leave it out, hold the joint where it is to be by angle= or distance=, or run until it rests")
+        raise SceneError(f"{holds.parts[holds.rubs[0]].label}: equilibria and modes know no friction of joints, which leaves a "
+                         "range of them; leave it out, hold the joint where it is to be by angle= or distance=, or run until it "
+                         "rests")

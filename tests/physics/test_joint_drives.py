@@ -1,4 +1,4 @@
-"""Given angles and distances, stops and friction of joints with axes: against other ways to the same motion, and exact answers."""
+"""Given angles and distances, stops and friction of joints with axes: against other ways to the same motion, exact answers."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -40,8 +40,8 @@ def arm(planar: Any = "auto", gravity: Any = (0, 0, -G), at: float = 0.5, spin: 
 def slide(planar: Any = "auto", gravity: Any = (0, 0, 0), speed: float = 0.0, **options: Any) -> fb.Model:
     """A body on a guide along x."""
     part = body("block", (0.2, 0, 0.1), velocity=(speed, 0, 0))
-    return fb.compile_scene(fb.Scene(part, fb.PrismaticJoint(fb.GROUND, part, "guide", axis=(1, 0, 0), **options), gravity=gravity),
-                            planar=planar)
+    guide = fb.PrismaticJoint(fb.GROUND, part, "guide", axis=(1, 0, 0), **options)
+    return fb.compile_scene(fb.Scene(part, guide, gravity=gravity), planar=planar)
 
 
 def turned(result: fb.Result) -> Array:
@@ -136,7 +136,7 @@ def test_a_flexible_slider_crank_with_a_given_crank_angle_moves_as_with_a_crank_
             parts += [crank, hinge(fb.GROUND, crank, (0, 0, 0), (0, 1, 0), "shaft", angle=angle),
                       fb.RevoluteJoint(crank.point((0, 0, r)), rod.start, "crank pin", axis=(0, 1, 0))]
         else:
-            parts.append(fb.PrescribedMotion("circle", rod.start, position=lambda t: r * np.array([np.sin(angle(t)), 0, np.cos(angle(t))])))
+            parts.append(fb.PrescribedMotion("circle", rod.start, position=lambda t: _about_y(angle(t)) @ (0, 0, r)))
         model = fb.compile_scene(fb.Scene(*parts, gravity=(0, 0, -G)))
         result = run(model, 0.2 * np.pi, 0.2 * np.pi / 400)
         assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
@@ -345,7 +345,8 @@ def test_friction_of_a_joint_between_beams_and_its_checkpoint() -> None:
 # ------------------------------------------------------------------------------------------------------ cylindrical joints
 def test_springs_of_a_cylindrical_joint_swing_with_both_frequencies() -> None:
     part = body("bush", (0, 0, 0), spin=(0.6, 0, 0), velocity=(0.4, 0, 0))
-    joint = fb.CylindricalJoint(fb.GROUND, part, "guide", axis=(1, 0, 0), stiffness=(2.0, 400.0), damping=(0.0, 3.0), rest=(0.1, 0.0))
+    joint = fb.CylindricalJoint(fb.GROUND, part, "guide", axis=(1, 0, 0), stiffness=(2.0, 400.0), damping=(0.0, 3.0),
+                                rest=(0.1, 0.0))
     result = run(fb.compile_scene(fb.Scene(part, joint)), 1.0, 0.001)
     found, t = result.joint("guide"), result.t
     w = np.sqrt(2.0 / 0.02)

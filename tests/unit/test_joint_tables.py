@@ -92,8 +92,8 @@ def test_what_a_plane_keeps_from_moving_does_not_rub_there_and_what_is_given_lea
     for axis in ((0, 0, 1), (1, 0, 0)):
         a, b = body("a"), body("b", (1, 0, 0), spin=(0, 0, 1))
         for kind in (fb.RevoluteJoint, fb.PrismaticJoint):
-            model = fb.compile_scene(fb.Scene(a, b, kind(a.point((0.5, 0, 0)), b.point((-0.5, 0, 0)), "joint", axis=axis, friction=0.1),
-                                              project_velocities=True), planar=True)
+            joint = kind(a.point((0.5, 0, 0)), b.point((-0.5, 0, 0)), "joint", axis=axis, friction=0.1)
+            model = fb.compile_scene(fb.Scene(a, b, joint, project_velocities=True), planar=True)
             found = model.plane.model
             moves = (kind is fb.RevoluteJoint) == (axis[2] == 1)
             # three freedoms in a plane, of which the joint leaves one or none

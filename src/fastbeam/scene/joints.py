@@ -140,8 +140,8 @@ class AxisJoint(Link):
                                  f"stops=fb.Stops({stops.start}, {stops.end}, stiffness=1e4)")
             low, high = stops.between
             if not low <= 0.0 <= high:
-                raise SceneError(f"{who}: stops from {stops.start} to {stops.end} {unit} exclude its start, where the {place} is 0; "
-                                 "begin between them")
+                raise SceneError(f"{who}: stops from {stops.start} to {stops.end} {unit} exclude its start, where the {place} is "
+                                 "0; begin between them")
 
 
 def _place(node: NodeRef) -> Array:
@@ -193,8 +193,8 @@ class RevoluteJoint(OneAxisJoint):
     torque : float or callable, optional
         Of a motor, on b about the axis, the opposite on a, N m: a number or a function of time.
     angle, speed : float or callable, optional
-        A drive that turns b as given, whatever torque that takes: the angle in rad, over any number of turns, or its rate in rad/s,
-        a number or a function of time. The angle at t = 0 is 0.
+        A drive that turns b as given, whatever torque that takes: the angle in rad, over any number of turns, or its rate in
+        rad/s, a number or a function of time. The angle at t = 0 is 0.
     friction : float
         Largest torque of Coulomb friction, N m, >= 0: it sticks up to it, and slips under it (theory.md (4.17)).
     stops : Stops, optional

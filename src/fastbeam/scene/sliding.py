@@ -169,8 +169,8 @@ def initial_rate(drive: Drive, who: str) -> float:
 
 
 def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
-    """Rate at t = 0 of what a number or a function of time gives: a place, or its rate where `what` is 'speed'. fades: a rate below
-    this share of the largest that follows at once is what differences miss of one that begins with zero."""
+    """Rate at t = 0 of what a number or a function of time gives: a place, or its rate where `what` is 'speed'. fades: a rate
+    below this share of the largest that follows at once is what differences miss of one that begins with zero."""
     if not callable(value):
         return float(value) if what == "speed" else 0.0
     found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
