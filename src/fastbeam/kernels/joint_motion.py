@@ -10,8 +10,7 @@ on a. As both triads keep the axis, theta_b - theta_a is parallel to a; the mome
     T = G Dx/w,     tan(Dx/2) = p/q,  p = w/(2 a.a),  q = 1 + theta_a . theta_b/4                                       (4.15)
 
 so that the energy changes by exactly G Dx. Dx/w is formed without division by zero. Elastic stops add minus the divided
-difference
-of their energy to G. Forces that are unknowns, of given coordinates and of friction, stand in joint_drive.py.
+difference of their energy to G. Forces that are unknowns, of given coordinates and of friction, stand in joint_drive.py.
 
 Arrays: q [12 N], in a plane [4 N].
 """
