@@ -50,7 +50,7 @@ def joint_of(result: Result, name: str) -> dict[str, Array]:
         what = result.names["coordinates"][k]
         rate = "spin" if what == "angle" else "speed"
         out[what], out[rate] = result.series["joint_value"][:, k], result.series["joint_rate"][:, k]
-        if name in result.names.get("held", ()):
+        if "joint_force" in result.series and name in result.names.get("held", ()):
             out["torque" if what == "angle" else "force"] = result.series["joint_force"][:, k]
     for key in ("energy", "loss", "work"):
         if f"joint_{key}" in result.series:

@@ -19,7 +19,7 @@ ROWS: dict[str, tuple[int | str, ...]] = {
                      "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
-    **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
+    **dict.fromkeys((*FREE, *IN_JOINTS, "joint_force", "joint_friction"), ("joints",)),
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
 # a series with a column for each name of a kind
