@@ -1,7 +1,9 @@
 """Given angles and distances, stops and friction of joints with axes: against other ways to the same motion, exact answers."""
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -189,6 +191,20 @@ def test_a_drive_goes_on_from_a_checkpoint_bit_for_bit_and_with_step_control() -
         assert abs(controlled.joint("pivot")["angle"][-1] - 16.0) < 1e-11 and controlled.drift("balance") < 1e-11
 
 
+def test_reactions_of_a_driven_joint_have_its_torque_and_those_of_others_stay_in_balance() -> None:
+    part, hand = body("arm", (0.5, 0, 0)), body("hand", (1.0, 0, 0.2))
+    scene = fb.Scene(part, hand, hinge(fb.GROUND, part, (0, 0, 0), (0, 1, 0), "shoulder", angle=lambda t: 2.0 * t**2),
+                     hinge(part, hand, (1, 0, 0), (0, 1, 0), "wrist", friction=0.3), gravity=(0, 0, -G))
+    result = run(fb.compile_scene(scene, planar=False), 1.0, 0.005, observe=("energy", "joint", "reaction"))
+    for name in ("shoulder", "wrist"):
+        np.testing.assert_allclose(result.reaction(name)["moment"][:, 1], result.joint(name)["torque"], rtol=1e-4, atol=1e-4)
+    # the joint carries the weight, and what turns the momentum around
+    series = run(fb.compile_scene(scene, planar=False), 1.0, 0.005, observe=("energy", "momentum", "reaction"))
+    force = series.reaction("shoulder")["force"]
+    change = np.gradient(series.series["lin_mom"], series.t, axis=0)
+    np.testing.assert_allclose(force[2:-2], (change + [0, 0, 2.0 * G])[2:-2], rtol=0.0, atol=0.05)
+
+
 @SPACE_AND_PLANE
 def test_an_equilibrium_at_a_given_angle_is_that_of_a_beam_clamped_at_this_angle(planar: Any) -> None:
     section, found = fb.Section.circle(radius=0.01, E=1e9, rho=1000.0), []
@@ -342,6 +358,24 @@ def test_friction_of_a_joint_between_beams_and_its_checkpoint() -> None:
             np.testing.assert_array_equal(x, y)
 
 
+def test_a_chain_of_hinges_that_all_rub_falls_and_comes_to_rest() -> None:
+    links = [body(f"link {k}", (0.1 * k + 0.05, 0, 0), mass=0.1, inertia=(1e-4, 1e-4, 1e-4)) for k in range(12)]
+    joints = [hinge(a, b, (0.1 * k, 0, 0), (0, 1, 0), f"joint {k}", friction=0.05)
+              for k, (a, b) in enumerate(zip([fb.GROUND, *links], links))]
+    result = run(fb.compile_scene(fb.Scene(*links, *joints, gravity=(0, 0, -G))), 6.0, 0.01)
+    assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
+    assert result.info["iterations"] < 7 * result.info["steps"]
+    angles = np.array([result.joint(f"joint {k}")["angle"] for k in range(12)])
+    assert np.all(np.ptp(angles[:, -20:], axis=1) == 0.0) and result.series["kinetic"][-1] < 1e-9
+    # each joint holds what hangs on it
+    torque = np.array([result.joint(f"joint {k}")["torque"][-2] for k in range(12)])
+    assert np.all(np.abs(torque) <= 0.05 * (1 + 1e-9))
+    x = result.state.q.reshape(-1, 4, 3)[:12, 0, 0]
+    ends = [0.0, *(x[k] + 0.05 * result.state.q.reshape(-1, 4, 3)[k, 1, 0] for k in range(11))]
+    hanging = np.array([np.sum(0.1 * G * (x[k:] - ends[k])) for k in range(12)])
+    np.testing.assert_allclose(torque, -hanging, rtol=0.0, atol=1e-6)
+
+
 # ------------------------------------------------------------------------------------------------------ cylindrical joints
 def test_springs_of_a_cylindrical_joint_swing_with_both_frequencies() -> None:
     part = body("bush", (0, 0, 0), spin=(0.6, 0, 0), velocity=(0.4, 0, 0))
@@ -355,6 +389,17 @@ def test_springs_of_a_cylindrical_joint_swing_with_both_frequencies() -> None:
     np.testing.assert_allclose(found["distance"], 0.4 / w * np.exp(-rate * t) * np.sin(w * t), rtol=0.0, atol=2e-5)
     assert result.drift("balance") < 1e-13 and found["loss"][-1] > 0.05
     assert result.balance()["damper of joint 'guide'"][-1] == found["loss"][-1]
+
+
+# -------------------------------------------------------------------------------------------------------------- how-to.md
+def test_the_recipe_runs() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    recipe = page.split("An arm that is swung to a given angle")[1].split("\n\n")[1]
+    found: dict[str, Any] = {"fb": fb}
+    exec(textwrap.dedent(recipe), found)
+    swing = found["swing"]
+    assert swing.drift("balance") < 1e-12 and swing.joint("shoulder")["angle"][-1] == pytest.approx(0.5, abs=1e-14)
+    assert swing.joint("shoulder")["torque"].max() > 1.0 and swing.joint("wrist")["friction_loss"][-1] > 0.0
 
 
 # ---------------------------------------------------------------------------------------------------------------- refusals
