@@ -183,7 +183,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
-    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model.motion_place))
+    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
 
 
 def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:

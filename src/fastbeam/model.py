@@ -320,7 +320,8 @@ class Model:
         if self.prescribed is not None:
             parts += [self.prescribed.own]
         if self.motions is not None:
-            parts += self.motions.table[:-2]
+            holds = self.motions.holds
+            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:

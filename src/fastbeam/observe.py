@@ -67,6 +67,8 @@ class Observer:
         self.moments = self.slider and model.sleeves is not None
         self.joint = "joint" in kinds and model.motions is not None
         self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
+        # whether rows hold forces of joints that are unknowns
+        self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and model.balances
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
@@ -96,10 +98,12 @@ class Observer:
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.model.motions is not None:
-            free = (len(self.model.motions.names),)
+            free, holds = (len(self.model.motions.names),), self.model.motions.holds
             out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
         for springs in self.springs:
             out |= springs.series()
+            out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
+            out |= {"joint_force": free} if self.held else {}
         if self.points:
             out["points"] = (len(self.points), 3)
         if self.velocity:
@@ -113,7 +117,7 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """Whether rows hold forces that steps tell."""
-        return self.slider or bool(self.reactions)
+        return self.slider or bool(self.reactions) or self.held
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -208,6 +212,9 @@ class Observer:
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
             sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
+            if "joint_friction" in out:
+                stored += float(np.sum(out["joint_friction"]))
+                sizes.append(float(np.sum(np.abs(out["joint_friction"]))))
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
@@ -218,6 +225,10 @@ class Observer:
             row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
         if self.slider:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
+        if self.held:
+            model = self.model
+            end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
+            row["joint_force"] = model.motions.holds.forces(force[end - model.motions.holds.held.size:end])
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Contact forces, moments of sleeves and forces along the beam."""
@@ -296,6 +307,8 @@ class Observer:
             kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
             names |= {"joints": model.motions.names, "coordinates": kinds}
         names |= {springs.kind: springs.names for springs in self.springs}
+        if self.held:
+            names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())

@@ -264,7 +264,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
+        model, sleeves=sleeves, kept=kept,
+        motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
