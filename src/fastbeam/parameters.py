@@ -19,6 +19,8 @@ SHARE = 2.0**-8
 # central differences of order 6 on the changes -3 to 3, and of order 4 on the inner four of them
 CHANGES = (-3, -2, -1, 1, 2, 3)
 SIXTH = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
+# a scene is no smooth function of a parameter where these differ by more than this share
+SMOOTH = 1e-5
 FOURTH = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
 
 
@@ -121,14 +123,11 @@ class Family:
         """Derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the change."""
         return np.tensordot(SIXTH, np.asarray(six), 1) / self.steps[name]
 
-    def roughness(self, name: str, six: Any) -> float:
-        """By how much derivatives of order 4 and 6 differ, next to them: 1e-9 where the scene depends smoothly on a parameter."""
-        six = np.nan_to_num(np.asarray(six, dtype=float))
-        fine, coarse = (np.tensordot(w, six, 1) for w in (SIXTH, FOURTH))
-        # round-off of what does not depend on it
-        noise = 1e-9 * float(np.max(np.abs(six), initial=0.0))
-        size = float(np.linalg.norm(fine))
-        return float(np.linalg.norm(fine - coarse)) / max(size, noise, 1e-300)
+    def is_smooth(self, six: Any, weights: Array, noise: float) -> bool:
+        """Whether differences of order 4 and 6 of what was evaluated in the six scenes agree, but for noise; weights: of rows."""
+        six = np.asarray(six, dtype=float)
+        fine, coarse = (weights * np.tensordot(w, six, 1) for w in (SIXTH, FOURTH))
+        return bool(np.linalg.norm(fine - coarse) <= SMOOTH * np.linalg.norm(fine) + noise)
 
 
 class _Itself:

@@ -18,6 +18,10 @@ from .static_sliders import Increment, SlidingSolver
 Array = np.ndarray
 
 
+# of round-off of coordinates and sums, relative
+NOISE = 1e-13
+
+
 class OutOfPlane(Exception):
     """A scene around a planar one is not in its plane."""
 
@@ -63,6 +67,15 @@ class Response(SlidingSolver):
         """The node of an unknown."""
         row = unknown // len(self.core.dofs)
         return str(self.stepper.model.labels[int(np.flatnonzero(self.core.pattern.row_of == row)[0])])
+
+    def noise(self) -> Array:
+        """What round-off may make of `unbalanced` [n]: of forces in beams, of loads and of gaps."""
+        length, n = self.core.length, self.core.pattern.n
+        out = np.full(self.unknowns, NOISE * length)
+        loads = self.work.f_ext[:8 * n].reshape(n, 8)[:, :len(self.core.dofs)].reshape(-1)
+        out[:self.nodes] = NOISE * (length * np.abs(self.linearised()[0].matrix.diagonal()[:self.nodes]) + np.abs(loads))
+        out[self.nodes:self.nodes + self.sliding.size] *= 1.0 + np.linalg.norm(self.stepper.core_state.force)
+        return out
 
     def go(self, x: Array) -> None:
         """Add an increment of all unknowns [n]."""

@@ -28,10 +28,6 @@ Array = np.ndarray
 OBSERVED = ("energy", "section", "reaction")
 # an equilibrium whose nodes would move by less, in sizes of the scene and rad
 AT_REST = 1e-8
-# a scene is no smooth function of a parameter where differences of order 4 and 6 differ by more than this share
-SMOOTH = 1e-5
-# a second correction that is smaller than this share of the first tells that the first was not round-off
-SHRINKS = 0.1
 
 
 class Slopes(NamedTuple):
@@ -41,7 +37,7 @@ class Slopes(NamedTuple):
     explicit: dict[str, Array]   # of every series there
     way: Array              # float64 [n]: of all unknowns, beside the motion with the reference
     rows: dict[str, Array]  # of every series, all in all
-    accuracy: float         # last correction of the way, next to it
+    accuracy: float         # what is unbalanced along the way, as a share of it
 
 
 class Gradient(NamedTuple):
@@ -77,7 +73,8 @@ class Sensitivity:
     state : State
         The equilibrium.
     accuracy : dict of str to float
-        Of every parameter: relative size of the last correction of its derivatives.
+        Of every parameter: how far the equilibria along its derivatives are from being ones, as a share of them; an estimate of
+        their error from above.
     factorisations : int
         Of the tangent and its transpose until now.
     """
@@ -103,22 +100,20 @@ class Sensitivity:
         flat = base.stepper.plane is not None
         six = self._six(name, np.zeros(base.unknowns))
         left = [x.unbalanced() for x in six]
-        roughness = family.roughness(name, left)
-        if roughness > SMOOTH:
+        row = self._solver.saddle.row
+        if not family.is_smooth(left, row, float(np.linalg.norm(row * base.noise()))):
             raise SceneError(f"sensitivity: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
-                             f"differences of order 4 and 6 differ by {roughness:.2g} of the derivative; look for steps in what "
-                             "build does with it, or give a smaller scale={...}")
+                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it (rounding, "
+                             "min, max), or give a smaller scale={...}")
         unbalanced, explicit = family.slope(name, left), self._slopes_of(name, six, flat)
         way = self._solved(unbalanced)
-        change = self._solved(family.slope(name, [x.unbalanced() for x in self._six(name, way)]))
-        again = self._solved(family.slope(name, [x.unbalanced() for x in self._six(name, way + change)]))
-        size, first, second = (float(np.linalg.norm(base.weighed(x))) for x in (way, change, again))
-        if second < SHRINKS * first:
-            # the correction was none of round-off
-            way, first = way + change, second
-        rows = self._slopes_of(name, self._six(name, way), flat)
+        around = self._six(name, way)
+        # nothing is unbalanced along the way: what the differences find there is their error, on another path than above
+        rest = self._solved(family.slope(name, [x.unbalanced() for x in around]))
+        size, error = (float(np.linalg.norm(base.weighed(x))) for x in (way, rest))
+        rows = self._slopes_of(name, around, flat)
         rows |= {key: explicit[key] + x for key, x in self._linear.along(way).items() if key in explicit}
-        return Slopes(unbalanced, explicit, way, rows, first / size if size else 0.0)
+        return Slopes(unbalanced, explicit, way, rows, error / size if size else 0.0)
 
     def _solved(self, right: Array) -> Array:
         x = self._solver.solve(right)
