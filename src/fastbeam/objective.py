@@ -105,6 +105,7 @@ def _weights(noun: str, names: list[str], given: Mapping[str, Any] | None, shape
             raise SceneError(f"gradient: there is no {noun} {name!r}; there are {', '.join(map(repr, names[:12])) or 'none'}")
         weight = real(value) if shape == () else numbers(value)
         if weight is None or np.shape(weight) != shape or not np.all(np.isfinite(weight)):
-            raise SceneError(f"gradient, {noun} {name!r}: needs {'a number' if shape == () else 'weights (3,)'}, got {shown(value)}")
+            need = "a number" if shape == () else "weights (3,)"
+            raise SceneError(f"gradient, {noun} {name!r}: needs {need}, got {shown(value)}")
         out[names.index(name)] = weight
     return out

@@ -78,7 +78,8 @@ class Family:
             raise SceneError(f"sensitivity, build: could not be called with {_listed(self.values)}: {error}") from error
         scene, points = out if isinstance(out, tuple) and len(out) == 2 else (out, {})
         if not isinstance(scene, Scene) or not isinstance(points, Mapping):
-            raise SceneError(f"sensitivity, build: must return a Scene, or a Scene and a mapping of names to points, got {shown(out)}")
+            raise SceneError("sensitivity, build: must return a Scene, or a Scene and a mapping of names to points, got "
+                             f"{shown(out)}")
         return scene, dict(points)
 
     def base(self, flat: bool) -> Built:
@@ -115,9 +116,9 @@ class Family:
         same = same and np.array_equal(base.held_mask, other.held_mask) and len(base.loads) == len(other.loads)
         same = same and np.array_equal(base.spin_root, other.spin_root) and np.array_equal(base.spinless, other.spinless)
         if not same:
-            raise SceneError(f"sensitivity: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints or "
-                             "points), so there is no derivative; let build return the same parts with the same elements for all "
-                             "values near the given ones")
+            raise SceneError(f"sensitivity: parameter {name!r} changes what the scene is made of (parts, nodes, supports, joints "
+                             "or points), so there is no derivative; let build return the same parts with the same elements for "
+                             "all values near the given ones")
 
     def slope(self, name: str, six: Any) -> Array:
         """Derivative by parameter `name` of what was evaluated in the six scenes, with an error of order 6 in the change."""

@@ -16,7 +16,7 @@ TINY = 1e-40
 
 
 class SectionGradient(NamedTuple):
-    """Derivatives by what the section of every beam of a part says, [beams] each; of a beam one, of a net one of each of its beams.
+    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam.
 
     Attributes
     ----------

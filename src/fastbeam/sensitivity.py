@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Anything, Count, Flag, Listing, Names, Number, Refusal, Word, checked, number, shown
+from .arguments import Count, Flag, Listing, Names, Number, Refusal, Word, checked, number, shown
 from .errors import ConvergenceError, SceneError
 from .frequency_slopes import FrequencySlopes, Linearised, frequency_slopes
 from .kernels.work import State
@@ -103,8 +103,8 @@ class Sensitivity:
         row = self._solver.saddle.row
         if not family.is_smooth(left, row, float(np.linalg.norm(row * base.noise()))):
             raise SceneError(f"sensitivity: the scene is no smooth function of parameter {name!r} near {self.values[name]:g}: "
-                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it (rounding, "
-                             "min, max), or give a smaller scale={...}")
+                             "differences of order 4 and 6 disagree; look for steps and kinks in what build does with it "
+                             "(rounding, min, max), or give a smaller scale={...}")
         unbalanced, explicit = family.slope(name, left), self._slopes_of(name, six, flat)
         way = self._solved(unbalanced)
         around = self._six(name, way)
@@ -118,9 +118,9 @@ class Sensitivity:
     def _solved(self, right: Array) -> Array:
         x = self._solver.solve(right)
         if x is None or self._solver.saddle.is_singular:
-            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so that it has no derivatives: it is a "
-                                   "limit or bifurcation point, or a part can move freely; fb.modes(model, state=...) shows which",
-                                   state=self.state)
+            raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so that it has no derivatives: it "
+                                   "is a limit or bifurcation point, or a part can move freely; fb.modes(model, state=...) shows "
+                                   "which", state=self.state)
         return x
 
     def _six(self, name: str, way: Array) -> list[Response]:
@@ -148,18 +148,18 @@ class Sensitivity:
     def _series(self, key: str, which: int | None = None) -> dict[str, Array]:
         """Of one series, or one of its columns, by all parameters."""
         if self._slopes and key not in next(iter(self._slopes.values())).rows:
-            raise SceneError(f"sensitivity: {key!r} was not observed; give observe=(...) of {', '.join(map(repr, OBSERVED))}, and "
-                             "points from build")
+            raise SceneError(f"sensitivity: {key!r} was not observed; give observe=(...) of {', '.join(map(repr, OBSERVED))}, "
+                             "and points from build")
         return {name: x.rows[key] if which is None else x.rows[key][which] for name, x in self._slopes.items()}
 
-    def _index(self, noun: str, names: Sequence[str], name: Any) -> int:
-        label = getattr(name, "name", name)
+    def _index(self, noun: str, names: Sequence[str], label: str) -> int:
         if label not in list(names):
-            raise SceneError(f"sensitivity: there is no {noun} {shown(label)}; there are {', '.join(map(repr, list(names)[:12])) or 'none'}")
+            there = ", ".join(map(repr, list(names)[:12])) or "none"
+            raise SceneError(f"sensitivity: there is no {noun} {shown(label)}; there are {there}")
         return list(names).index(label)
 
-    @checked(name=Anything())
-    def point(self, name: Any) -> dict[str, Array]:
+    @checked(name=Word())
+    def point(self, name: str) -> dict[str, Array]:
         """Of the position of an observed point, by every parameter [3], m per unit.
 
         Raises
@@ -169,8 +169,8 @@ class Sensitivity:
         """
         return self._series("points", self._index("point", list(self._family.points), name))
 
-    @checked(name=Anything())
-    def slider(self, name: Any) -> dict[str, Array]:
+    @checked(name=Word())
+    def slider(self, name: str) -> dict[str, Array]:
         """Of the arc length of a slider, by every parameter, m per unit.
 
         Raises
@@ -180,8 +180,8 @@ class Sensitivity:
         """
         return self._series("s_slide", self._index("slider", self.model.names["sliders"], name))
 
-    @checked(name=Anything())
-    def contact_force(self, name: Any) -> dict[str, Array]:
+    @checked(name=Word())
+    def contact_force(self, name: str) -> dict[str, Array]:
         """Of the contact force of a slider on its point, by every parameter [3], N per unit.
 
         Raises
@@ -191,8 +191,8 @@ class Sensitivity:
         """
         return self._series("contact_force", self._index("slider", self.model.names["sliders"], name))
 
-    @checked(name=Anything())
-    def reaction(self, name: Any) -> dict[str, Array]:
+    @checked(name=Word())
+    def reaction(self, name: str) -> dict[str, Array]:
         """Of the force and the moment of a support or joint, by every parameter [2, 3], N and N m per unit; needs
         `observe=("reaction", ...)`.
 
@@ -203,8 +203,8 @@ class Sensitivity:
         """
         return self._series("reaction", self._index("support or joint", self.model.reaction_names, name))
 
-    @checked(name=Anything())
-    def section(self, name: Any) -> dict[str, Array]:
+    @checked(name=Word())
+    def section(self, name: str) -> dict[str, Array]:
         """Of N, Q2, Q3 (N) and T, M2, M3 (N m) at an observed point of a beam, by every parameter [6]; needs
         `observe=("section", ...)`.
 
@@ -228,8 +228,8 @@ class Sensitivity:
              contact_forces=Names("must map names of sliders to weights (3,)"), strain_energy=Number())
     def gradient(self, *, points: Mapping[str, Any] | None = None, sliders: Mapping[str, float] | None = None,
                  contact_forces: Mapping[str, Any] | None = None, strain_energy: float = 0.0) -> Gradient:
-        """Derivatives of a weighed sum of positions, arc lengths, contact forces and strain energy by all parameters, all sections
-        and all loads, for one solution with the transposed tangent.
+        """Derivatives of a weighed sum of positions, arc lengths, contact forces and strain energy by all parameters, all
+        sections and all loads, for one solution with the transposed tangent.
 
         Parameters
         ----------
@@ -286,7 +286,7 @@ class Sensitivity:
         base, family = self._base, self._family
         flat = self.model.asked_for_plane if planar is None else planar
         if flat and base.stepper.plane is None:
-            raise SceneError(f"planar=True: scene {self.model.scene_name!r} does not stay in a plane, or a parameter leads out of it")
+            raise SceneError(f"planar=True: scene {self.model.scene_name!r} does not stay in a plane, or a parameter leads out")
         found = Linearised(base.stepper.model, base.state, base.sliding, base.factors, flat, n, self._backend)
 
         def around(name: str) -> Callable[[], Iterable[tuple[Model, State, Array]]]:
@@ -317,8 +317,9 @@ def which_build(value: Any) -> Callable[..., Any]:
 
 
 @checked(build=which_build, values=Names("must map names of parameters to numbers"),
-         scale=Names("must map names of parameters to sizes"), state=START, observe=Listing(Word(OBSERVED), "a sequence of kinds, as in "
-         "('energy', 'reaction')"), load_factor=Number(), at_time=Number(unit="s"), held=which_sliders, backend=Word())
+         scale=Names("must map names of parameters to sizes"), state=START,
+         observe=Listing(Word(OBSERVED), "a sequence of kinds, as in ('energy', 'reaction')"), load_factor=Number(),
+         at_time=Number(unit="s"), held=which_sliders, backend=Word())
 def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale: Mapping[str, float] | None = None,
                 state: State | None = None, observe: Sequence[str] = ("energy",), load_factor: float = 1.0,
                 at_time: float | None = None, held: bool | str | Sequence[str] = False, backend: str = "auto") -> Sensitivity:
@@ -328,9 +329,9 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     Parameters
     ----------
     build : callable
-        `build(**values)` makes the scene and returns it, or returns it with a mapping of names to points to observe (as `points` of
-        `simulate`). Called seven times for the first parameter and six times for each further one, with values that differ by up to
-        1.2 percent; it has to return the same parts with the same elements.
+        `build(**values)` makes the scene and returns it, or returns it with a mapping of names to points to observe (as `points`
+        of `simulate`). Called twice, and six times for each parameter with values that differ by up to 1.2 percent; it has to
+        return the same parts with the same elements.
     values : mapping of str to float
         Parameters. Empty: for `Sensitivity.gradient` by all sections and loads alone.
     scale : mapping of str to float, optional
@@ -370,7 +371,7 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     stays = held_sliders(model, held)
     check_slider_forces("sensitivity", model, stays)
     if model.user_forces:
-        raise SceneError(f"sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are not known exactly; "
+        raise SceneError(f"sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are not known; "
                          "use loads, or differences of equilibria")
     result = None
     if state is None:
@@ -388,7 +389,8 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     kinds = tuple(dict.fromkeys(("energy", *observe)))
     for plane in ((True, False) if flat else (False,)):
         check_supports(model, plane)
-        base = _at_rest(Response(family.base(plane).model, state, stays, plane, backend, at_time or 0.0, factors(model), load_factor))
+        base = _at_rest(Response(family.base(plane).model, state, stays, plane, backend, at_time or 0.0, factors(model),
+                                 load_factor))
         try:
             return Sensitivity(family, base, Solver(base.linearised()[0], backend), kinds, result, factors, backend)
         except OutOfPlane:
@@ -412,8 +414,8 @@ def _at_rest(base: Response) -> Response:
         size = base.size_of(x)
         if not size <= AT_REST:
             worst = int(np.argmax(np.abs(right[:base.nodes])))
-            raise SceneError(f"sensitivity: the state is no equilibrium: nodes would go on by {size:.2g} of the size of the scene, and "
-                             f"{base.label(worst)} has an unbalanced force of {abs(right[worst]):.3g}; find it with "
+            raise SceneError(f"sensitivity: the state is no equilibrium: nodes would go on by {size:.2g} of the size of the "
+                             f"scene, and {base.label(worst)} has an unbalanced force of {abs(right[worst]):.3g}; find it with "
                              "fb.solve_static(model), and give the load_factor and at_time that it has")
         if not last:
             base.go(x)

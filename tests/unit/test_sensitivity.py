@@ -32,8 +32,8 @@ def bead(friction: Any = None) -> fb.Scene:
 @pytest.mark.parametrize(("arguments", "message"), [
     (dict(build=3, values={}), "build: must be a function of the parameters"),
     (dict(build=lambda: 3, values={}), "build: must return a Scene, or a Scene and a mapping"),
-    (dict(build=tip, values={"Q": 1.0}), "build: could not be called with 'Q'"),
-    (dict(build=tip, values={"F": "much"}), "values: parameter 'F' must be a finite number"),
+    (dict(build=cantilever, values={"Q": 1.0}), "build: could not be called with 'Q'"),
+    (dict(build=tip, values={"F": "much"}), "values: parameter 'F': must be a finite number"),
     (dict(build=tip, values={"F": 0.0}), "parameter 'F' is 0, which says nothing about its size; give scale="),
     (dict(build=tip, values={"F": 1.0}, scale={"L": 1.0}), "scale: there is no parameter 'L'; values has 'F'"),
     (dict(build=tip, values={"F": 1.0}, backend="mumps"), "backend 'mumps' does not exist"),
