@@ -23,6 +23,7 @@ _WHERE = {
     "vibration": ["modes"],
     "equilibrium_paths": ["solve_path"],
     "sensitivity": ["sensitivity"],
+    "critical_slopes": ["critical_sensitivity"],
     "result": ["Result"],
     "resultants": ["section_forces"],
     "reading": ["load_result"],
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from .vibration import modes as modes
     from .equilibrium_paths import solve_path as solve_path
     from .sensitivity import sensitivity as sensitivity
+    from .critical_slopes import critical_sensitivity as critical_sensitivity
     from .result import Result as Result
     from .resultants import section_forces as section_forces
     from .reading import load_result as load_result

@@ -59,6 +59,14 @@ class Response(SlidingSolver):
         moved = x[:self.nodes].reshape(-1, size) / np.where(np.arange(size) < self.core.dim, self.core.length, 1.0)
         return np.append(moved.reshape(-1), x[self.nodes:self.nodes + self.sliding.size] / self.core.length)
 
+    @property
+    def weights(self) -> Array:
+        """Of squares of the unknowns [n] in the metric of theory.md (12.1); multipliers have none."""
+        place = np.arange(len(self.core.dofs)) < self.core.dim
+        rows, length = self.core.pattern.n, self.core.length
+        nodes = np.tile(np.where(place, length**-2.0, 1.0) / rows, rows)
+        return np.concatenate((nodes, np.full(self.sliding.size, length**-2.0), np.zeros(self.core.n_forces)))
+
     def size_of(self, x: Array) -> float:
         """The largest of them."""
         return float(np.max(np.abs(self.weighed(x)), initial=0.0))

@@ -313,3 +313,75 @@ def test_frequencies_of_a_ring_on_its_cable_against_differences() -> None:
     for name in RING:
         exact = differences(ring, RING, name, lambda x: x.frequencies(5).squared)
         close(found.squared_by[name], exact, 1e-7)
+
+
+# --- critical loads -------------------------------------------------------------------------------------------------------------
+def test_buckling_load_of_a_column() -> None:
+    """Clamped and free: with shortening and shear, P (1 - P/EA + P/GA) = EI (pi/2 L)^2."""
+    def build(EI: float, L: float, F: float, EA: float, side: float) -> Any:  # noqa: N803
+        beam = fb.Beam.straight("column", (0, 0, 0), (L, 0, 0), section=section(EA, EI, 1e4), elements=8, degree=4)
+        return fb.Scene(beam, fb.Clamp(beam.start), fb.Load("press", beam.end, force=(-F, side, 0)))
+
+    def exact(EI: float, L: float, F: float, EA: float, **_: float) -> float:  # noqa: N803
+        k = (0.5 * np.pi / L)**2 * EI
+        return brentq(lambda p: p * (1 - p / EA + p / 1e4) - k, 0.0, 2 * k, xtol=1e-14) / F
+
+    v = dict(EI=100.0, L=2.0, F=100.0, EA=3e4, side=0.0)
+    model = fb.compile_scene(build(**v), planar=True)
+    path = fb.solve_path(model, stop_at="bifurcation", to=2.0, step=0.2, largest_step=0.5)
+    factor = float(path.series["load_factor"][-1])
+    assert factor == pytest.approx(exact(**v), rel=1e-7)
+    found = fb.critical_sensitivity(build, v, state=path.state, load_factor=factor, scale={"side": 1.0})
+    assert found.kind == "bifurcation" and np.isnan(found.by["side"])
+    for name in ("EI", "L", "F", "EA"):
+        e = 1e-3 * v[name]
+        slope = float(EIGHTH @ np.array([exact(**{**v, name: v[name] + k * e}) for k in AWAY])) / e
+        assert found.by[name] == pytest.approx(slope, rel=1e-5 if name == "EA" else 1e-7), name
+    assert np.max(np.abs(found.displacements[:, 1])) == pytest.approx(1.0) and np.max(np.abs(found.displacements[:, 0])) < 1e-6
+    with pytest.raises(fb.SceneError, match="the state is no critical point"):
+        fb.critical_sensitivity(build, v, state=model.state(), load_factor=0.0, scale={"side": 1.0})
+    with pytest.raises(fb.ConvergenceError, match="the tangent of the equilibrium"):
+        fb.sensitivity(lambda EI: build(**{**v, "EI": EI}), {"EI": 100.0}, state=path.state, load_factor=factor)
+
+
+@pytest.mark.slow
+def test_a_strip_that_buckles_out_of_its_plane() -> None:
+    """P = 4.0126 sqrt(EI3 GJ)/L^2 where it is much stiffer in its plane: the exponents are 1/2, 1/2 and -2."""
+    def build(EI3: float, GJ: float, L: float) -> Any:  # noqa: N803
+        flat = section(1e7, 1e5, 1e7, GJ=GJ, EI3=EI3, EI2=1e5)
+        strip = fb.Beam.straight("strip", (0, 0, 0), (L, 0, 0), section=flat, elements=8)
+        return fb.Scene(strip, fb.Clamp(strip.start), fb.Load("tip", strip.end, force=(0, 0, -1.0)))
+
+    v = dict(EI3=1.0, GJ=0.5, L=1.2)
+    path = fb.solve_path(fb.compile_scene(build(**v), planar=False), stop_at="bifurcation", to=10.0, step=0.5, largest_step=1.0)
+    factor = float(path.series["load_factor"][-1])
+    found = fb.critical_sensitivity(build, v, state=path.state, load_factor=factor)
+    for name, power in (("EI3", 0.5), ("GJ", 0.5), ("L", -2.0)):
+        assert found.by[name] == pytest.approx(power * factor / v[name], rel=1e-4), name
+
+
+def test_snap_load_of_a_truss_is_homogeneous() -> None:
+    """Two bars and two across: the limit load is EA f(h/b)/F, so its derivatives are known but for one, which a difference of the
+    exact limit tells."""
+    def build(EA: float, h: float, b: float, F: float) -> Any:  # noqa: N803
+        top, long = fb.PointMass("top", mass=1.0, position=(0, 0, h)), float(np.hypot(b, h))
+        ground = [(b, 0.0, 0.0), (-b, 0.0, 0.0), (0.0, b, 0.0), (0.0, -b, 0.0)]
+        return fb.Scene(top, *(fb.Spring(top, fb.GROUND.point(x), stiffness=EA / long, length=long) for x in ground),
+                        fb.Load("push", top, force=(0, 0, -F)))
+
+    def exact(EA: float, h: float, b: float, F: float) -> float:  # noqa: N803
+        long = np.hypot(b, h)
+        # 4 k (long - l) z/l is largest where long b^2 = l^3
+        now = (long * b * b)**(1 / 3)
+        return float(4 * EA / long * (long - now) * np.sqrt(now**2 - b * b) / now / F)
+
+    v = dict(EA=100.0, h=0.3, b=1.0, F=1.0)
+    path = fb.solve_path(fb.compile_scene(build(**v)), stop_at="limit", to=1e3)
+    factor = float(path.series["load_factor"][-1])
+    assert factor == pytest.approx(exact(**v), rel=1e-10)
+    found = fb.critical_sensitivity(build, v, state=path.state, load_factor=factor)
+    assert found.kind == "limit" and np.argmax(np.abs(found.displacements.reshape(-1))) == 2
+    for name in v:
+        e = 1e-3 * v[name]
+        slope = float(EIGHTH @ np.array([exact(**{**v, name: v[name] + k * e}) for k in AWAY])) / e
+        assert found.by[name] == pytest.approx(slope, rel=1e-10), name

@@ -365,6 +365,10 @@ def calls(folder: Path) -> dict[str, Call]:
         "sensitivity": Call(fb.sensitivity, dict(build=held_bar, values={}), dict(
             build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), observe=is_list_of(is_text),
             load_factor=is_real, at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "critical_sensitivity": Call(fb.critical_sensitivity, dict(
+            build=held_bar, values={}, state=fb.compile_scene(held_bar()[0]).state(), load_factor=0.0), dict(
+                build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), load_factor=is_real,
+                at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
         "Sensitivity.point": Call(bars().point, dict(name="tip"), dict(name=is_text)),
         "Sensitivity.slider": Call(bars().slider, dict(name="none"), dict(name=is_text)),
         "Sensitivity.contact_force": Call(bars().contact_force, dict(name="none"), dict(name=is_text)),
