@@ -71,7 +71,7 @@ class SectionGradient(NamedTuple):
         return np.sum(self.stiffness * np.asarray(stiffness), axis=(1, 2)) + self.rhoA * np.asarray(density)
 
 
-class _Lanes(NamedTuple):
+class Lanes(NamedTuple):
     """Elements with equal numbers of nodes and points."""
 
     strain: str
@@ -79,10 +79,11 @@ class _Lanes(NamedTuple):
     weight: Array     # float64 [E, nq], m
     shapes: Array     # float64 [E, nq, nn, 3]: phi_s, dir, dir_s
     reference: Array  # float64 [E, nq, 6]
-    mass: Array       # float64 [E, nn, nn], m
+    mass: Array       # float64 [E, nn, nn], m: of positions
+    turning: Array    # float64 [E, nn, nn], m: of directors
 
 
-def _lanes(model: Model) -> list[_Lanes]:
+def lanes_of(model: Model) -> list[Lanes]:
     """All elements of a model in space, read from its tables (kernels/layout.py)."""
     out = []
     for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
@@ -101,9 +102,9 @@ def _lanes(model: Model) -> list[_Lanes]:
             where = meta[:, LIST][:, None] + np.arange(8 * nn)
             nodes = tables.nodes[where].reshape(len(meta), nn, 8).transpose(0, 2, 1).reshape(-1, nn)
             live = tables.rows[where].reshape(len(meta), nn, 8)[:, 0].reshape(-1) != model.n_nodes
-            out.append(_Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
+            out.append(Lanes(name, nodes[live], points[live, :, 0], points[live, :, 1:1 + 3 * nn].reshape(-1, nq, nn, 3),
                               rows(0, REFERENCE, 6 * nq).reshape(-1, nq, 6)[live],
-                              rows(at.masses, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live]))
+                              *(rows(x, CONSTANTS, nn * nn).reshape(-1, nn, nn)[live] for x in (at.masses, at.director_masses))))
     return out
 
 
@@ -143,7 +144,7 @@ def section_gradients(model: Model, q: Array, adjoint: Array, energy: float, gra
     of, parts = beam_numbers(model)
     n = max((x.stop for x in parts.values()), default=0)
     stiffness, density = np.zeros((n, 6, 6)), np.zeros(n)
-    for lanes in _lanes(model):
+    for lanes in lanes_of(model):
         x = q[lanes.nodes] + 1j * TINY * adjoint[lanes.nodes]
         f = np.einsum("egn,enc->egc", lanes.shapes[..., 0], x[:, :, 0])
         d, k = (np.einsum("egn,enkc->egkc", lanes.shapes[..., i], x[:, :, 1:]) for i in (1, 2))
