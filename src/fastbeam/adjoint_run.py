@@ -14,7 +14,7 @@ from .kernels.spring import Springs
 from .kernels.step import OK
 from .kernels.work import State
 from .linsolve import SMALL, load_mkl
-from .load_times import factor_at, load_factors
+from .load_times import load_factors, mean_factors
 from .maps import mass_map, tie_map
 from .model import Model, check_model
 from .newton import BACKENDS, Stepper
@@ -106,7 +106,8 @@ class AdjointRun:
 
     def _read(self, name: str, of: Array) -> Array:
         if name not in self._points:
-            raise SceneError(f"adjoint_run: there is no point {shown(name)}; there are {', '.join(map(repr, self._points)) or 'none'}")
+            there = ", ".join(map(repr, self._points)) or "none"
+            raise SceneError(f"adjoint_run: there is no point {shown(name)}; there are {there}")
         nodes, weights = self._points[name]
         return np.einsum("ma,tmac->tc", weights, of.reshape(len(of), -1, 4, 3)[:, nodes])
 
@@ -158,11 +159,12 @@ class AdjointRun:
         out = []
         for name, value in given.items():
             if name not in self._points:
-                raise SceneError(f"gradient: there is no point {name!r}; there are {', '.join(map(repr, self._points)) or 'none'}")
+                there = ", ".join(map(repr, self._points)) or "none"
+                raise SceneError(f"gradient: there is no point {name!r}; there are {there}")
             found = numbers(value)
             if found is None or found.shape not in ((3,), (self.t.size, 3)) or not np.isfinite(found).all():
-                raise SceneError(f"gradient, point {name!r}: needs weights (3,) of the last row, or ({self.t.size}, 3) of all, got "
-                                 f"{shown(value)}")
+                raise SceneError(f"gradient, point {name!r}: needs weights (3,) of the last row, or ({self.t.size}, 3) of all, "
+                                 f"got {shown(value)}")
             rows = np.zeros((self.t.size, 3))
             rows[(slice(None) if found.ndim == 2 else -1)] = found
             out.append((*self._points[name], rows))
@@ -187,7 +189,12 @@ class _Backward:
         self.ties_back = self.ties.T.tocsr()
         self.sums = SectionSums(model)
         self.masses = np.zeros(0 if model.bodies is None else model.bodies.node.size)
-        self.mkl = load_mkl() if 6 * rows >= SMALL else None
+        self.mkl = load_mkl()
+        # the structure of tangents by columns, and where their entries stand in the blocks
+        size = model.pattern.keys.size
+        numbered = stepper.linear.superlu.matrix(np.arange(1.0, 48.0 * size + 1.0).reshape(-1, 6, 8))
+        self.place = numbered.data.astype(np.int64) - 1
+        self.structure = numbered.indices, numbered.indptr
         self.factors: Factors | None = None
         self.terms, self.system = stepper.terms, stepper.system
 
@@ -197,13 +204,13 @@ class _Backward:
         of_node = (self.rows @ x).reshape(-1, 6)
         out = np.empty_like(q)
         out[:, 0] = of_node[:, :3]
-        out[:, 1:] = np.cross(of_node[:, None, 3:], q[:, 1:])
+        out[:, 1:] = _cross(of_node[:, None, 3:], q[:, 1:])
         return np.asarray(self.ties @ out.reshape(-1)).reshape(q.shape)
 
     def lower(self, q: Array, y: Array) -> Array:
         """The transpose: forces on the coordinates [12 N] -> on the unknowns of the rows."""
         own = (self.ties_back @ y.reshape(-1)).reshape(q.shape)
-        forces = np.concatenate((own[:, 0], np.cross(q[:, 1:], own[:, 1:]).sum(axis=1)), axis=1)
+        forces = np.concatenate((own[:, 0], _cross(q[:, 1:], own[:, 1:]).sum(axis=1)), axis=1)
         return np.asarray(self.rows_back @ forces.reshape(-1))
 
     def tangent(self, q: Array, v: Array, moves: Array) -> Any:
@@ -213,8 +220,9 @@ class _Backward:
         work.dphi[:moves.shape[1]], work.theta[:moves.shape[1]] = moves
         work.increment.control[0] = 0.0
         kernels.assemble_all(self.terms, self.system, self.run._h)
-        size = self.model.pattern.keys.size
-        return self.stepper.linear.superlu.matrix(work.blocks[:48 * size].reshape(-1, 6, 8))
+        from scipy import sparse
+        n = self.structure[1].size - 1
+        return sparse.csc_matrix((work.blocks[self.place], *self.structure), shape=(n, n))
 
     def solve(self, matrix: Any, right: Array, k: int) -> Array:
         """Of the transposed matrix.
@@ -227,7 +235,8 @@ class _Backward:
         solved = None
         if self.mkl is not None:
             if self.factors is None:
-                self.factors = Factors(self.mkl, threads=self.mkl.MKL_Get_Max_Threads())
+                threads = 1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads()
+                self.factors = Factors(self.mkl, threads=threads)
             if self.factors.factor(back.tocsr()):
                 solved = self.factors.solve
         if solved is None:
@@ -288,9 +297,10 @@ class _Backward:
             second = (v[k + 1] - v[k]).reshape(shape) / h
             self._collect(start, end, rates, second, float(run.t[k]))
             forces[:, 0] += rates[:, 0]
-            forces[:, 1] += 0.5 * np.cross(middle[:, 1:], rates[:, 1:]).sum(axis=1) if model.ties is None else self._spins(x)
+            forces[:, 1] += self._spins(x)
             by_rates = 2.0 / h * inertia - by_rates + self.weights(self.of_velocities, k).reshape(-1)
         self.stepper.load(kept)
+        self.sums.finish()
         at_start = (self.rows @ self.lower(q[0].reshape(shape), by_rates)).reshape(-1, 2, 3)
         sums = self.sums
         sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T) for name, part in sums.parts.items()}
@@ -309,13 +319,18 @@ class _Backward:
         model = self.model
         factor = 1.0
         if model.gravity_time is not None:
-            from .load_times import mean_factors
             factor = float(mean_factors(model.gravity_time, np.full(1, t), np.full(1, self.run._h))[0])
         gravity = factor * model.gravity
         self.sums.add(start, end, rates, second, gravity)
         if model.bodies is not None:
             at = model.bodies.node
             self.masses -= np.sum(rates[at, 0] * (second[at, 0] - gravity), axis=1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Of vectors [..., 3]; np.cross takes five times as long for few of them."""
+    x, y = a[..., (1, 2, 0)], a[..., (2, 0, 1)]
+    return x * b[..., (2, 0, 1)] - y * b[..., (1, 2, 0)]
 
 
 @checked(model=Anything(), t_end=Number(above=0.0, unit="s"), step=Number(above=0.0, unit="s"), start=START, points=POINTS,
@@ -340,8 +355,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     Returns
     -------
     AdjointRun
-        `.point(name)`, `.velocity(name)` at all steps; `.gradient(points={...})`: derivatives of a weighed sum of them by the sections
-        of all beams, masses, loads and initial velocities.
+        `.point(name)`, `.velocity(name)` at all steps; `.gradient(points={...})`: derivatives of a weighed sum of them by the
+        sections of all beams, masses, loads and initial velocities.
 
     Raises
     ------
@@ -367,8 +382,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     assert model.uneliminated is not None
     own = model.uneliminated(planar=False)
     if (n + 1) * own.q0.size * 20.0 > MOST:
-        raise SceneError(f"adjoint_run: {n} steps of {own.n_nodes} nodes take {n * own.q0.size * 20.0 / 1e9:.3g} GB of memory, more "
-                         f"than {MOST / 1e9:g}; run in parts")
+        raise SceneError(f"adjoint_run: {n} steps of {own.n_nodes} nodes take {n * own.q0.size * 20.0 / 1e9:.3g} GB of "
+                         f"memory, more than {MOST / 1e9:g}; run in parts")
     if start is not None:
         start, _ = check_start(model, start, step)
     return AdjointRun(own, Stepper(own, np.ones(1), start, max_iterations, backend), points or {}, 0.0, step, n)

@@ -131,6 +131,11 @@ def held_bar() -> Any:
 
 
 @cache
+def short() -> Any:
+    return fb.adjoint_run(held(), t_end=2e-3, step=1e-3, points={"tip": BEAM.end})
+
+
+@cache
 def bars() -> Any:
     return fb.sensitivity(bar_of, {"L": 2.0})
 
@@ -369,6 +374,13 @@ def calls(folder: Path) -> dict[str, Call]:
             build=held_bar, values={}, state=fb.compile_scene(held_bar()[0]).state(), load_factor=0.0), dict(
                 build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), load_factor=is_real,
                 at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "adjoint_run": Call(fb.adjoint_run, dict(model=held(), t_end=2e-3, step=1e-3), dict(
+            model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping), max_iterations=is_count,
+            backend=is_text)),
+        "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
+        "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
+        "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(
+            points=one_of(Mapping), velocities=one_of(Mapping))),
         "Sensitivity.point": Call(bars().point, dict(name="tip"), dict(name=is_text)),
         "Sensitivity.slider": Call(bars().slider, dict(name="none"), dict(name=is_text)),
         "Sensitivity.contact_force": Call(bars().contact_force, dict(name="none"), dict(name=is_text)),

@@ -110,6 +110,27 @@ def test_a_parameter_that_leads_out_of_the_plane() -> None:
     assert found.point("tip")["side"][1] == pytest.approx(found.gradient(points={"tip": (0, 1, 0)}).by["side"], rel=1e-10)
 
 
+def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
+    with pytest.raises(fb.SceneError, match="adjoint_run: steps with sliders have no adjoint here"):
+        fb.adjoint_run(fb.compile_scene(bead()), t_end=0.1, step=0.01)
+    scene, points = tip()
+    model = fb.compile_scene(scene)
+    with pytest.raises(fb.SceneError, match="is no whole number of steps"):
+        fb.adjoint_run(model, t_end=0.105, step=0.01)
+    with pytest.raises(fb.SceneError, match="GB of memory, more than 4"):
+        fb.adjoint_run(model, t_end=1e3, step=1e-4)
+    run = fb.adjoint_run(model, t_end=0.02, step=0.01, points=points)
+    assert run.t.size == 3 and run.point("tip").shape == run.velocity("tip").shape == (3, 3)
+    with pytest.raises(fb.SceneError, match="needs weights of what it is the gradient of"):
+        run.gradient()
+    with pytest.raises(fb.SceneError, match=r"weights \(3,\) of the last row, or \(3, 3\) of all"):
+        run.gradient(points={"tip": np.zeros((4, 3))})
+    with pytest.raises(fb.SceneError, match="there is no point 'top'; there are 'tip'"):
+        run.gradient(points={"top": (0, 0, 1)})
+    with pytest.raises(fb.ConvergenceError):
+        fb.adjoint_run(model, t_end=1e3, step=1e3, max_iterations=3)
+
+
 def test_sections_that_differ_in_every_stiffness() -> None:
     """Gradients by C against parameters, with a section that couples strains."""
     C = SECTION.C  # noqa: N806
