@@ -216,8 +216,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 bar.close()
                 coarse = look_at_mesh(reached)
                 raise ConvergenceError(f"{text}{coarse}{_slack(model, solver.state)}; a limit or buckling point may lie there, "
-                                       "a part may be free to move, or stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
-                                       "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
+                                       "a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
+                                       "slender than 1e6). The last equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
                                        residuals=error.residuals, worst=error.worst,
                                        state=State(*(x.copy() for x in solver.state)), result=finish())
             step = max(smallest_step, 0.25 * size)
