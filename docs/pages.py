@@ -102,13 +102,13 @@ def same(expected: str, got: str) -> str:
 
 
 def shrink(path: Path) -> None:
-    """Make a picture small: at most `WIDTH` pixels wide, with 64 colours."""
+    """Make a picture small: at most `WIDTH` pixels wide, with 192 colours."""
     from PIL import Image
     with Image.open(path) as image:
         picture = image.convert("RGB")
     if picture.width > WIDTH:
         picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
-    picture.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(192, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def write(page: Path, found: list[tuple[Block, str]]) -> None:
