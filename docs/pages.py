@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 HERE = Path(__file__).resolve().parent
 BLOCK = re.compile(r"^```(python|text)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PICTURE = re.compile(r"!\[[^\]]*\]\(([\w./-]+\.png)\)")
@@ -70,9 +72,9 @@ def run(page: Path, folder: Path) -> list[tuple[Block, str]]:
     """Run the program of a page in a folder: every block 'text' with what was printed there since the one before."""
     names: dict[str, Any] = {"__name__": "__page__"}
     out: list[tuple[Block, str]] = []
-    printed = io.StringIO()
+    printed, program = io.StringIO(), blocks(page)
     with inside(folder), contextlib.redirect_stdout(printed):
-        for block in blocks(page):
+        for block in program:
             if block.kind == "python":
                 code = compile("\n" * block.line + block.text, str(page), "exec")
                 exec(code, names)
@@ -101,14 +103,30 @@ def same(expected: str, got: str) -> str:
     return ""
 
 
+def palette() -> Any:
+    """Colours of pictures: those of lines and of time, each on its way to white, and greys."""
+    import matplotlib as mpl
+    from matplotlib.colors import to_rgb
+    from PIL import Image
+
+    from fastbeam.drawing import COLOURS
+    lines = [np.array(to_rgb(colour)) for colour in (*COLOURS, "black")]
+    time = [np.array(mpl.colormaps["viridis"](x)[:3]) for x in np.linspace(0.0, 0.92, 40)]
+    shades = [x + share * (1.0 - x) for x in lines for share in np.linspace(0.0, 1.0, 14)]
+    shades += [x + share * (1.0 - x) for x in time for share in (0.0, 0.3, 0.6)]
+    out = Image.new("P", (1, 1))
+    out.putpalette(np.round(255.0 * np.array(shades[:256])).astype(np.uint8).tobytes())
+    return out
+
+
 def shrink(path: Path) -> None:
-    """Make a picture small: at most `WIDTH` pixels wide, with 192 colours."""
+    """Make a picture small: at most `WIDTH` pixels wide, in the colours of `palette`."""
     from PIL import Image
     with Image.open(path) as image:
         picture = image.convert("RGB")
     if picture.width > WIDTH:
         picture = picture.resize((WIDTH, round(picture.height * WIDTH / picture.width)), Image.Resampling.LANCZOS)
-    picture.quantize(192, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(palette=palette(), dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def write(page: Path, found: list[tuple[Block, str]]) -> None:
