@@ -42,8 +42,8 @@ class Block:
 
 
 def tutorials() -> list[Path]:
-    """Pages with programs."""
-    return sorted((HERE / "tutorials").glob("*.md"))
+    """Pages with programs that print."""
+    return [page for page in sorted(HERE.rglob("*.md")) if {"python", "text"} <= {block.kind for block in blocks(page)}]
 
 
 def blocks(page: Path) -> list[Block]:
@@ -143,16 +143,17 @@ def write(page: Path, found: list[tuple[Block, str]]) -> None:
 
 
 def gallery() -> list[str]:
-    """Pictures of the gallery; those of examples are named <example>-<picture>.png."""
-    return [name.removeprefix("gallery/") for name in pictures(HERE / "gallery.md") if name.startswith("gallery/")]
+    """Examples whose pictures, of the same name, the gallery shows."""
+    return [Path(name).stem for name in pictures(HERE / "gallery.md") if name.startswith("gallery/")]
 
 
 def draw_gallery(names: list[str]) -> None:
     """Run the examples of the gallery and keep their pictures."""
     from fastbeam.__main__ import load_example
     (HERE / "gallery").mkdir(exist_ok=True)
-    wanted = {name for name in gallery() if not names or name.removesuffix(".png") in names}
-    for example in sorted({name.removesuffix(".png") for name in wanted}):
+    for example in gallery():
+        if names and example not in names:
+            continue
         with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
             load_example(example).main(out=folder)
             keep(Path(folder) / f"{example}.png", HERE / "gallery" / f"{example}.png")
@@ -172,7 +173,7 @@ def main() -> int:
     chosen = parser.parse_args()
     different = 0
     for page in tutorials():
-        if chosen.names and page.stem not in chosen.names or not blocks(page):
+        if chosen.names and page.stem not in chosen.names:
             continue
         with tempfile.TemporaryDirectory() as folder:
             found = run(page, Path(folder))
@@ -183,7 +184,7 @@ def main() -> int:
             write(page, found)
         else:
             different += len(wrong)
-        print("\n".join([f"tutorials: {page.stem}", *([] if chosen.write else wrong)]))
+        print("\n".join([f"page: {page.stem}", *([] if chosen.write else wrong)]))
     if (HERE / "gallery.md").exists():
         draw_gallery(chosen.names)
     return 1 if different else 0

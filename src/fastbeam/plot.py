@@ -218,6 +218,11 @@ def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, am
     grid = figure.add_gridspec(rows, columns)
     for j, k in enumerate(picks):
         axes = space_axes(figure, grid[j // columns, j % columns], shapes.everything, plane)
+        if len(axes.axes_of_space) == 3:
+            # panels are small: the numbers of a short axis would lie on each other, and a mode has no size
+            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+                axis.set_ticklabels([])
+                axis.labelpad = -8.0
         colour = COLOURS[1] if modes.growth[k] else COLOURS[0]
         shapes.draw(axes, 0, "0.75")
         for line in shapes.draw(axes, 1 + 2 * j, colour):
