@@ -55,7 +55,8 @@ class Observer:
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
-        self.velocity = "velocity" in kinds and bool(self.points)
+        self.of_nodes = "velocity" in kinds
+        self.velocity = self.of_nodes and bool(self.points)
         self.sections = [_section(model, name, what) for name, what in (points or {}).items()] if "section" in kinds else []
         self.reactions = model.reaction_names if "reaction" in kinds else []
         self._p = np.zeros(12 * model.n_nodes)
@@ -296,8 +297,8 @@ class Observer:
         return {"center": first + arm, "inner_energy": float(self._out[0]) + strain_energy(self.model, q.reshape(-1), self._work),
                 "inner_spin": self._out[4:7].copy()}
 
-    def header(self, info: dict[str, Any]) -> ResultHeader:
-        """Header of the result."""
+    def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
+        """Header of the result; moving: of a run in time, whose shapes may have velocities."""
         model = self.model
         names = {**model.names, "points": list(self.points)}
         if self.reactions:
@@ -311,7 +312,8 @@ class Observer:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
-        return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
+        return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
+                            velocities=moving and self.of_nodes)
 
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:

@@ -425,7 +425,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
         "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
-            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
+            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag, sections=one_of(Mapping))),
         "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
             build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping))),
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
