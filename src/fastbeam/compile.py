@@ -25,13 +25,14 @@ from .connections import POSITION, Connections
 from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .holding import Holding, trees
-from .links import Links
 from .joint_motion import motions_of
+from .joint_trees import softness_of
 from .kernels.bushing import Bushings
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
 from .kernels.ties import Ties
+from .links import Links
 from .model import Model
 from .numbered import number
 from .numbering import NodeList
@@ -165,7 +166,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
         links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at, losses_at),
-        kept=unpacked.kept, ties=ties,
+        kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, pattern) if idle.any() else held,
         curves=curves, sliders=sliders,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
@@ -182,7 +183,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
-    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model.motion_place))
+    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
 
 
 def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:

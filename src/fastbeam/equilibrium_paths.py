@@ -32,7 +32,7 @@ FEW, GROWTH = 5, 1.5
 AT_END = 1e-3
 # a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
-LEAST_ROWS, BESIDE, AROUND = 4, 0.1, 0.05
+LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
 STEP = Number(above=0.0, most=10.0)
 KINDS = ("limit", "bifurcation")
 
@@ -136,6 +136,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                          "load_factor=")
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor)
     check_supports(model, solver.stepper.plane is not None)
+    if model.motions is not None:
+        model.motions.check_stays("solve_path", solver.state, model.motion_place, at_time or 0.0)
     return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to, stop_at, side)
 
 
@@ -342,16 +344,16 @@ class _Path:
         start = solver.place()
         solver.restore(before)
         begin = solver.place()
-        share, beside = _beside(start, begin, last)
-        if 0.0 < share <= 1.0 and beside < BESIDE:
+        share, distance = _from_chord(start, begin, last)
+        if 0.0 < share <= 1.0 and distance < OFF_CHORD:
             ends = []
             for x in (share - AROUND, share + AROUND):
                 solver.restore(before)
                 if solver.go(along, x * size):
                     ends.append(solver.place())
             if len(ends) == 2:
-                inside, beside = _beside(start, *ends)
-                if 0.0 < inside < 1.0 and beside < 2.0 * AROUND * BESIDE:
+                inside, distance = _from_chord(start, *ends)
+                if 0.0 < inside < 1.0 and distance < 2.0 * AROUND * OFF_CHORD:
                     solver.restore(first)
                     return share * size
         solver.restore(end)
@@ -392,7 +394,7 @@ class _Path:
         self.buffer.event({"kind": kind, "time": length, "text": f"load factor {self.solver.factor:.12g}: {text}"})
 
 
-def _beside(point: Array, a: Array, b: Array) -> tuple[float, float]:
+def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
     """Of a point beside the chord from a to b: where its foot is, from 0 to 1, and its distance; both as shares of the chord."""
     way = b - a
     share = float(way @ (point - a) / (way @ way))

@@ -15,7 +15,7 @@ from ._outside import is_outside
 from .bushings import bushings
 from .connections import Connections
 from .errors import SceneError
-from .joint_tables import conditions_of, joint_conditions
+from .joint_tables import Coordinate, conditions_of, joint_conditions
 from .multipliers import Distance, KeptLink, Law, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
@@ -243,6 +243,16 @@ class Links:
                 _check_distances(parts, node, nodes.phi)
             if parts:
                 self.groups.append(Group(entry, parts, node, laws, words))
+        # joints whose free coordinate has a force of its own, those that are given first: their constraints come last
+        self.driven: list[KeptLink] = []
+        for part, (a, b) in self.with_axes:
+            if part.is_given:
+                law = Coordinate(self.law_of(part), part.coordinates[0], part.given_rate, holds=True)
+                self.driven.append(KeptLink(f"{part.label} (drive)", (a, b), law))
+        for part, (a, b) in self.with_axes:
+            if part.friction > 0.0:
+                law = Coordinate(self.law_of(part), part.coordinates[0], 0.0, holds=False)
+                self.driven.append(KeptLink(f"{part.label} (friction)", (a, b), law))
 
     def law_of(self, joint: AxisJoint) -> Any:
         """Conditions of a joint, for the axes that its nodes carry."""
@@ -273,7 +283,7 @@ class Links:
             out += [KeptLink((label_of(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
-        return out
+        return out + self.driven
 
     @property
     def losses(self) -> tuple[str, ...]:

@@ -47,6 +47,8 @@ class Model:
         Tables of springs and other links between two points, one of each kind.
     kept : list of links.KeptLink
         Joints with multipliers, in the order of their constraints behind the sliders.
+    kept_softness : float64 [J]
+        Of each of them the share of 1/a of theory.md (5.5) that its equations have.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
@@ -121,6 +123,7 @@ class Model:
     bodies: Bodies | PlanarBodies | None
     links: tuple[Any, ...]
     kept: list[KeptLink]
+    kept_softness: Array
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
@@ -232,6 +235,11 @@ class Model:
         return int(self.forces.sum())
 
     @property
+    def softness(self) -> Array:
+        """Of every constraint the share of 1/a of theory.md (5.5) that its equations have, float64 [C]; 0: plain multipliers."""
+        return np.concatenate((np.ones(self.n_sliders), self.kept_softness, np.ones(len(self.sleeve_pairs))))
+
+    @property
     def unknowns(self) -> Array:
         """Of every constraint the number of its unknowns, int64 [C]: a slider has its place and mean gap besides forces, moments
         of a sleeve a copy of a spin and are filled up to the same number."""
@@ -312,7 +320,8 @@ class Model:
         if self.prescribed is not None:
             parts += [self.prescribed.own]
         if self.motions is not None:
-            parts += self.motions.table[:-2]
+            holds = self.motions.holds
+            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:

@@ -2,6 +2,7 @@
 (theory.md 10)."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -86,6 +87,9 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
                for x in rows[:, :, 3:6]]
     across += turning
+    for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
+        within.append((pushes, f"{on} pushes {{}} out of the plane"))
+        across.append((turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
     normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
     axes = _axes(normal)
     normal = axes[2]
@@ -108,6 +112,18 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
     return plane
+
+
+def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
+    """Of every joint with a motor, or with a spring that is not free of force at t = 0: what it is, and for all n nodes the directions
+    [n, 3] in which it pushes and about which it turns."""
+    for part, nodes in links.with_axes:
+        if part.motor is None and not (getattr(part, "stiffness", 0.0) and getattr(part, "rest", 0.0)):
+            continue
+        for is_angle in part.coordinates:
+            pushes, turns = np.zeros((n, 3)), np.zeros((n, 3))
+            (turns if is_angle else pushes)[nodes[1]] = part.axes[0] / np.linalg.norm(part.axes[0])
+            yield part.label, pushes, turns
 
 
 def _refuse(off: Array, limit: float | Array, why: str, unpacked: Unpacked, nodes: Array | None = None) -> None:
@@ -264,7 +280,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
+        model, sleeves=sleeves, kept=kept,
+        motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,

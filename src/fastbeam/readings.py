@@ -21,7 +21,7 @@ ROWS: dict[str, tuple[int | str, ...]] = {
                      "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
-    **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
+    **dict.fromkeys((*FREE, *IN_JOINTS, "joint_force", "joint_friction"), ("joints",)),
     **{f"spring_{name}": ("springs",) for name in SPRINGS}, "bushing_energy": ("bushings",),
     **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),

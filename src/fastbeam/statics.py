@@ -139,6 +139,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
     if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
         raise SceneError("solve_static: drives have time functions; say with at_time=... where to evaluate them")
+    if at_time is None and model.motions is not None and model.motions.holds.has_functions:
+        raise SceneError("solve_static: what joints are given is a function of time; say with at_time=... where to evaluate it")
     factors = load_factors_at("solve_static", model, at_time)
     notes: list[Any] = []
     if start is not None:

@@ -1,4 +1,4 @@
-"""Bushings: elastic connections of two points with triads, theory.md (4.19) to (4.21).
+"""Bushings: elastic connections of two points with triads, theory.md (4.21) to (4.23).
 
 D_i are the axes that node a carries, E_j those of b, equal at t = 0, r = x_b - x_a. The energy depends on products of two vectors
 that are linear in the coordinates,

@@ -50,7 +50,7 @@ class Bushing(Link):
 
     It is free of forces at t = 0. For small motions force and moment on b's side are `stiffness` times the displacement of the
     point of b and the rotation of its triad, both seen in the axes that a carries. Where they are large, displacements count in
-    full and a rotation by an angle about one axis gives the moment stiffness times its sine (theory.md (4.19)): its largest at
+    full and a rotation by an angle about one axis gives the moment stiffness times its sine (theory.md (4.21)): its largest at
     90 degrees, zero at 180. `result.bushing(name)` has displacement, rotation, force, moment, energy and loss.
 
     Parameters

@@ -50,7 +50,7 @@ class Spring(Link):
     """Spring without mass between two points: nodes of beams, points of bodies, masses.
 
     It pulls and pushes along the line of both points. Its energy is 1/2 stiffness (distance - length)^2, or the integral of a
-    table; energy and momenta are kept by steps of any size, through slack and over kinks too (theory.md (4.16)).
+    table; energy and momenta are kept by steps of any size, through slack and over kinks too (theory.md (4.18)).
     `result.spring(name)` has its length, force, energy and loss.
 
     Parameters
