@@ -101,10 +101,10 @@ class Observer:
         if self.model.motions is not None:
             free, holds = (len(self.model.motions.names),), self.model.motions.holds
             out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
-        for springs in self.springs:
-            out |= springs.series()
             out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
             out |= {"joint_force": free} if self.held else {}
+        for springs in self.springs:
+            out |= springs.series()
         if self.points:
             out["points"] = (len(self.points), 3)
         if self.velocity:
