@@ -111,8 +111,8 @@ def _plane_of(unpacked: Unpacked) -> Plane:
 
 
 def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
-    """Of every joint with a motor, or with a spring that is not free of force at t = 0: what it is, and for all n nodes the directions
-    [n, 3] in which it pushes and about which it turns."""
+    """Of every joint with a motor, or with a spring that is not free of force at t = 0: what it is, and for all n nodes the
+    directions [n, 3] in which it pushes and about which it turns."""
     for part, nodes in links.with_axes:
         if part.motor is None and not (getattr(part, "stiffness", 0.0) and getattr(part, "rest", 0.0)):
             continue

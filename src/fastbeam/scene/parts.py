@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
 from itertools import islice
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array, ArrayField, Factor, Field, FieldLike, NodeField, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 ZERO = (0.0, 0.0, 0.0)
 MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
@@ -156,7 +159,7 @@ class RigidBody:
         return NodeRef(self)
 
     @checked(offset=Vector)
-    def point(self, offset: Any) -> NodeRef:
+    def point(self, offset: ArrayLike) -> NodeRef:
         """The point at `offset` (3,) m from the centre of mass, in the body triad.
 
         Raises

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from fastbeam.scene.beams import NodeRef
 from fastbeam.scene.checks import Array, Rotation, called, tried
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import FORWARD, SHORT
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # a signal needs so many values
 FEWEST = 4
@@ -105,9 +108,9 @@ class PrescribedMotion:
     name: str
     at: NodeRef
     _: KW_ONLY
-    position: Callable[[float], Any] | None = None
-    displacement: Callable[[float], Any] | None = None
-    rotation: Callable[[float], Any] | None = None
+    position: Callable[[float], ArrayLike] | None = None
+    displacement: Callable[[float], ArrayLike] | None = None
+    rotation: Callable[[float], ArrayLike] | None = None
 
     def __post_init__(self) -> None:
         if self.position is not None and self.displacement is not None:
@@ -209,7 +212,7 @@ class Signal:
 
     kind: ClassVar[str] = "signal"
 
-    def __init__(self, times: Any, values: Any, *, direction: Any = None, rest: bool = True) -> None:
+    def __init__(self, times: ArrayLike, values: ArrayLike, *, direction: ArrayLike | None = None, rest: bool = True) -> None:
         from scipy.interpolate import CubicSpline
         if len(times) < FEWEST or not np.all(np.diff(times) > 0.0):
             raise SceneError(f"Signal: times must increase, and be at least {FEWEST}, got {shown(times)}")

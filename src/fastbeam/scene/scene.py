@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.user_force import UserForce
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
         | RigidMotion | Slider | Link | PrescribedMotion | Drag | UserForce)
@@ -96,7 +99,7 @@ class Scene(notebook.Parts):
 
     kind: ClassVar[str] = "scene"
 
-    def __init__(self, *parts: Part, name: str = "scene", gravity: Any = (0.0, 0.0, 0.0),
+    def __init__(self, *parts: Part, name: str = "scene", gravity: ArrayLike = (0.0, 0.0, 0.0),
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
         self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
