@@ -30,7 +30,7 @@ def build(torque: float = 3.0, elements: int = 4) -> fb.Scene:
 
 def rigid_piston(angle: np.ndarray) -> np.ndarray:
     """Place of the piston for a rigid rod, m, less that at the start."""
-    return CRANK * np.cos(angle) + np.sqrt(ROD**2 - CRANK**2 * np.sin(angle) ** 2) - CRANK - ROD
+    return np.asarray(CRANK * np.cos(angle) + np.sqrt(ROD**2 - CRANK**2 * np.sin(angle) ** 2) - CRANK - ROD)
 
 
 def main(out: str = "out", step: float = 1e-3, t_end: float = 1.5) -> fb.Result:

@@ -33,7 +33,7 @@ def build() -> fb.Scene:
 def load_at(y: np.ndarray) -> np.ndarray:
     """Exact load, N, that presses the joint to the height y, m."""
     length, at_rest = np.hypot(1.0, y), np.hypot(1.0, HEIGHT)
-    return -2.0 * EA * (length / at_rest - 1.0) * y / length
+    return np.asarray(-2.0 * EA * (length / at_rest - 1.0) * y / length)
 
 
 def limit_load() -> float:

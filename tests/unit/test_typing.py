@@ -119,7 +119,7 @@ def test_idioms_examples_and_the_program_of_the_readme_are_strict_for_pyright(tm
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
     done = subprocess.run([sys.executable, "-m", "pyright", "--pythonpath", sys.executable], cwd=tmp_path, capture_output=True,
                           text=True, check=False)
-    if "errors," not in done.stdout:
+    if not re.search(r"\d+ errors?,", done.stdout):
         pytest.skip("pyright could not be fetched from its registry")
     assert done.returncode == 0, done.stdout
 
