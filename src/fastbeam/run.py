@@ -76,7 +76,7 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
         sliders do not allow is refused; a support holds its node where the state has it.
-    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'inner', 'velocity', 'section', 'reaction'}
+    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
         What is recorded: 'velocity' (snapshots keep those of all nodes, too) and 'section' of points, 'reaction' of
         supports and joints (an assembly a step, order 2).
     points : mapping

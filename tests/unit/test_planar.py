@@ -203,7 +203,8 @@ def crank(**drive: Any) -> fb.Scene:
                     fb.PrismaticJoint(fb.GROUND, piston, "guide", axis=(1, 0, 0)))
 
 
-@pytest.mark.parametrize("drive", [{"torque": 2.0}, {"torque": lambda t: 2.0}, {"stiffness": 2.0, "rest": 1.0}])
+@pytest.mark.parametrize("drive", [{"torque": 2.0}, {"torque": lambda t: 2.0}, {"stiffness": 2.0, "rest": 1.0},
+                                   {"angle": lambda t: 2.0 * t**2}, {"speed": lambda t: 4.0 * t}])
 def test_motors_and_wound_springs_of_joints_choose_the_plane(drive: dict[str, Any]) -> None:
     # all points lie on a line at the start: with another plane through it nothing would move
     model = fb.compile_scene(crank(**drive))
