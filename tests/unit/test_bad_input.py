@@ -213,6 +213,8 @@ FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
 CONDITION = either(is_real, is_function, is_text)
 LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_a(fb.Release),
               one_sided=either(VECTOR, is_a(fb.OneSided)))
+OF_TIME = either(is_real, is_function)
+IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops))
 
 
 @dataclass
@@ -288,15 +290,21 @@ def calls(folder: Path) -> dict[str, Call]:
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
-                       dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real)),
+                       dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real, damping=is_real,
+                            tension_only=is_flag, compression_only=is_flag, table=is_array(2), interpolation=is_text)),
+        "Spring of a table": Call(lambda **more: fb.Spring(BEAM.end, BODY, **more), dict(table=([0.0, 1.0], [0.0, 2.0])),
+                                  dict(table=is_array(2))),
+        "Damper": Call(fb.Damper, dict(a=BEAM.end, b=BODY, damping=1.0), dict(a=NODE, b=NODE, name=is_text, damping=is_real)),
+        "Bushing": Call(fb.Bushing, dict(a=BEAM.end, b=BODY, stiffness=np.ones(6)),
+                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_array(1, 2), damping=is_array(1, 2),
+                             directors=is_array(2))),
         **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
                       dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
            for name, axes, more in (
-               ("RevoluteJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
-                                                            torque=either(is_real, is_function))),
-               ("PrismaticJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
-                                                             force=either(is_real, is_function))),
-               ("CylindricalJoint", dict(axis=(0, 1, 0)), {}), ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
+               ("RevoluteJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("torque", "angle"), OF_TIME)),
+               ("PrismaticJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("force", "distance"), OF_TIME)),
+               ("CylindricalJoint", dict(axis=(0, 1, 0)), dict.fromkeys(("stiffness", "damping", "rest"), VECTOR)),
+               ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
                ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
         "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
@@ -361,7 +369,7 @@ def calls(folder: Path) -> dict[str, Call]:
             rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
-            smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
+            smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
             side=among(1, -1))),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
@@ -405,7 +413,8 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "joint", "deviation", "drift", "is_conserved", "velocity", "section")},
+           for name in ("point", "slider", "joint", "spring", "bushing", "deviation", "drift", "is_conserved", "velocity",
+                        "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
@@ -416,7 +425,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
         "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
-            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
+            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag, sections=one_of(Mapping))),
         "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
             build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping))),
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
