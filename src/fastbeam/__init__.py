@@ -22,9 +22,9 @@ _WHERE = {
     "statics": ["solve_static"],
     "vibration": ["modes"],
     "equilibrium_paths": ["solve_path"],
-    "sensitivity": ["sensitivity"],
+    "sensitivities": ["sensitivity"],
     "critical_slopes": ["critical_sensitivity"],
-    "adjoint_run": ["adjoint_run"],
+    "adjoint": ["adjoint_run"],
     "result": ["Result"],
     "resultants": ["section_forces"],
     "reading": ["load_result"],
@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from .statics import solve_static as solve_static
     from .vibration import modes as modes
     from .equilibrium_paths import solve_path as solve_path
-    from .sensitivity import sensitivity as sensitivity
+    from .sensitivities import sensitivity as sensitivity
     from .critical_slopes import critical_sensitivity as critical_sensitivity
-    from .adjoint_run import adjoint_run as adjoint_run
+    from .adjoint import adjoint_run as adjoint_run
     from .result import Result as Result
     from .resultants import section_forces as section_forces
     from .reading import load_result as load_result
