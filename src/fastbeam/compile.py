@@ -265,13 +265,15 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
     """Supports, and joints that are eliminated."""
-    names, supports, turning = [], [], []
+    names, supports, masks, turning = [], [], [], []
     for support in [*scene.pins, *scene.clamps]:
+        masks.append(support.mask)
         owner = support.at.owner
         names.append(str(support.name))
         supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
     names += [str(motion.name) for motion in scene.prescribed]
     supports += [nodes.number(motion.at) for motion in scene.prescribed]
+    masks += [motion.mask for motion in scene.prescribed]
     for net in scene.nets:
         at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
         for kind, held in (("pin", net.pins), ("clamp", net.clamps)):
@@ -279,14 +281,15 @@ def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
                 if kind == "clamp" and net.ball[i]:
                     turning += [(len(names), k) for k in at[node == i].tolist() if k != nodes.start(net) + net.junction[i]]
                 names.append(f"{kind} of {net.label} node {i}")
+                masks.append(63 if kind == "clamp" else 7)
                 supports.append(int(nodes.start(net) + net.junction[i]))
     named = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     closing = set(joints.loops.tolist())
     named += [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for k, j in enumerate(scene.balls) if k not in closing]
     pairs = np.array([x[:2] for x in named] + list(nodes.arm_owner), np.int64).reshape(-1, 2)
     place = np.array(supports, np.int64)
-    return Holding(names, place, np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named], pairs[:len(named)],
-                   *trees(len(nodes), pairs, place))
+    return Holding(names, place, np.array(masks, np.int64), np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named],
+                   pairs[:len(named)], *trees(len(nodes), pairs, place))
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .connections import ARM, TRIAD, Connections
+from .connections import ARM, TRIAD, Connections, held_axes
 from .errors import SceneError
 from .kernels.work import State
 from .multipliers import KeptLink
@@ -37,7 +37,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     moving = support_rates(scene, nodes, joints)
     for motion in scene.prescribed:
         at = nodes.number(motion.at)
-        v[at], omega[at] = moving[0][at], moving[1][at] if motion.mask == 63 else omega[at]
+        v[at] = np.where(held_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
+        omega[at] = moving[1][at] if motion.mask & 56 else omega[at]
     _follow_sliders(scene, nodes, v, lines)
     for x in (v, omega):
         # squares of smaller numbers are lost
@@ -63,8 +64,9 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
                                  "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
     # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
-    for x, of, bits, own in ((v, moving[0], 7, ~tied), (omega, moving[1], 56, joints.spin_root == np.arange(n))):
-        x[own & (joints.held & bits != 0)] = of[own & (joints.held & bits != 0)]
+    for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
+                         (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
+        x[which] = of[which]
     follows = _tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
@@ -211,7 +213,7 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
             ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
-            ("support of {}", v - moving[0], ~tied & (joints.held & 7 != 0)),
+            ("support of {}", np.where(held_axes(joints.held), v - moving[0], 0.0), ~tied & (joints.held & 7 != 0)),
             ("support of {} (rotation)", (omega - moving[1]) * size, alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:

@@ -149,7 +149,8 @@ class Stepper:
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self.prescribed = None
         if core.prescribed is not None and not static:
-            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, len(core.dofs))
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place,
+                                                     None if self.plane is None else self.plane.axes)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)

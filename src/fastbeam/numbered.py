@@ -73,11 +73,11 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
     for mass in scene.masses:
         held[nodes.start(mass)] = 56
     for pin in scene.pins:
-        held[nodes.number(pin.at)] |= 7
+        held[nodes.number(pin.at)] |= pin.mask
     for motion in scene.prescribed:
         held[nodes.number(motion.at)] |= motion.mask
     for clamp in scene.clamps:
-        held[nodes.start(clamp.at.owner) if isinstance(clamp.at.owner, RigidBody) else nodes.number(clamp.at)] = 63
+        held[nodes.start(clamp.at.owner) if isinstance(clamp.at.owner, RigidBody) else nodes.number(clamp.at)] |= clamp.mask
     held[nodes.ground] = 63
     rigid = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .connections import Connections
+from .connections import Connections, held_axes, held_in_plane
 from .errors import SceneError
 from .kernels.prescribed import Prescribed
 from .numbering import NodeList
@@ -42,8 +42,10 @@ class PrescribedMotions:
             leads += [nodes.labels[joints.spin_root[root[k]]]] * bool(motion.mask == 63 and joints.spin_root[root[k]] != root[k])
             if leads:
                 raise SceneError(f"{motion.label}: joints make {motion.at} follow {' and '.join(leads[:3])}; move that instead")
-            if np.any(root[:k] == root[k]):
-                raise SceneError(f"{motion.label}: {motions[int(np.argmax(root[:k] == root[k]))].label} moves the same node")
+            for j in np.flatnonzero(root[:k] == root[k]).tolist():
+                if motions[j].mask & motion.mask:
+                    raise SceneError(f"{motion.label}: {motions[j].label} moves the same node"
+                                     + (" along the same axis" if motion.axes != motions[j].axes else ""))
         shares = joints.row_root[None] == root[:, None]
         self._motion, self._node = np.nonzero(shares)
         self._root = root
@@ -53,12 +55,17 @@ class PrescribedMotions:
         """Names in the balance."""
         return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
 
-    def tables(self, row_of: Array, place: int, size: int) -> Prescribed:
-        """Tables with the arrays of a run; place: of the first work in the history; size: unknowns of a node."""
-        m = len(self.motions)
-        return Prescribed(self._node, self._motion, np.array([int(x.mask == 63) for x in self.motions]),
-                          row_of[self._root].astype(np.int64), place + np.arange(m), np.zeros((m, size)), np.zeros((m, size)),
-                          np.zeros(1, np.int64))
+    @property
+    def masks(self) -> Array:
+        """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""
+        return np.array([motion.mask for motion in self.motions], np.int64)
+
+    def tables(self, row_of: Array, place: int, axes: Array | None) -> Prescribed:
+        """Tables with the arrays of a run; place: of the first work in the history; axes: plane of a scene, [3, 3]."""
+        m, size = len(self.motions), 6 if axes is None else 3
+        masks = self.masks if axes is None else held_in_plane(self.masks, axes)
+        return Prescribed(self._node, self._motion, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
+                          np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
 
     def schedule(self, times: Array, axes: Array | None = None) -> Array:
         """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; axes:
@@ -98,10 +105,11 @@ class PrescribedMotions:
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
     def directions(self, n: int) -> list[tuple[Array, Array]]:
-        """Directions in which supports move and axes about which they turn at some times, up to three of each: [n, 3] each, n
-        nodes."""
-        found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3)]
+        """Directions in which supports move and axes about which they turn at some times, up to three of each motion: [n, 3] each,
+        n nodes."""
+        found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3 * int(np.bincount(self.own).max()))]
         for k, motion in enumerate(self.motions):
+            first = 3 * int(np.sum(self.own[:k] == self.own[k]))
             places, turns = [], []
             for t in LOOKS.tolist():
                 try:
@@ -114,7 +122,7 @@ class PrescribedMotions:
             for which, x in enumerate((np.array(places) - places[0], np.array(turns) - turns[0])):
                 _, size, axes = np.linalg.svd(x, full_matrices=False)
                 for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
-                    found[i][which][self.own[k]] = size[i] * axes[i]
+                    found[first + i][which][self.own[k]] = size[i] * axes[i]
         return [pair for pair in found if np.any(pair[0]) or np.any(pair[1])]
 
 
@@ -137,7 +145,7 @@ def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: fl
     found = PrescribedMotions(scene.prescribed, nodes, joints)
     for motion, node in zip(found.motions, found.own.tolist()):
         if motion.position is not None:
-            gap = float(np.linalg.norm(motion.place(0.0) - nodes.phi[node]))
+            gap = float(np.linalg.norm((motion.place(0.0) - nodes.phi[node])[held_axes(np.array([motion.mask]))[0]]))
             if gap > AT_START * length:
                 raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; begin there, or give "
                                  "displacement")
@@ -149,5 +157,7 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
     v, omega = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
     for motion in scene.prescribed:
         at = joints.row_root[nodes.number(motion.at)]
-        v[at], omega[at] = motion.rates()
+        velocity, spin = motion.rates()
+        v[at] += velocity
+        omega[at] += spin
     return v, omega

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .assembly import system_of, terms_of
+from .connections import held_axes
 from .equilibrium import StaticSolver
 from .errors import SceneError
 from .kernels import step as kernels
@@ -102,6 +103,8 @@ class Reactions:
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])
         held = self.stepper.model.held_mask[holding.supports]
         out[:s, 1][held & 56 == 0] = 0.0
+        # along axes that a support leaves free its force is what others at the node do
+        out[:s, 0][~held_axes(holding.masks)] = 0.0
         shared = self._is_tied(holding.supports)
         out[:s][shared] = np.nan
         at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force

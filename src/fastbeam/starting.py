@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import shown
+from .connections import held_axes
 from .errors import SceneError
 from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
@@ -157,7 +158,8 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
-        add(what, v[still, part] * (1.0 if bits == 7 else length), still, "m/s", 1e-12 * speed, MENDABLE * speed)
+        axes = held_axes(held[still])[:, None] if bits == 7 else length
+        add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, MENDABLE * speed)
     away = off_beam(model, state)
     for k, name in enumerate(model.names["sliders"]):
         if away[k]:
@@ -223,7 +225,8 @@ def _standing(model: Model) -> Array:
     held = model.held_mask
     held[_follows(model)] = 0
     if model.prescribed is not None:
-        held[np.isin(model.pattern.row_of, model.pattern.row_of[model.prescribed.own])] = 0
+        for motion, node in zip(model.prescribed.motions, model.prescribed.own):
+            held[model.pattern.row_of == model.pattern.row_of[node]] &= ~motion.mask
     return held
 
 
@@ -231,7 +234,7 @@ def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
     held = _standing(model)
-    away = np.where(held & 7 != 0, np.linalg.norm(off[:, 0], axis=1), 0.0)
+    away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
     out = []
