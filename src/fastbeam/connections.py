@@ -163,8 +163,8 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
         both = fixed_axes(a) & fixed_axes(b)
         if both:
             along = "" if both == HOLD_POSITION else " along " + "".join(x for i, x in enumerate(AXES) if both >> i & 1)
-            raise SceneError(f"{name(j)}: both sides are held{along} ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint does "
-                             f"nothing{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
+            raise SceneError(f"{name(j)}: both sides are held{along} ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint "
+                             f"does nothing{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
 
     # entries: position, arms, triad of every tied node
     slave = touched[(touched != root) | (base[root] != root)]
@@ -218,8 +218,8 @@ def held_axes(held: Array) -> Array:
 
 
 def held_in_plane(held: Array, axes: Array) -> Array:
-    """Masks of the three unknowns in a plane from those of six, int [*]: the turn where all three spins are held, a position along
-    an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
+    """Masks of the three unknowns in a plane from those of six, int [*]: the turn where all three spins are held, a position
+    along an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
     out = np.where(held & HOLD_TRIAD == HOLD_TRIAD, 4, 0)
     for c in range(2):
         parts = sum(1 << i for i in range(3) if abs(axes[c, i]) > OBLIQUE)

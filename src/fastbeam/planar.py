@@ -351,7 +351,7 @@ def _drag(drag: Any, axes: Array) -> Any:
 
 
 def _held(held: Held | None, axes: Array) -> Held | None:
-    """What is held in the plane. A single held spin is that of a beam about its own axis in statics, which does not exist there."""
+    """What is held in the plane. A single held spin is that of a beam about its own axis in statics, which is none there."""
     if held is None:
         return None
     mask, row_mask, column_mask = (held_in_plane(x, axes) for x in (held.mask, held.row_mask, held.column_mask))

@@ -105,8 +105,8 @@ class PrescribedMotions:
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
     def directions(self, n: int) -> list[tuple[Array, Array]]:
-        """Directions in which supports move and axes about which they turn at some times, up to three of each motion: [n, 3] each,
-        n nodes."""
+        """Directions in which supports move and axes about which they turn at some times, up to three of each motion: [n, 3]
+        each, n nodes."""
         found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3 * int(np.bincount(self.own).max()))]
         for k, motion in enumerate(self.motions):
             first = 3 * int(np.sum(self.own[:k] == self.own[k]))

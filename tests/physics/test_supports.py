@@ -12,10 +12,10 @@ from naive import Step, Twin, cayley_vector
 from restarts import assert_goes_on
 
 import fastbeam as fb
+from fastbeam.observe import Observer
+from fastbeam.reactions import ReactingStepper
 
 Array = np.ndarray
-# (x/pi)^2 where tan x = x
-TAN = (4.493409457909064 / np.pi)**2
 SOFT = fb.Section(EA=1e3, GA2=500.0, GA3=500.0, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
 
 
@@ -24,21 +24,21 @@ def section(EA: float, GA: float, EI: float, rhoI: float = 0.0) -> fb.Section:
 
 
 # --- exact answers --------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("base", "top", "factor"), [("pin", "pin", 1.0), ("clamp", "clamp", 1.0), ("clamp", "pin", TAN)])
-def test_columns_on_rollers_buckle_under_their_exact_loads(base: str, top: str, factor: float) -> None:
-    """factor pi^2 EI/L^2; a guided end keeps its direction and gives way across. The shortening under the load changes it by P/EA,
-    shear by P/GA."""
+@pytest.mark.parametrize("guided", [False, True])
+def test_columns_on_rollers_buckle_under_their_exact_loads(guided: bool) -> None:
+    """pi^2 EI/L^2 between a pin and a roller, and between a clamp and a guided end that gives way across; with EA = GA shear and
+    shortening cancel."""
     L, EI = 2.0, 3.0
-    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, L), section=section(1e9, 1e9, EI), elements=16)
-    exact = factor * np.pi**2 * EI / L**2
-    head = fb.Pin(column.end, axes="xy") if top == "pin" else fb.Clamp(column.end, axes="y")
-    foot = (fb.Pin if base == "pin" else fb.Clamp)(column.start)
-    scene = fb.Scene(column, foot, head, fb.Load("press", column.end, force=(0, 0, -2.0 * exact)))
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, L), section=section(1e5, 1e5, EI), elements=16)
+    exact = np.pi**2 * EI / L**2
+    supports = [fb.Clamp(column.start), fb.Clamp(column.end, axes="y")] if guided else [fb.Pin(column.start),
+                                                                                       fb.Pin(column.end, axes="xy")]
+    scene = fb.Scene(column, *supports, fb.Load("press", column.end, force=(0, 0, -2.0 * exact)))
     # with the guide it gives way across the plane that the scene would be put in
-    planar: Any = "auto" if top == "pin" else False
+    planar: Any = "auto" if not guided else False
     result = fb.solve_path(fb.compile_scene(scene, planar=planar), to=0.6)
     found, = result.info["critical_points"]
-    assert found["kind"] == "bifurcation" and abs(2.0 * found["load_factor"] - 1.0) < 1e-6
+    assert found["kind"] == "bifurcation" and abs(2.0 * found["load_factor"] - 1.0) < 2e-8
     for level, unstable in ((0.45, 0), (0.55, 1)):
         half = fb.solve_static(fb.compile_scene(replace_load(scene, level), planar=planar))
         assert half.info["unstable_directions"] == unstable and half.info["free_directions"] == 0
@@ -58,9 +58,9 @@ def test_deflection_frequencies_and_reactions_of_a_simply_supported_beam() -> No
     run = fb.solve_static(model, observe=("energy", "reaction"), points={"middle": (beam, L / 2)})
     exact = -5.0 * load * L**4 / (384.0 * EI) - load * L**2 / (8.0 * GA)
     assert abs(run.point("middle")[-1, 2] / exact - 1.0) < 1e-9
-    np.testing.assert_allclose(run.reaction(roller)["force"][-1], (0.0, 0.0, 0.5 * load * L), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(run.reaction(roller)["force"][-1], (0.0, 0.0, 0.5 * load * L), rtol=0, atol=1e-13)
     assert run.reaction(roller)["force"][-1, 0] == 0.0
-    np.testing.assert_allclose(run.reaction("pin of beam 'beam' node 0")["force"][-1], (0, 0, 0.5 * load * L), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.reaction("pin of beam 'beam' node 0")["force"][-1], (0, 0, 0.5 * load * L), rtol=0, atol=1e-9)
     still = fb.modes(fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), roller)), n=8)
     k = np.repeat(np.arange(1, 5), 2) * np.pi / L
     np.testing.assert_allclose(still.angular, np.sqrt(k**4 * EI / (1.0 + k**2 * EI / GA)), rtol=2e-7)
@@ -90,7 +90,7 @@ def test_a_guided_end_moves_across_without_turning() -> None:
     """F L^3/(12 EI) + F L/GA; the clamp takes half of F L, the guide as much."""
     L, EI, GA, force = 1.5, 2.0, 1e5, 1e-4
     beam = fb.Beam.straight("beam", (0, 0, 0), (L, 0, 0), section=section(1e6, GA, EI), elements=4)
-    guide = fb.Clamp(beam.end, "guide", axes="xy")
+    guide = fb.Clamp(beam.end, "guide", axes="y")
     scene = fb.Scene(beam, fb.Clamp(beam.start), guide, fb.Load("push", beam.end, force=(0, 0, force)))
     for planar in ("auto", False):
         run = fb.solve_static(fb.compile_scene(scene, planar=planar), observe=("energy", "reaction"), points={"end": beam.end})
@@ -107,7 +107,7 @@ def test_a_bead_on_a_straight_wire(order: int) -> None:
     bead = fb.PointMass("bead", mass=m, position=(0.3, 0, 0), velocity=(0.5, 0, 0))
     post = fb.PointMass("post", mass=1.0, position=(-0.7, 0, 0))
     model = fb.compile_scene(fb.Scene(bead, post, fb.Clamp(post), fb.Pin(bead, "wire", axes="zy"), gravity=(0, 1, -9.81)).add(
-        fb.Spring(post, bead, stiffness=k, rest=0.7)))
+        fb.Spring(post, bead, stiffness=k, length=0.7)))
     w = np.sqrt(k / m)
     exact = 0.3 * np.cos(w * T) + 0.5 / w * np.sin(w * T)
     errors = []
@@ -128,7 +128,8 @@ def rolling(planar: bool = False) -> fb.Scene:
     body = fb.RigidBody("body", mass=0.4, inertia=(0.02, 0.03, 0.04), position=(2, 0, 0))
     bead = fb.PointMass("bead", mass=0.3)
     side = 0.0 if planar else 0.6
-    push = fb.InitialVelocity(beam, velocity=lambda s: np.stack((0.7 + 0 * s, np.sin(np.pi * s), side * np.sin(np.pi * s)), axis=1))
+    push = fb.InitialVelocity(beam, velocity=lambda s: np.outer(np.ones_like(s), (0.7, 0, 0))
+                              + np.outer(np.sin(np.pi * s), (0, 1, side)))
     return fb.Scene(beam, body, bead, fb.RigidConnection(beam.end, body), fb.Slider("slide", bead, beam, at=0.5, rate=0.8), push,
                     fb.Pin(beam.start, axes="yz"), fb.Pin(body, axes="yz"), project_velocities=True)
 
@@ -142,12 +143,8 @@ def test_momentum_along_a_free_axis_is_kept_to_round_off(order: int, planar: boo
     momentum = run.series["lin_mom"]
     assert np.ptp(momentum[:, 0]) < 1e-13 * momentum[0, 0] and np.ptp(momentum[:, 1]) > 0.1
     assert run.drift("total") < 1e-12 and run.drift("gap") < 1e-13 and "lin_mom" not in run.info["conserved"]
-    ends = run.phi[:, [0, model.numbers.start(model_body(model))]]
+    ends = run.phi[:, [0, int(model.names["bodies"][0]["node"])]]
     assert not np.any(ends[:, :, 1:]) and np.ptp(ends[:, 0, 0]) > 0.1
-
-
-def model_body(model: fb.Model) -> Any:
-    return next(part for part in model.numbers.scene.bodies)
 
 
 def test_the_plane_has_the_numbers_of_space() -> None:
@@ -160,14 +157,18 @@ def test_the_plane_has_the_numbers_of_space() -> None:
 
 def test_reactions_are_the_impulse_that_momentum_takes() -> None:
     """What both rollers exert in a step is the change of the momentum across; nothing along x."""
-    model = fb.compile_scene(rolling())
-    run = fb.simulate(model, t_end=0.05, step=0.005, every=1, progress=False, observe=("energy", "momentum", "reaction"))
-    total = sum(run.reaction(name)["force"] for name in run.names["reactions"] if name.startswith("pin"))
-    assert not np.any(total[:, 0]) and np.max(np.abs(total[:, 1])) > 0.1
-    # rows hold values between the means of steps
-    change = np.diff(run.series["lin_mom"], axis=0) / 0.005
-    between = 0.5 * (total[1:] + total[:-1])
-    assert np.max(np.abs((change - between)[2:-2])) < 0.05 * np.max(np.abs(change))
+    model, h = fb.compile_scene(rolling()), 0.005
+    stepper = ReactingStepper(model, np.ones(1))
+    observer = Observer(model, ("momentum",), None)
+    for k in range(10):
+        before = observer.row(0.0, stepper.state)["lin_mom"]
+        outcome = stepper.advance(k * h, h, 1)
+        forces = outcome.force[1, model.n_forces:].reshape(-1, 2, 3)
+        rollers = [forces[i] for i, name in enumerate(model.reaction_names) if name.startswith("pin")]
+        total = rollers[0][0] + rollers[1][0]
+        change = (observer.row(0.0, stepper.state)["lin_mom"] - before) / h
+        np.testing.assert_allclose(total, change, rtol=0, atol=1e-11)
+        assert total[0] == 0.0 and not np.any(rollers[0][1]) and np.max(np.abs(total)) > 0.1
 
 
 def test_a_step_solves_the_equations_of_the_slow_twin() -> None:
@@ -294,7 +295,7 @@ def test_a_line_takes_the_plane_in_which_its_supports_hold() -> None:
 def test_what_holds_too_little_is_told() -> None:
     beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=SOFT, elements=4)
     scene = fb.Scene(beam, fb.Pin(beam.start, axes="y"), fb.Pin(beam.end, axes="y"), gravity=(0, -1, 0))
-    with pytest.raises(fb.SceneError, match=r"it can move along \(1, 0, 0\)"):
+    with pytest.raises(fb.SceneError, match=r"it can move along \(-?1, 0, 0\)"):
         fb.solve_static(fb.compile_scene(scene))
 
 

@@ -160,7 +160,8 @@ class PrescribedMotion:
         if function is None:
             return np.zeros(3)
         what = "displacement" if self.position is None else "position"
-        found = take(_Components(len(self.axes)), f"{self.label}: {what}(t) at t = {t:.6g} s", called(self.label, what, function, t))
+        returned = called(self.label, what, function, t)
+        found = take(_Components(len(self.axes)), f"{self.label}: {what}(t) at t = {t:.6g} s", returned)
         if self.axes == AXES:
             return found
         out = np.zeros(3)

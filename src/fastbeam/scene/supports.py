@@ -78,8 +78,8 @@ class Clamp(_Support):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.mask != 63 and not self.at.is_center:
-            raise SceneError(f"{self.name}: axes belong to the centre of a body; clamp the centre with these axes: a body that does "
-                             "not turn moves as its centre does")
+            raise SceneError(f"{self.name}: axes belong to the centre of a body; clamp the centre with these axes: a body that "
+                             "does not turn moves as its centre does")
 
 
 class Pin(_Support):
