@@ -50,7 +50,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     held = held_at_start(scene, nodes, joints, lines)
     wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
-        scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
+        scale = max([_speed(nodes, v, omega), *(abs(slider.rate or 0.0) for slider in scene.sliders)])
         size, text = max(wrong)
         if size > 1e-10 * scale + NO_VELOCITY:
             if not scene.project_velocities:
@@ -59,7 +59,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
-            if size > 1e-7 * scale:
+            if size > 1e-7 * max(scale, _speed(nodes, v, omega)):
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
@@ -91,6 +91,11 @@ def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Arr
     before, after = energies
     return (f"the initial velocities were projected: they change by up to {what}, the kinetic energy from {before:.6g} to "
             f"{after:.6g} J")
+
+
+def _speed(nodes: NodeList, v: Array, omega: Array) -> float:
+    """The largest velocity, that of spins over the size of the scene included, m/s."""
+    return max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
 
 
 def _size(nodes: NodeList) -> float:

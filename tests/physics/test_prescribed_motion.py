@@ -296,7 +296,7 @@ def test_a_cart_that_is_moved_up_and_down_rolls_on(order: int, planar: bool | st
 
 
 def test_motions_along_axes_together_are_one_motion() -> None:
-    """Along x and along y by two motions, held along z by a pin, the triad by a clamp: as one motion of a clamp, with all its work."""
+    """Along x and along y by two motions, a pin along z, the triad by a clamp: as one motion of a clamp, with all its work."""
     def run(*parts: Callable[[fb.Beam], Any]) -> fb.Result:
         mast = fb.Beam.straight("mast", (0, 0, 0), (0, 0, 2), section=SOFT, elements=5, degree=3)
         return fb.simulate(fb.compile_scene(fb.Scene(mast, *(part(mast) for part in parts), gravity=(0, 0, -1))), t_end=0.5,
