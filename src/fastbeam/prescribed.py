@@ -47,7 +47,7 @@ class PrescribedMotions:
                     raise SceneError(f"{motion.label}: {motions[j].label} moves the same node"
                                      + (" along the same axis" if motion.axes != motions[j].axes else ""))
         shares = joints.row_root[None] == root[:, None]
-        self._motion, self._node = np.nonzero(shares)
+        self.motion_of_node, self.nodes = np.nonzero(shares)
         self._root = root
 
     @property
@@ -64,7 +64,7 @@ class PrescribedMotions:
         """Tables with the arrays of a run; place: of the first work in the history; axes: plane of a scene, [3, 3]."""
         m, size = len(self.motions), 6 if axes is None else 3
         masks = self.masks if axes is None else held_in_plane(self.masks, axes)
-        return Prescribed(self._node, self._motion, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
+        return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
 
     def schedule(self, times: Array, axes: Array | None = None) -> Array:

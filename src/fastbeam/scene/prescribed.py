@@ -84,7 +84,8 @@ class PrescribedMotion:
     """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
 
     It holds the node like a `Pin` that moves; with `rotation`, or a `Clamp` of the same node beside it, like a clamp. The work of
-    its reaction is in `result.balance()`. In `solve_static` the node is held where it is.
+    its reaction is in `result.balance()`. `solve_static(at_time=t)` moves it to its place at that time with the load factor; without a
+    time it is held where it is.
 
     Parameters
     ----------
