@@ -35,6 +35,7 @@ from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
+from .prescribed import released_of
 from .report import describe
 from .scene import Beam, Path, RigidBody, Scene
 from .sleeves import sleeves_of
@@ -173,6 +174,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
         damped=damped_of(scene, nodes), dragged=unpacked.dragged, prescribed=unpacked.prescribed,
+        released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)

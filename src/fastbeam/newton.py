@@ -30,6 +30,7 @@ from .linsolve import LinearSystem
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
+from .released import own_supports
 from .starting import own_state
 from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
 
@@ -125,11 +126,12 @@ class Stepper:
         flat = model.plane is not None and not compared
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
-        self.core: Model = model if self.plane is None else self.plane.model
-        core = self.core
+        core: Model = model if self.plane is None else self.plane.model
         if not static:
             check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
+        core, self.supports = own_supports(core, self.core_state, static)
+        self.core: Model = core
         self.weights = np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
@@ -387,7 +389,7 @@ class Stepper:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
             axes = None if self.plane is None else self.plane.axes
-            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, axes)))
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed.mask, axes)))
         if self.model.user_forces:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
@@ -417,7 +419,9 @@ class Stepper:
         return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
-        """Settings of the augmented Lagrangian for steps of size h."""
+        """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
+        if self.supports is not None:
+            self.supports.follow(self)
         if self.contact is None:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2

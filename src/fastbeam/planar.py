@@ -271,8 +271,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
-        held=_held(model.held, axes), static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v,
-        dofs=PLANE))
+        released=None if model.released is None else model.released.in_plane(axes), held=_held(model.held, axes),
+        static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:

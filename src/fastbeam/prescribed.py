@@ -1,5 +1,7 @@
-"""Supports that move as functions of time: what they are given in every step, and their tables."""
+"""Supports that move as functions of time: what they are given in every step, and their tables; supports that let go."""
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -7,7 +9,8 @@ from .connections import Connections, held_axes, held_in_plane
 from .errors import SceneError
 from .kernels.prescribed import Prescribed
 from .numbering import NodeList
-from .scene import PrescribedMotion, Scene
+from .released import Released
+from .scene import PrescribedMotion, RigidBody, Scene
 
 Array = np.ndarray
 # a position may begin so far from the place of its node, of the size of the scene
@@ -67,9 +70,9 @@ class PrescribedMotions:
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
 
-    def schedule(self, times: Array, axes: Array | None = None) -> Array:
-        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; axes:
-        plane of a scene, [3, 3], whose increments are [n, M, 3].
+    def schedule(self, times: Array, masks: Array, axes: Array | None = None) -> Array:
+        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; masks [M]:
+        0 where a support has let go; axes: plane of a scene, [3, 3], whose increments are [n, M, 3].
 
         Raises
         ------
@@ -78,6 +81,8 @@ class PrescribedMotions:
         """
         out = np.zeros((len(times) - 1, len(self.motions), 6))
         for k, motion in enumerate(self.motions):
+            if not masks[k]:
+                continue
             out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
             if motion.rotation is not None:
                 turns = np.array([motion.turn(t) for t in times.tolist()])
@@ -161,3 +166,42 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
         v[at] += velocity
         omega[at] += spin
     return v, omega
+
+
+def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
+    """None where no support lets go; always: what the others hold of every node, int64 [N].
+
+    Raises
+    ------
+    SceneError
+        A support that lets go holds what another node leads, or is one of two of a rigid part.
+    """
+    every = [*scene.pins, *scene.clamps, *scene.prescribed]
+    some = [(k, x) for k, x in enumerate(every) if x.until is not None]
+    if not some:
+        return None
+
+    def number(support: Any) -> int:
+        owner = support.at.owner
+        return nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at)
+
+    moving = list(scene.prescribed)
+    own = np.array([number(x) for _, x in some])
+    root = joints.row_root[own]
+    others = np.array([number(x) for x in every])
+    for (k, support), node, top in zip(some, own.tolist(), root.tolist()):
+        leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
+        if leads:
+            raise SceneError(f"{support.name}: until: joints make {support.at} follow {' and '.join(leads[:3])}; hold that "
+                             "instead")
+        for j, other in enumerate(others.tolist()):
+            if j != k and other != top and joints.spin_root[other] == top and joints.row_root[other] != top:
+                raise SceneError(f"{support.name}: until: {every[j].name} holds the same rigid part, so that nothing tells what "
+                                 "stays; hold the part at one node")
+    rows = row_of[root]
+    base = np.zeros(row_of.size, np.int64)
+    np.bitwise_or.at(base, row_of[joints.row_root], always)
+    return Released(tuple(str(x.name) if not isinstance(x, PrescribedMotion) else x.label for _, x in some),
+                    tuple(x.until for _, x in some), own, rows.astype(np.int64), np.array([x.mask for _, x in some], np.int64),
+                    base[rows], np.array([moving.index(x) if x in moving else -1 for _, x in some], np.int64),
+                    np.array([k for k, _ in some], np.int64))

@@ -104,7 +104,12 @@ class Reactions:
         held = self.stepper.model.held_mask[holding.supports]
         out[:s, 1][held & 56 == 0] = 0.0
         # along axes that a support leaves free its force is what others at the node do
-        out[:s, 0][~held_axes(holding.masks)] = 0.0
+        masks = holding.masks.copy()
+        if self.own.supports is not None:
+            # of those that have let go only round-off is left
+            masks[self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]] = 0
+            out[:s, 1][masks == 0] = 0.0
+        out[:s, 0][~held_axes(masks)] = 0.0
         shared = self._is_tied(holding.supports)
         out[:s][shared] = np.nan
         at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force

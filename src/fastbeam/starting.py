@@ -154,7 +154,7 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
     add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * TIED, MENDABLE)
     add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", TIED * speed + noise, MENDABLE * speed)
     add("the spin of {} is", (v - rate)[led, 1:] * length, led, "m/s", TIED * speed + noise, MENDABLE * speed)
-    held = _standing(model)
+    held = _standing(model, state)
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
@@ -220,9 +220,9 @@ def _joint_of(model: Model, node: int) -> str:
     return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
 
 
-def _standing(model: Model) -> Array:
+def _standing(model: Model, state: State) -> Array:
     """Of every node which of its unknowns a support holds still, int64 [N]."""
-    held = model.held_mask
+    held = model.held_in(state)
     held[_follows(model)] = 0
     if model.prescribed is not None:
         for motion, node in zip(model.prescribed.motions, model.prescribed.own):
@@ -233,7 +233,7 @@ def _standing(model: Model) -> Array:
 def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
-    held = _standing(model)
+    held = _standing(model, state)
     away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
@@ -261,7 +261,7 @@ def mended(model: Model, state: State) -> State:
         across, gaps = _across(model, q, s)
         if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
             break
-        lift, free = _lift(model, q)
+        lift, free = _lift(model, q, state)
         mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
         step = np.zeros(6 * model.n_nodes)
         step[free] = nearest(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)
@@ -270,7 +270,7 @@ def mended(model: Model, state: State) -> State:
         q[:, 1:] = turned(q[:, 1:], step[:, 3:])
         q = follow(model, q)
     across, _ = _across(model, q, s)
-    lift, free = _lift(model, q)
+    lift, free = _lift(model, q, state)
     given = np.zeros(6 * model.n_nodes)
     given.reshape(-1, 6)[:, :3] = v[:, 0]
     given.reshape(-1, 6)[:, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
@@ -281,9 +281,9 @@ def mended(model: Model, state: State) -> State:
     return State(q.reshape(-1), lift @ found, s, state.force.copy(), state.history.copy())
 
 
-def _lift(model: Model, q: Array) -> tuple[Any, Array]:
+def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
     """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
-    free = free_unknowns(model)
+    free = free_unknowns(model, state)
     return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()[:, free], free
 
 

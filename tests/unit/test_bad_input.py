@@ -254,13 +254,14 @@ def calls(folder: Path) -> dict[str, Call]:
                           dict(name=is_text, mass=is_real, inertia=is_array(1, 2), position=VECTOR, directors=is_array(2),
                                velocity=VECTOR, spin=VECTOR)),
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
-        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text, axes=is_text)),
-        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text, axes=is_text)),
+        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))),
+        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))),
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
             linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
-            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text)),
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
+            until=either(is_real, is_function))),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(

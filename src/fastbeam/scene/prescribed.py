@@ -14,7 +14,7 @@ from fastbeam.scene.beams import NodeRef
 from fastbeam.scene.checks import Array, Rotation, called, tried
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import FORWARD, SHORT
-from fastbeam.scene.supports import AXES, SomeAxes, mask_of
+from fastbeam.scene.supports import AXES, SomeAxes, Until, mask_of
 
 # a signal needs so many values
 FEWEST = 4
@@ -78,14 +78,15 @@ class Moving:
         return value
 
 
-@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes())
+@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
+         until=Until())
 @dataclass(frozen=True, eq=False)
 class PrescribedMotion:
     """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
 
     It holds the node like a `Pin` that moves; with `rotation`, or a `Clamp` of the same node beside it, like a clamp. The work of
-    its reaction is in `result.balance()`. `solve_static(at_time=t)` moves it to its place at that time with the load factor; without a
-    time it is held where it is.
+    its reaction is in `result.balance()`. `solve_static(at_time=t)` moves it to its place at that time with the load factor;
+    without a time it is held where it is.
 
     Parameters
     ----------
@@ -101,6 +102,8 @@ class PrescribedMotion:
         Letters of the axes of space along which the place is prescribed, as in axes="y": `position` and `displacement` return one
         number for each then. Along the others the node is free, or held by a `Pin` or `Clamp` of its own, or moved by another
         motion.
+    until : float or callable
+        When it lets go for good, as for a `Clamp`: the node goes on with its velocity.
 
     Raises
     ------
@@ -127,6 +130,7 @@ class PrescribedMotion:
     displacement: Callable[[float], Any] | None = None
     rotation: Callable[[float], Any] | None = None
     axes: str = AXES
+    until: Any = None
 
     def __post_init__(self) -> None:
         if self.position is not None and self.displacement is not None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
-from fastbeam.arguments import Name, Refusal, checked, shown
+from fastbeam.arguments import Name, Number, Refusal, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import NodeField
 from fastbeam.scene.parts import Node
+from fastbeam.scene.sliding import needed_arguments
 
 AXES = "xyz"
+TIME = Number(unit="s")
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,28 @@ class SomeAxes:
         return letters
 
 
+@dataclass(frozen=True)
+class Until:
+    """A time, or a function of (t, state)."""
+
+    def __call__(self, value: Any) -> Any:
+        if callable(value) and not isinstance(value, type):
+            if needed_arguments(value) != 2:
+                raise Refusal(f"must take two arguments (t, state), this function takes {needed_arguments(value)}")
+            return value
+        try:
+            return TIME(value)
+        except Refusal:
+            raise Refusal(f"must be a finite time in s or a function of (t, state), got {shown(value)}") from None
+
+
 def mask_of(axes: str) -> int:
     """Bits of the components of a position that are held."""
     return sum(1 << AXES.index(letter) for letter in axes)
 
 
-@checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=SomeAxes())
+@checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=SomeAxes(),
+         until=Until())
 @dataclass(frozen=True, eq=False)
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
@@ -43,6 +61,7 @@ class _Support:
     name: str | None = None
     _: KW_ONLY
     axes: str = AXES
+    until: Any = None
 
     def __post_init__(self) -> None:
         if self.name is None:
@@ -65,6 +84,9 @@ class Clamp(_Support):
     axes : str
         Letters of the axes of space along which the position is held, as in axes="yz": then the node moves along the others,
         without turning (a guided end).
+    until : float or callable
+        When it lets go for good: a time, s, or as soon as a function of (t, state) is not negative, or returns True. Neither the
+        motion nor the energy jumps there.
 
     Raises
     ------
@@ -92,6 +114,8 @@ class Pin(_Support):
     name : str, optional
     axes : str
         Letters of the axes of space along which the position is held.
+    until : float or callable
+        When it lets go for good, as for a `Clamp`.
 
     Raises
     ------
