@@ -205,6 +205,7 @@ class Call:
     takes: dict[str, Callable[[Any], bool]]
 
 
+SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text)
 BAR = dict(section=SECTION, elements=2)
@@ -254,8 +255,8 @@ def calls(folder: Path) -> dict[str, Call]:
                           dict(name=is_text, mass=is_real, inertia=is_array(1, 2), position=VECTOR, directors=is_array(2),
                                velocity=VECTOR, spin=VECTOR)),
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
-        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))),
-        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))),
+        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), SUPPORT),
+        "Pin": Call(fb.Pin, dict(at=BEAM.start), SUPPORT),
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
             linear=is_real, air=VECTOR)),
