@@ -226,7 +226,10 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
+        if not link.law.holds:
+            continue
         rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
+        rates = rates - link.rates()
         out.append((float(np.linalg.norm(rates)) * (size if link.law.is_angle else 1.0), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         if slider.starts_off:

@@ -131,8 +131,7 @@ class Stepper:
             check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
         core, self.supports = own_supports(core, self.core_state, static)
-        self.core: Model = core
-        self.weights = np.ascontiguousarray(weights, dtype=float)
+        self.core, self.weights = core, np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
         self.work = work_of(core, keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
@@ -151,15 +150,15 @@ class Stepper:
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self.prescribed = None
         if core.prescribed is not None and not static:
-            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place,
-                                                     None if self.plane is None else self.plane.axes)
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
         self.motion = None
         if core.motions is not None and core.motions.rows.size:
-            self.motion = core.motions.work()
-            core.motions.settle(self.core_state, self.state.q.reshape(-1, 4, 3), core.motion_place)
+            self.motion = core.motions.work(core.ties)
+            if memory is None:
+                core.motions.settle(self.core_state, self.state, core.motion_place, None if static else t)
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
@@ -384,12 +383,14 @@ class Stepper:
         if self.along is not None and self.core.slider_forces.timed:
             out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
         if self.motion is not None and self.core.motions.timed:
-            out.append(MotorSchedule(self.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
+            out.append(MotorSchedule(self.motion.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
+        if self.motion is not None and self.motion.drives is not None:
+            end = t + h * (done + n)
+            out.append(self.core.motions.holds.schedule(self.motion.drives, *self._substeps(t, h, n, done), end))
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
-            axes = None if self.plane is None else self.plane.axes
-            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed.mask, axes)))
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed.mask, self.plane)))
         if self.model.user_forces:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
@@ -420,8 +421,7 @@ class Stepper:
 
     def _augment(self, h: float) -> None:
         """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
-        if self.supports is not None:
-            self.supports.follow(self)
+        self.supports.follow(self)
         if self.contact is None:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2

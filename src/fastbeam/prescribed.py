@@ -63,22 +63,23 @@ class PrescribedMotions:
         """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""
         return np.array([motion.mask for motion in self.motions], np.int64)
 
-    def tables(self, row_of: Array, place: int, axes: Array | None) -> Prescribed:
-        """Tables with the arrays of a run; place: of the first work in the history; axes: plane of a scene, [3, 3]."""
-        m, size = len(self.motions), 6 if axes is None else 3
-        masks = self.masks if axes is None else held_in_plane(self.masks, axes)
+    def tables(self, row_of: Array, place: int, plane: Any) -> Prescribed:
+        """Tables with the arrays of a run; place: of the first work in the history; plane: that of the scene, or None."""
+        m, size = len(self.motions), 6 if plane is None else 3
+        masks = self.masks if plane is None else held_in_plane(self.masks, plane.axes)
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
 
-    def schedule(self, times: Array, masks: Array, axes: Array | None = None) -> Array:
+    def schedule(self, times: Array, masks: Array, plane: Any = None) -> Array:
         """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; masks [M]:
-        0 where a support has let go; axes: plane of a scene, [3, 3], whose increments are [n, M, 3].
+        0 where a support has let go; plane: that of the scene, whose increments are [n, M, 3], or None.
 
         Raises
         ------
         SceneError
             A function fails, a step turns by half a turn, or a motion leaves the plane.
         """
+        axes = None if plane is None else plane.axes
         out = np.zeros((len(times) - 1, len(self.motions), 6))
         for k, motion in enumerate(self.motions):
             if not masks[k]:

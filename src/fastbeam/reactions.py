@@ -15,6 +15,7 @@ from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
 from .load_times import load_factors
 from .newton import Outcome, Stepper
+from .released import OwnSupports
 
 Array = np.ndarray
 
@@ -40,7 +41,7 @@ class Reactions:
         self.holding = holding = stepper.model.holding
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
         of = self.own if static else stepper
-        terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion)
+        terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
@@ -79,7 +80,7 @@ class Reactions:
         if any(time is not None for time in own.model.load_times):
             kernels.external_forces(own.core.loads, load_factors(own.model, np.full(1, t), np.full(1, h))[0], own.work.f_ext)
         if own.motion is not None:
-            own.motion.given[:] = self.stepper.motion.given
+            own.motion.motion.given[:] = self.stepper.motion.motion.given
         state = before._replace(force=own.core_state.force)
         return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
 
@@ -105,7 +106,7 @@ class Reactions:
         out[:s, 1][held & 56 == 0] = 0.0
         # along axes that a support leaves free its force is what others at the node do
         masks = holding.masks.copy()
-        if self.own.supports is not None:
+        if isinstance(self.own.supports, OwnSupports):
             # of those that have let go only round-off is left
             masks[self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]] = 0
             out[:s, 1][masks == 0] = 0.0

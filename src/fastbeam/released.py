@@ -106,7 +106,14 @@ class OwnSupports:
         stepper.parts.hold()
 
 
-def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | None]:
+class StandingSupports:
+    """Of a run in which none lets go."""
+
+    def follow(self, stepper: Any) -> None:
+        """Nothing changes."""
+
+
+def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupports | StandingSupports]:
     """The model of a run with tables of its own where supports let go; in statics they hold.
 
     Raises
@@ -115,10 +122,10 @@ def own_supports(core: Any, state: State, static: bool) -> tuple[Any, OwnSupport
         In statics a support of the state has let go.
     """
     if core.released is None:
-        return core, None
+        return core, StandingSupports()
     own = OwnSupports(core)
     if static and own.gone(state).any():
         name = core.released.names[int(np.argmax(own.gone(state)))]
         raise SceneError(f"start: {name} has let go there; leave it out of the scene for an equilibrium, and start from "
                          "result.state_for(model)")
-    return (core, None) if static else (own.core, own)
+    return (core, StandingSupports()) if static else (own.core, own)

@@ -91,6 +91,10 @@ class SlidingSolver(StaticSolver):
         self.along = None
         if uneliminated.slider_forces is not None:
             self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held)
+        # what joints are given at the start and at the end of the load
+        self.given = None
+        if core.motions is not None and core.motions.holds.given.size:
+            self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
@@ -105,6 +109,8 @@ class SlidingSolver(StaticSolver):
         super().move_to(share)
         if self.along is not None:
             self.along.share = share
+        if self.given is not None:
+            self.contacts.given = (1.0 - share) * self.given[0] + share * self.given[1]
 
     @property
     def name(self) -> str:
@@ -208,6 +214,7 @@ class SlidingSolver(StaticSolver):
             t, share = (float(x) for x in self.stepper.law_work[:2])
             other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t)
             other.set_time(t, share)
+            other.move_to(share)
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext
