@@ -390,7 +390,7 @@ class Stepper:
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
-            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed.mask, self.plane)))
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
         if self.model.user_forces:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))

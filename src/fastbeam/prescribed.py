@@ -70,9 +70,10 @@ class PrescribedMotions:
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
                           np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
 
-    def schedule(self, times: Array, masks: Array, plane: Any = None) -> Array:
-        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; masks [M]:
-        0 where a support has let go; plane: that of the scene, whose increments are [n, M, 3], or None.
+    def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
+        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:
+        those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
+        [n, M, 3], or None.
 
         Raises
         ------
@@ -82,7 +83,7 @@ class PrescribedMotions:
         axes = None if plane is None else plane.axes
         out = np.zeros((len(times) - 1, len(self.motions), 6))
         for k, motion in enumerate(self.motions):
-            if not masks[k]:
+            if not tables.mask[k]:
                 continue
             out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
             if motion.rotation is not None:
