@@ -61,8 +61,8 @@ def test_deflection_frequencies_and_reactions_of_a_simply_supported_beam() -> No
     np.testing.assert_allclose(run.reaction(roller)["force"][-1], (0.0, 0.0, 0.5 * load * L), rtol=0, atol=1e-13)
     assert run.reaction(roller)["force"][-1, 0] == 0.0
     np.testing.assert_allclose(run.reaction("pin of beam 'beam' node 0")["force"][-1], (0, 0, 0.5 * load * L), rtol=0, atol=1e-9)
-    still = fb.modes(fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), roller)), n=8)
-    k = np.repeat(np.arange(1, 5), 2) * np.pi / L
+    still = fb.modes(fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), roller)), n=4)
+    k = np.repeat((1, 2), 2) * np.pi / L
     np.testing.assert_allclose(still.angular, np.sqrt(k**4 * EI / (1.0 + k**2 * EI / GA)), rtol=2e-7)
 
 
