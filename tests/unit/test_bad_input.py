@@ -226,6 +226,7 @@ class Call:
     takes: dict[str, Callable[[Any], bool]]
 
 
+SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text)
 BAR = dict(section=SECTION, elements=2)
@@ -275,13 +276,14 @@ def calls(folder: Path) -> dict[str, Call]:
                           dict(name=is_text, mass=is_real, inertia=is_array(1, 2), position=VECTOR, directors=is_array(2),
                                velocity=VECTOR, spin=VECTOR)),
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
-        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
-        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), SUPPORT),
+        "Pin": Call(fb.Pin, dict(at=BEAM.start), SUPPORT),
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
             linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
-            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
+            until=either(is_real, is_function))),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
@@ -366,7 +368,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag)),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),

@@ -11,7 +11,7 @@ from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint,
 from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import Path
 from fastbeam.scene.prescribed import PrescribedMotion, Signal
@@ -21,6 +21,7 @@ from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Damper, Spring
+from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [

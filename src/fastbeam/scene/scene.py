@@ -20,13 +20,14 @@ from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.user_force import UserForce
 
 if TYPE_CHECKING:
@@ -365,7 +366,8 @@ class Scene(notebook.Parts):
             known.add(id(part))
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
-            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part) and first.at == part.at):
+            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part)
+                                 and (first.at, first.mask) == (part.at, part.mask)):
                 continue
             raise SceneError(f"{self.label}: the name {name!r} is used twice, by a {first.kind} and a {part.kind}; "
                              "give every part its own name")
