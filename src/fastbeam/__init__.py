@@ -21,6 +21,7 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
+    "harmonic": ["frequency_response"],
     "equilibrium_paths": ["solve_path"],
     "result": ["Result"],
     "resultants": ["section_forces"],
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from .run import simulate as simulate
     from .statics import solve_static as solve_static
     from .vibration import modes as modes
+    from .harmonic import frequency_response as frequency_response
     from .equilibrium_paths import solve_path as solve_path
     from .result import Result as Result
     from .resultants import section_forces as section_forces

@@ -122,6 +122,32 @@ def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
     return np.stack(e, axis=-1)
 
 
+def strain_gradient(name: str, f: Array, d: Array, k: Array) -> Array:
+    """Derivatives of `strains_of` by phi', by the three directors and by their derivatives, [..., 6, 7, 3]."""
+    out = np.zeros((*f.shape[:-1], 6, 7, 3))
+    d1, d2, d3 = (d[..., i, :] for i in range(3))
+    k1, k2, k3 = (k[..., i, :] for i in range(3))
+    out[..., 1, 0, :], out[..., 1, 2, :] = d2, f
+    out[..., 2, 0, :], out[..., 2, 3, :] = d3, f
+    out[..., 3, 2, :], out[..., 3, 3, :], out[..., 3, 5, :], out[..., 3, 6, :] = -0.5 * k3, 0.5 * k2, 0.5 * d3, -0.5 * d2
+    if name == "simo_reissner":
+        shear = [_dot(f, x)[..., None] for x in (d2, d3)]
+        stretch = np.sqrt(_dot(f, f)[..., None] - shear[0]**2 - shear[1]**2)
+        out[..., 0, 0, :] = (f - shear[0] * d2 - shear[1] * d3) / stretch
+        out[..., 0, 2, :], out[..., 0, 3, :] = -shear[0] * f / stretch, -shear[1] * f / stretch
+        out[..., 4, 1, :], out[..., 4, 3, :], out[..., 4, 4, :], out[..., 4, 6, :] = 0.5 * k3, -0.5 * k1, -0.5 * d3, 0.5 * d1
+        out[..., 5, 1, :], out[..., 5, 2, :], out[..., 5, 4, :], out[..., 5, 5, :] = -0.5 * k2, 0.5 * k1, 0.5 * d2, -0.5 * d1
+        c = 1.75 - 0.25 * (_dot(d1, d1) + _dot(d2, d2) + _dot(d3, d3))[..., None, None, None]
+        form = 0.5 * np.stack((_dot(k2, d3) - _dot(k3, d2), _dot(k3, d1) - _dot(k1, d3), _dot(k1, d2) - _dot(k2, d1)), axis=-1)
+        out[..., 3:, :, :] *= c
+        out[..., 3:, 1:4, :] -= 0.5 * form[..., :, None, None] * d[..., None, :, :]
+    else:
+        out[..., 0, 0, :] = f
+        out[..., 4, 0, :], out[..., 4, 6, :] = k3, f
+        out[..., 5, 0, :], out[..., 5, 5, :] = -k2, -f
+    return out
+
+
 def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:
     """Lengths of beams that belong to nodes, the integrals of their shape functions, float64 [n], m; nodes [E, nn] and mass_phi
     [E, nn, nn] of elements."""

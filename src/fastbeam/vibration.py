@@ -66,31 +66,55 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     ConvergenceError
         The eigenvalues were not found: stiffness and masses are singular together.
     """
-    check_model("modes", model)
+    about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend)
+    return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
+
+
+def linearised_at(who: str, model: Model, state: State | None, load_factor: float, at_time: float | None,
+                  held: bool | str | Sequence[str], planar: bool | None, backend: str) -> tuple[Linearisation, State | None]:
+    """A model linearised about a state with what `modes` takes, and the state as it was checked.
+
+    Raises
+    ------
+    SceneError
+    """
+    check_model(who, model)
     stays = held_sliders(model, held)
-    check_slider_forces("modes", model, stays)
+    check_slider_forces(who, model, stays)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     flat = model.asked_for_plane if planar is None else planar
     if flat and model.plane is None:
         raise SceneError(f"planar=True: scene {model.scene_name!r} does not stay in a plane: {model.not_planar}")
-    factors = load_factor * load_factors_at("modes", model, at_time)
+    factors = load_factor * load_factors_at(who, model, at_time)
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
     about = Linearisation(model, state, ~stays, factors, flat)
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if not np.any(about.mass.diagonal() > 0.0):
-        raise SceneError("modes: nothing that may move has a mass; give sections rhoA, or bodies")
+        raise SceneError(f"{who}: nothing that may move has a mass; give sections rhoA, or bodies")
+    return about, state
+
+
+def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: State | None) -> Eigen:
+    """The n lowest eigenvalues about an equilibrium, with the contact forces that it has.
+
+    Raises
+    ------
+    SceneError
+        The state is no equilibrium.
+    ConvergenceError
+        Stiffness and masses are singular together.
+    """
     try:
-        found = _settled(about, n, backend)
+        return _settled(who, about, n, backend)
     except SingularError:
-        raise ConvergenceError(f"modes of scene {model.scene_name!r} were not found: its stiffness and masses are singular "
+        raise ConvergenceError(f"{who} of scene {about.model.scene_name!r} were not found: its stiffness and masses are singular "
                                "together (a part without mass that nothing holds), or too far apart for round-off",
                                state=state) from None
-    return _modes_of(about, found)
 
 
-def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
+def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
     """Eigenvalues about the state, once contact forces are those of the equilibrium.
 
     Raises
@@ -116,7 +140,7 @@ def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
         pushed = np.abs(free).max(axis=0, initial=0.0) @ np.abs(along) if along.size else 0.0
         drifts = bool(np.linalg.norm(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
         if drifts or not size[largest] <= AT_REST:
-            raise SceneError(_no_equilibrium(about, right, size, largest, drifts and pushed > 0.0))
+            raise SceneError(_no_equilibrium(who, about, right, size, largest, drifts and pushed > 0.0))
         change = move[k + about.core.n_sliders:]
         if np.linalg.norm(change) <= SETTLED * np.linalg.norm(about.stepper.core_state.force):
             break
@@ -126,12 +150,12 @@ def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
     return found._replace(values=found.values[:n], vectors=found.vectors[:, :n], noise=found.noise[:n])
 
 
-def _no_equilibrium(about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
+def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
     """What to say about a state that is none."""
     force = np.abs(right[:about.free.size])
     worst = int(np.argmax(force))
     label, unit = about.label(worst)
-    text = f"modes: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
+    text = f"{who}: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
     if drifts:
         text += ", and nothing holds the scene against the sum of its loads"
     else:
