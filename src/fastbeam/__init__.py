@@ -28,7 +28,7 @@ _WHERE = {
     "reading": ["load_result"],
     "sweeping": ["Sweep", "load_sweep", "sweep"],
     "animation": ["animate"],
-    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
+    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_response", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from .animation import animate as animate
     from .plot import (
         plot_balance as plot_balance, plot_invariants as plot_invariants, plot_modes as plot_modes,
-        plot_overview as plot_overview, plot_shapes as plot_shapes, plot_slider as plot_slider,
+        plot_overview as plot_overview, plot_response as plot_response, plot_shapes as plot_shapes, plot_slider as plot_slider,
     )
 
 if not TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .eigen import FAIR, GIVE, GOOD, IDLE, Pencil, SingularError, grown, scales, upper
+from .eigen import FAIR, GIVE, GOOD, IDLE, NOISE, Pencil, SingularError, grown, scales, upper
 from .linsolve import SMALL, load_mkl
 from .saddle import Factors
 
@@ -87,10 +87,10 @@ class DynamicStiffness:
         if self._has_loss:
             data = data + 1j * self._data[3]
         if self._modes:
-            data = data + self._data[-1]
-            # x gets M z r 2 zeta w (z . M x) in all
+            # x gets M z r 2 zeta w (z . M x) in all, nothing at rest
             own = self.diagonal[self._size - self._modes:]
-            data[own] -= 1.0 / (rate * 2.0 * self._ratios * self._frequencies)
+            data = data + (rate != 0.0) * self._data[-1]
+            data[own] -= 1.0 / (rate * 2.0 * self._ratios * self._frequencies) if rate else 1.0
         return sparse.csr_matrix((data, self._indices, self._indptr), shape=(self._size, self._size))
 
     def real_form(self, matrix: Any) -> Any:
@@ -200,10 +200,25 @@ class Solver:
             if left <= GOOD:
                 break
             x = x + self._solve(rest)
-        if not (self._lenient and np.isfinite(best).all()) and not worst <= FAIR:
+        if not (self._lenient and np.isfinite(best).all()) and not worst <= FAIR and not self._is_near(right, best):
             raise SingularError
         self.residual = worst
         return best
+
+    def noise(self, x: Array) -> float:
+        """Estimate of what round-off of the matrix makes of a solution [n], next to its size, in scaled unknowns."""
+        whole = np.zeros(self._matrix.shape[0], complex)
+        whole[:x.size] = x / self.scale[:x.size]
+        # without a pattern that elements could have
+        signs = 1.0 - 2.0 * (np.arange(whole.size) * 2654435761 >> 16 & 1)
+        change = self._solve(NOISE * signs * (abs(self._matrix) @ np.abs(whole)) + 0j)
+        return float(np.linalg.norm(change) / (np.linalg.norm(whole) or 1.0))
+
+    def _is_near(self, right: Array, x: Array) -> bool:
+        """Whether the residual is what round-off leaves of large terms."""
+        rest = np.abs(right - self._matrix @ x)
+        size = abs(self._matrix) @ np.abs(x) + np.abs(right)
+        return bool(np.isfinite(x).all() and np.max(rest) <= 1e-12 * np.max(size))
 
     def solve(self, right: Array) -> Array:
         """Of right-hand side [n], complex; without the rows of modes."""

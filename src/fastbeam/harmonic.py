@@ -25,8 +25,10 @@ MOST_FREQUENCIES = 1_000_000
 # modes up to this many times the largest frequency get the damping ratio
 UP_TO = 2.0
 MOST_MODES = 400
-# relative change of amplitudes with that of a frequency, beyond which fewer than four digits are left
-UNDAMPED = 1e11
+# round-off of amplitudes, next to the largest, that is no answer any more
+NO_DIGITS = 1e-3
+# relative change of amplitudes with that of a frequency at a mode without damping
+UNDAMPED = 1e8
 # share of an excitation along a free motion that is round-off
 ALONG_FREE = 1e-9
 
@@ -146,7 +148,7 @@ class _Response:
         f, count = len(frequencies), len(self.places)
         out = np.zeros((f, count, 3), complex), np.full((f, count, 3), np.nan, complex), np.zeros((f, about.core.n_sliders), complex)
         motions = np.zeros((f, model.n_nodes, 3), complex) if self.shapes else None
-        residuals, sensitivity = np.zeros(f), np.zeros(f)
+        residuals, sensitivity, uncertainty = np.zeros(f), np.zeros(f), np.zeros(f)
         for j, frequency in enumerate(frequencies.tolist()):
             rate = 2j * np.pi * frequency
             right = np.zeros(n, complex)
@@ -164,12 +166,11 @@ class _Response:
                 by_rate = system.mass @ x * (2.0 * rate) + system.damping @ x
                 lever = np.linalg.norm(solver.solve(-rate * by_rate) / solver.scale[:x.size])
                 sensitivity[j] = lever / (float(np.linalg.norm(x / solver.scale[:x.size])) or 1.0)
+                uncertainty[j] = solver.noise(x)
             except SingularError:
-                sensitivity[j] = np.inf
-            if not sensitivity[j] < UNDAMPED:
-                raise ConvergenceError(f"frequency_response: {frequency:.10g} Hz is the frequency of a mode of scene "
-                                       f"{model.scene_name!r} without damping, where the amplitude has no bounds; leave it out, "
-                                       "or give damping: damping= of sections, Drag(linear=), damping_ratio=, loss_factor=")
+                sensitivity[j] = uncertainty[j] = np.inf
+            if not uncertainty[j] < NO_DIGITS:
+                raise _no_answer(model, frequency, sensitivity[j], uncertainty[j])
             whole = np.zeros(n, complex)
             whole[live] = x
             whole[e.number] += e.motion
@@ -178,7 +179,7 @@ class _Response:
                 "moves_in": "space" if about.size == 6 else "plane", "unknowns": k, "loss_factor": loss_factor,
                 "modes_with_ratio": 0 if ratios is None else int(ratios[1].size)}
         names = {**model.names, "points": list(self.places)}
-        return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, motions, info, names, about.q[:, 0].copy())
+        return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, uncertainty, motions, info, names, about.q[:, 0].copy())
 
     def _put(self, j: int, x: Array, out: tuple[Array, Array, Array], motions: Array | None) -> None:
         """Amplitudes of points and sliders at frequency j."""
@@ -238,6 +239,17 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
     kept = np.isin(settled.free, about.free)
     assert int(kept.sum()) == about.free.size
     return product, w[some], np.full(some.size, ratio)
+
+
+def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: float) -> ConvergenceError:
+    """Why there is no response at a frequency."""
+    who = f"frequency_response of scene {model.scene_name!r}"
+    if sensitivity > UNDAMPED:
+        return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of a mode without damping, where the amplitude has no "
+                                "bounds; leave it out, or give damping: damping= of sections, Drag(linear=), damping_ratio=, "
+                                "loss_factor=")
+    return ConvergenceError(f"{who}: at {frequency:.10g} Hz round-off leaves no digits (share {uncertainty:.1g}): a part has neither "
+                            "stiffness nor mass, or stiffnesses are too far apart (beams more slender than 1e5)")
 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------

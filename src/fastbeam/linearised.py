@@ -183,8 +183,6 @@ class Linearisation:
     # --- shapes ---------------------------------------------------------------------------------------------------------
     def spread(self, vectors: Array) -> tuple[Array, Array]:
         """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
-        whole = np.zeros((self.core.pattern.n * self.size, vectors.shape[1]))
-        whole[self.free] = vectors
         rates = (self.lift @ vectors).T.reshape(vectors.shape[1], -1, 4, 3)
         spins = 0.5 * np.cross(self.q[:, 1:], rates[:, :, 1:]).sum(axis=2)
         return rates[:, :, 0].copy(), spins

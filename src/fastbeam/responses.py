@@ -33,6 +33,8 @@ class FrequencyResponse:
     sensitivity : float64 [f]
         Relative change of the amplitudes with a relative change of the frequency; 1e9: of 16 digits 7 are left. About Q, the
         amplification, at the peak of a single mode.
+    uncertainty : float64 [f]
+        What round-off of the stiffness may make of the amplitudes, next to the largest.
     motions : complex128 [f, N, 3], or None
         Displacements of all nodes, with shapes=True.
     info, names : dict
@@ -42,11 +44,11 @@ class FrequencyResponse:
     """
 
     def __init__(self, frequencies: Array, displacements: Array, spins: Array, slides: Array, residuals: Array,
-                 sensitivity: Array, motions: Array | None, info: dict[str, Any], names: dict[str, list[Any]],
+                 sensitivity: Array, uncertainty: Array, motions: Array | None, info: dict[str, Any], names: dict[str, list[Any]],
                  positions: Array) -> None:
         self.frequencies, self.angular = frequencies, 2.0 * np.pi * frequencies
         self.displacements, self.spins, self.slides = displacements, spins, slides
-        self.residuals, self.sensitivity, self.motions = residuals, sensitivity, motions
+        self.residuals, self.sensitivity, self.uncertainty, self.motions = residuals, sensitivity, uncertainty, motions
         self.info, self.names, self.positions = info, names, positions
 
     def __len__(self) -> int:
@@ -122,7 +124,7 @@ class FrequencyResponse:
         """Text: of every point its largest amplitude, and its peaks."""
         low, high = float(self.frequencies.min()), float(self.frequencies.max())
         rows = [f"response to {self.info['excitation']}: {len(self)} frequencies, {low:.6g} to {high:.6g} Hz; largest residual "
-                f"{self.residuals.max():.1e}"]
+                f"{self.residuals.max():.1e}, round-off {self.uncertainty.max():.1e}"]
         names = self.names["points"]
         for name in names[:MOST_POINTS]:
             size = np.linalg.norm(self.point(name), axis=1)

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Count, Flag, Number, Word, checked
+from .damped_modes import MORE, Damped, damped_of
 from .eigen import Eigen, SingularError, lowest
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .linearised import Linearisation
 from .load_times import load_factors_at
-from .mode_shapes import Modes
+from .mode_shapes import DampedModes, Modes
 from .model import Model, check_model
 from .newton import BACKENDS
 from .starting import check_start
@@ -29,9 +30,10 @@ LEAST = 12
 
 
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
-         held=which_sliders, planar=Flag(), backend=Word())
+         held=which_sliders, planar=Flag(), damped=Flag(), backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
-          held: bool | str | Sequence[str] = False, planar: bool | None = None, backend: str = "auto") -> Modes:
+          held: bool | str | Sequence[str] = False, planar: bool | None = None, damped: bool = False,
+          backend: str = "auto") -> Modes | DampedModes:
     """The n lowest natural frequencies and modes of small vibrations about an equilibrium, with sliders, joints, bodies and
     supports: (K - w^2 M) x = 0 with K the tangent of the equilibrium, contact forces included (theory.md 11).
 
@@ -51,13 +53,16 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     planar : bool, optional
         True: motions in the plane of the scene alone. Default: all motions in space, unless the model was compiled with
         planar=True.
+    damped : bool
+        The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag, dampers in
+        joints, laws of forces that depend on velocities.
     backend : {'auto', 'pardiso', 'superlu'}
 
     Returns
     -------
-    Modes
+    Modes or DampedModes
         `.frequencies` (Hz), `.angular` (rad/s), `.growth`, `.displacements`, ..., `.state(k, amplitude)`; fewer than n where
-        there are no more.
+        there are no more. With damped=True `.rates` (complex, 1/s), `.frequencies`, `.damping_ratios`, `.decay`, ...
 
     Raises
     ------
@@ -67,7 +72,17 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         The eigenvalues were not found: stiffness and masses are singular together.
     """
     about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend)
-    return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
+    if not damped:
+        return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
+    found = equilibrium_of("modes", about, n + MORE, backend, state)
+    if not found.factors.pencil.is_symmetric:
+        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space do not leave; find the "
+                         "modes of the scene without them, or run in time")
+    try:
+        return _damped_modes_of(about, damped_of(about, found, n, backend))
+    except SingularError:
+        raise ConvergenceError(f"modes: a damped mode of scene {model.scene_name!r} was not found; ask for fewer, or look at "
+                               "frequency_response", state=state) from None
 
 
 def linearised_at(who: str, model: Model, state: State | None, load_factor: float, at_time: float | None,
@@ -162,6 +177,27 @@ def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, l
         text += f"; {about.label(largest)[0]} would go on by about {size[largest]:.2g} of the size of the scene"
     return text + (". Find it with result = fb.solve_static(model) and give state=result.state (at the load_factor that it has), "
                    "or look at the scene without loads: load_factor=0")
+
+
+def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
+    """Shapes of unit size, the largest displacement real and positive."""
+    k, s = about.free.size, about.core.n_sliders
+    moved, spins = about.spread(found.vectors[:k])
+    flat = moved.reshape(len(found.rates), -1)
+    turns = spins.reshape(len(found.rates), -1)
+    factor = np.ones(len(found.rates), complex)
+    for j, (x, turn) in enumerate(zip(moved, spins)):
+        size, turned = np.linalg.norm(x, axis=1).max(initial=0.0), np.linalg.norm(turn, axis=1).max(initial=0.0)
+        whole, size = (flat[j], size) if size > 1e-6 * turned * about.model.length else (turns[j], turned)
+        if size > 0.0:
+            largest = np.abs(whole)
+            peak = whole[int(np.argmax(largest > (1.0 - 1e-6) * largest.max()))]
+            factor[j] = np.abs(peak) / peak / size
+    by = factor[:, None, None]
+    info = {"scene": about.model.scene_name, "method": "damped modes", "unknowns": k,
+            "moves_in": "space" if about.size == 6 else "plane"}
+    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None], found.residuals, about,
+                       info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:
