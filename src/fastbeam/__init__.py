@@ -22,6 +22,7 @@ _WHERE = {
     "statics": ["solve_static"],
     "vibration": ["modes"],
     "harmonic": ["frequency_response"],
+    "relaxing": ["relax"],
     "equilibrium_paths": ["solve_path"],
     "result": ["Result"],
     "resultants": ["section_forces"],
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from .statics import solve_static as solve_static
     from .vibration import modes as modes
     from .harmonic import frequency_response as frequency_response
+    from .relaxing import relax as relax
     from .equilibrium_paths import solve_path as solve_path
     from .result import Result as Result
     from .resultants import section_forces as section_forces
