@@ -123,7 +123,8 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: compl
         best = rate, x, size
     rate, x, size = best
     share = abs(np.vdot(start, mass @ x[:k]))**2 / (np.real(np.vdot(start, mass @ start)) * np.real(np.vdot(x[:k], mass @ x[:k])))
-    known = any(abs(rate - other) <= 1e-9 * abs(rate) and abs(np.vdot(y[:k], mass @ x[:k])) > 1.0 - 1e-6 for other, y, _ in before)
+    known = any(abs(rate - other) <= 1e-9 * abs(rate) and abs(np.vdot(y[:k], mass @ x[:k])) > 1.0 - 1e-6
+                for other, y, _ in before)
     if not size <= GOOD or share < SAME or known:
         raise SingularError
     return rate, x, size

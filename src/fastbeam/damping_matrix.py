@@ -38,7 +38,8 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
         Drag in moving air, under which nothing is at rest.
     """
     damped = () if model.damped is None else model.damped.strains
-    return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + _of_joints(model, q) + _of_laws(model, q, t, factor)).tocsr()
+    links = _of_joints(model, q) + _of_laws(model, q, t, factor)
+    return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
 
 
 def material_map(model: Model, q: Array) -> Any:

@@ -1,7 +1,8 @@
 """Equations of motions x e^(r t) about a state of rest, K x + r C x + r^2 M x - B^T m = f, B x = g, as one complex sparse matrix.
 
 One structure serves all rates r. PARDISO solves real and imaginary parts side by side, [A', -A''; -A'', -A'] [x'; x''] =
-[b'; -b''], which is symmetric where A is; without an imaginary part the real matrix alone. Where its solutions cannot be accepted,
+[b'; -b''], which is symmetric where A is; without an imaginary part the real matrix alone. Where its solutions cannot be
+accepted,
 or without MKL, SuperLU solves the complex matrix. Rows and columns are scaled to entries of 1, solutions refined, residuals
 checked.
 """
@@ -148,7 +149,7 @@ class Solver:
                 raise SingularError
 
     def _factor(self) -> bool:
-        of, n = self._of, self._matrix.shape[0]
+        of = self._of
         if of._mkl is not None:
             matrix = self._matrix if self._is_real else of.real_form(self._matrix)
             known = of._factors.setdefault(self._is_real, Factors(

@@ -52,8 +52,8 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
     themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 13).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, laws of forces that depend on velocities.
-    Friction is not, nor drag by the square of the velocity: both have no linear part at rest.
+    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, laws of forces that depend on
+    velocities. Friction is not, nor drag by the square of the velocity: both have no linear part at rest.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
         and nodes. A mapping gives every one a factor, which may be complex: {"shaker": 1.0, other: 1j} lags by a quarter of a
         period. Time functions of loads do not count here.
     base : array_like (3,) or mapping, optional
-        Amplitude of the motion of all supports together, m, or of some of them alone: {clamp: (1e-3, 0, 0)} with the Clamp, Pin or
-        PrescribedMotion, or the node that it holds. Numbers may be complex. What supports hold of triads stays.
+        Amplitude of the motion of all supports together, m, or of some of them alone: {clamp: (1e-3, 0, 0)} with the Clamp, Pin
+        or PrescribedMotion, or the node that it holds. Numbers may be complex. What supports hold of triads stays.
     damping_ratio : float
         Of all modes up to twice the largest frequency, besides what the scene has.
     loss_factor : float
@@ -146,7 +146,8 @@ class _Response:
         system = DynamicStiffness(part, damping[inside][:, inside], None if loss is None else loss[inside][:, inside], ratios,
                                   backend)
         f, count = len(frequencies), len(self.places)
-        out = np.zeros((f, count, 3), complex), np.full((f, count, 3), np.nan, complex), np.zeros((f, about.core.n_sliders), complex)
+        nowhere = np.full((f, count, 3), np.nan, complex)
+        out = np.zeros((f, count, 3), complex), nowhere, np.zeros((f, about.core.n_sliders), complex)
         motions = np.zeros((f, model.n_nodes, 3), complex) if self.shapes else None
         residuals, sensitivity, uncertainty = np.zeros(f), np.zeros(f), np.zeros(f)
         for j, frequency in enumerate(frequencies.tolist()):
@@ -179,7 +180,8 @@ class _Response:
                 "moves_in": "space" if about.size == 6 else "plane", "unknowns": k, "loss_factor": loss_factor,
                 "modes_with_ratio": 0 if ratios is None else int(ratios[1].size)}
         names = {**model.names, "points": list(self.places)}
-        return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, uncertainty, motions, info, names, about.q[:, 0].copy())
+        return FrequencyResponse(np.array(frequencies), *out, residuals, sensitivity, uncertainty, motions, info, names,
+                                 about.q[:, 0].copy())
 
     def _put(self, j: int, x: Array, out: tuple[Array, Array, Array], motions: Array | None) -> None:
         """Amplitudes of points and sliders at frequency j."""
@@ -205,7 +207,8 @@ class _Response:
             return
         free = self.found.vectors[:right.size, self.found.values == 0.0]
         if free.size and np.linalg.norm(self.about.mass @ (free @ (free.T @ right))) > ALONG_FREE * np.linalg.norm(right):
-            raise SceneError("frequency_response: at frequency 0 nothing holds the scene against the loads; leave 0 Hz out, or hold "
+            raise SceneError("frequency_response: at frequency 0 nothing holds the scene against the loads; leave 0 Hz out, or "
+                             "hold "
                              "the scene")
 
 
@@ -219,7 +222,8 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         There are too many, or moments leave no modes that are independent.
     """
     if not found.factors.pencil.is_symmetric:
-        raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do not "
+        raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
+                         "not "
                          "leave; use damping= of sections, or loss_factor=")
     n = 20
     while True:
@@ -228,7 +232,8 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         if not w.size or w[-1] > highest or w.size < n:
             break
         if n >= MOST_MODES:
-            raise SceneError(f"frequency_response: damping_ratio= reaches modes up to {highest / (2.0 * np.pi):.6g} Hz, which are "
+            raise SceneError(f"frequency_response: damping_ratio= reaches modes up to {highest / (2.0 * np.pi):.6g} Hz, which "
+                             f"are "
                              f"more than {MOST_MODES}; ask for lower frequencies, or use damping= of sections or loss_factor=")
         n = min(2 * n, MOST_MODES)
     some = np.flatnonzero((w > 0.0) & (w <= highest))
@@ -245,10 +250,12 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
     """Why there is no response at a frequency."""
     who = f"frequency_response of scene {model.scene_name!r}"
     if sensitivity > UNDAMPED:
-        return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of a mode without damping, where the amplitude has no "
+        return ConvergenceError(f"{who}: {frequency:.10g} Hz is the frequency of a mode without damping, where the amplitude "
+                                f"has no "
                                 "bounds; leave it out, or give damping: damping= of sections, Drag(linear=), damping_ratio=, "
                                 "loss_factor=")
-    return ConvergenceError(f"{who}: at {frequency:.10g} Hz round-off leaves no digits (share {uncertainty:.1g}): a part has neither "
+    return ConvergenceError(f"{who}: at {frequency:.10g} Hz round-off leaves no digits (share {uncertainty:.1g}): a part has "
+                            f"neither "
                             "stiffness nor mass, or stiffnesses are too far apart (beams more slender than 1e5)")
 
 
@@ -271,7 +278,8 @@ def _excitation(model: Model, about: Linearisation, loads: Any, vectors: dict[in
                 for columns, target in distributed(load, model.numbers):
                     of_nodes[:, columns] += target
         except KeyError:
-            raise SceneError(f"frequency_response: {load.kind} {load.name!r} acts on what is not in scene {model.scene_name!r}; let "
+            raise SceneError(f"frequency_response: {load.kind} {load.name!r} acts on what is not in scene "
+                             f"{model.scene_name!r}; let "
                              "it act on parts of the compiled scene") from None
         forces += factor * about.on_rows(of_nodes)
         texts.append(f"{load.kind} {load.name!r}")
@@ -288,7 +296,8 @@ def _excitation(model: Model, about: Linearisation, loads: Any, vectors: dict[in
     if vectors:
         texts.append("motion of the base")
     if not texts:
-        raise SceneError("frequency_response: nothing excites the scene; give loads= (names of its loads, or Load objects) or base=")
+        raise SceneError("frequency_response: nothing excites the scene; give loads= (names of its loads, or Load objects) or "
+                         "base=")
     if number:
         first, at = np.unique(np.concatenate(number), return_index=True)
         return Excitation(forces, first, np.concatenate(motion)[at].astype(complex), ", ".join(texts))
@@ -304,7 +313,8 @@ def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, compl
     """
     if loads is None:
         return []
-    need = "frequency_response: loads must be a Load, a DistributedLoad, the name of a load of the scene, several, or a mapping to factors"
+    need = ("frequency_response: loads must be a Load, a DistributedLoad, the name of a load of the scene, several, or a "
+            "mapping to factors")
     if isinstance(loads, (str, Load, DistributedLoad)):
         loads = (loads,)
     if isinstance(loads, (bytes, type)) or not isinstance(loads, Iterable):

@@ -186,8 +186,8 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
 @checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=Number(above=0.0, most=10.0))
 @styled
 def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
-    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the shape
-    at phase 0.
+    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the
+    shape at phase 0.
 
     Parameters
     ----------
@@ -234,7 +234,8 @@ def _words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
     if isinstance(modes, DampedModes):
         grows = bool(modes.decay[k] < 0.0)
         swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
-        rate = f"ratio {modes.damping_ratios[k]:.3g}" if swing else f"{'grows' if grows else 'decays'}, {abs(modes.decay[k]):.4g} 1/s"
+        rate = f"{'grows' if grows else 'decays'}, {abs(modes.decay[k]):.4g} 1/s"
+        rate = f"ratio {modes.damping_ratios[k]:.3g}" if swing else rate
         return swing + rate if modes.rates[k] else "free", grows
     what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
     return what if modes.squared[k] else "free", bool(modes.growth[k])

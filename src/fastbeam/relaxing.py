@@ -1,5 +1,5 @@
-"""Equilibria by motion: conserving steps whose velocities are taken away where the kinetic energy has a peak, then Newton's method
-(theory.md 14)."""
+"""Equilibria by motion: conserving steps whose velocities are taken away where the kinetic energy has a peak, then Newton's
+method (theory.md 14)."""
 from __future__ import annotations
 
 import time
@@ -25,7 +25,7 @@ from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .starting import check_start
 from .static_sliders import SlidingSolver
-from .statics import RECORDED, START, TOLD, WHERE, check_slider_forces
+from .statics import START, TOLD, WHERE, check_slider_forces
 from .supports import check_supports
 
 Array = np.ndarray
@@ -53,8 +53,9 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     """An equilibrium of a scene that Newton's method does not reach from its start: mechanisms, slack cables and nets, sliders
     far from their place.
 
-    The scene moves from rest, by conserving steps under all of its loads. Wherever its kinetic energy has a peak the velocities are
-    taken away (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings Newton's
+    The scene moves from rest, by conserving steps under all of its loads. Wherever its kinetic energy has a peak the velocities
+    are taken away (kinetic damping), so that the potential energy falls from swing to swing, into a valley. After some swings
+    Newton's
     method finishes, and goes on being tried until it finds an equilibrium that lies no higher and is not unstable. Steps adapt to
     the swings; masses decide the way, not the equilibrium.
 
@@ -71,7 +72,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     at_time : float
         Where time functions of loads are evaluated, s; needed when the scene has some.
     observe, points
-        As in `solve_static`; rows are the peaks of the kinetic energy, `result.t` the time of the motion, s.
+        As in `solve_static`, without 'reaction'; rows are the peaks of the kinetic energy, `result.t` the time of the motion, s.
     finish : bool
         False: without Newton's method, until a swing moves no node by more than 1e-7 of the size of the scene.
     max_iterations : int
@@ -83,15 +84,16 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     Returns
     -------
     Result
-        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method did, `info["residual"]` its last increment, in
+        With the equilibrium in `.state`. `info["finished"]`: whether Newton's method did, `info["residual"]` its last increment,
+        in
         sizes of the scene and rad (without it the motion of the last swing); `info["energy_loss"]` what the motion has lost, J;
         `info["swings"]`, `info["steps"]`; `info["unstable_directions"]` and `info["free_directions"]` as in `solve_static`.
 
     Raises
     ------
     SceneError
-        A scene that is not compiled or not held, an argument out of range, sliders with friction, drives, stops or locks, drives in
-        joints.
+        A scene that is not compiled or not held, an argument out of range, sliders with friction, drives, stops or locks, drives
+        in joints.
     ConvergenceError
         It does not come to rest, a step fails, a slider runs off its beam; carries the last shape and the result until then.
     Interrupted
@@ -103,6 +105,9 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     if model.motions is not None and model.motions.driven:
         raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
+    if "reaction" in observe:
+        raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
+                         "observe=('reaction',))")
     factors = load_factors_at("relax", model, at_time)
     notes: list[Any] = []
     if start is not None:
@@ -118,7 +123,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
         except KeyboardInterrupt as stopped:
             run.interrupts.asked = False
             result = run.result()
-            raise Interrupted(f"relax was interrupted after {run.steps} steps; the last shape is in .state, everything until then "
+            raise Interrupted(f"relax was interrupted after {run.steps} steps; the last shape is in .state, everything until "
+                              f"then "
                               "in .result", result=result, state=result.state) from stopped
 
 
@@ -150,8 +156,8 @@ class _Motion:
         self.stepper.core_state.v[:] = 0.0
         self.interrupts = Interrupts()
         Observer(model, observe, points)
-        self.observer = Observer(model, ("slider", "energy", *(kind for kind in observe if kind in RECORDED and kind != "reaction")),
-                                 points)
+        kinds = ("slider", "energy", *(kind for kind in observe if kind == "section"))
+        self.observer = Observer(model, kinds, points)
         self.meter = Observer(at_rest, ("energy",), None)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
                                      "residual": np.inf}
@@ -280,7 +286,8 @@ class _Motion:
 
     # --- the end ------------------------------------------------------------------------------------------------------
     def _finished(self) -> bool:
-        """Whether Newton's method finds an equilibrium from here that lies no higher and is not unstable; then it is the state."""
+        """Whether Newton's method finds an equilibrium from here that lies no higher and is not unstable; then it is the
+        state."""
         state = self.state()
         at_rest = self.stepper.model
         reached = self.energies()[2]
@@ -296,16 +303,17 @@ class _Motion:
         status, sizes = solver.equilibrium(ones)
         if status != OK:
             return False
-        counted_in = "plane" if solver.stepper.plane is not None and (self.model.asked_for_plane or not self.held_in_space) else "space"
+        flat = solver.stepper.plane is not None
+        counted_in = "plane" if flat and (self.model.asked_for_plane or not self.held_in_space) else "space"
         counted = solver.signs(ones, counted_in == "plane")
-        if counted is None and solver.stepper.plane is not None and counted_in == "space":
+        if counted is None and flat and counted_in == "space":
             counted_in, counted = "plane", solver.signs(ones, True)
         found = solver.state
         higher = self.energies(found)[2] > reached + HIGHER * (self.lost + abs(reached))
         if (higher and not solver.moments) or (counted is not None and counted[0]):
             return False
-        state = State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), self.stepper.state.history.copy())
-        self.stepper.set_state(state)
+        history = self.stepper.state.history.copy()
+        self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
         self.info |= {"finished": True, "residual": sizes[-1], "counted_in": counted_in}
         for (kind, text), number in zip(TOLD.items(), counted or (None, None)):
             self.info[kind + "_directions"] = number
@@ -324,9 +332,12 @@ class _Motion:
 
     def _restless(self, most_steps: int) -> ConvergenceError:
         """The error of a scene that does not come to rest."""
-        text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; the last "
-                f"swing moved it by {self.info['residual']:.2g} of its size. Give more most_steps, damping (damping= of sections, "
-                "Drag(linear=)) and a run in time, or look whether there is an equilibrium at all (a mechanism that turns for ever "
+        text = (f"relax: scene {self.model.scene_name!r} did not come to rest in {most_steps} steps, {self.swings} swings; the "
+                f"last "
+                f"swing moved it by {self.info['residual']:.2g} of its size. Give more most_steps, damping (damping= of "
+                f"sections, "
+                "Drag(linear=)) and a run in time, or look whether there is an equilibrium at all (a mechanism that turns for "
+                "ever "
                 "under a moment or a law has none). The last shape is in .state, everything until then in .result")
         self.buffer.event({"kind": "stopped", "time": self.t, "text": text})
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
@@ -334,6 +345,7 @@ class _Motion:
     def _ran_off(self, slider: int) -> ConvergenceError:
         name = self.model.names["sliders"][slider]
         return ConvergenceError(f"relax: slider {name!r} runs off its beam on the way to rest, after {self.steps} steps; let the "
-                                "scene begin with it elsewhere, or hold it in solve_static(model, held=...). The last shape is in "
+                                "scene begin with it elsewhere, or hold it in solve_static(model, held=...). The last shape is "
+                                "in "
                                 ".state, everything until then in .result", step=self.steps, time=self.t, state=self.state(),
                                 result=self.result())

@@ -41,6 +41,8 @@ class Elements:
     coupled : bool [E]
     phi, directors : float64 [N, 3], [N, 3, 3]
         Reference positions and triads of all nodes of the scene.
+    start_strain : float64 [*, 6], optional
+        Strains in the reference, of the beam or of every element; None: free of stress.
     """
 
     strain: str
@@ -58,6 +60,7 @@ class Elements:
     coupled: Array
     phi: Array
     directors: Array
+    start_strain: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,10 +78,12 @@ class Elements:
     @cached_property
     def reference_strains(self) -> Array:
         """The six strains in the reference configuration, but for the constant 1 or 1/2 of the first: [E, nq, 6]. The kernels
-        subtract it, so that any initial shape is free of stress (theory.md 2)."""
+        subtract it, so that any initial shape is free of stress (theory.md 2), or has the stress of a prestrain."""
         every = np.arange(len(self.nodes))
         parts = [_reference_strains(self, every[k:k + CHUNK], self.phi, self.directors) for k in range(0, every.size, CHUNK)]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        found = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        # theory.md (2.8)
+        return found if self.start_strain is None else found - self.start_strain[:, None]
 
 
 def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> Elements:
@@ -92,12 +97,14 @@ def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> E
                         unit.phi_s / h, np.broadcast_to(unit.dir, (len(h), *unit.dir.shape[1:])), unit.dir_s / h,
                         unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
                         np.array([s.D for s in part.sections]), np.array([s.inertia for s in part.sections]), section_of,
-                        np.array([s.couples for s in part.sections])[section_of], phi, directors)
+                        np.array([s.couples for s in part.sections])[section_of], phi, directors,
+                        np.repeat(part.start_strains, part.elements, axis=0) if part.is_strained else None)
     basis, section = part.basis, part.section
     none = np.zeros(basis.n_elements, np.int64)
     coupled = np.full(basis.n_elements, section.couples)
     return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
-                    basis.mass_dir, section.C[None], section.D[None], np.array([section.inertia]), none, coupled, phi, directors)
+                    basis.mass_dir, section.C[None], section.D[None], np.array([section.inertia]), none, coupled, phi, directors,
+                    part.start_strain[None] if part.prestrain or part.prestress else None)
 
 
 def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:

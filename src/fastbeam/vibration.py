@@ -54,8 +54,8 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         True: motions in the plane of the scene alone. Default: all motions in space, unless the model was compiled with
         planar=True.
     damped : bool
-        The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag, dampers in
-        joints, laws of forces that depend on velocities.
+        The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
+        dampers in joints, laws of forces that depend on velocities.
     backend : {'auto', 'pardiso', 'superlu'}
 
     Returns
@@ -76,7 +76,8 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
     found = equilibrium_of("modes", about, n + MORE, backend, state)
     if not found.factors.pencil.is_symmetric:
-        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space do not leave; find the "
+        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space do not leave; "
+                         "find the "
                          "modes of the scene without them, or run in time")
     try:
         return _damped_modes_of(about, damped_of(about, found, n, backend))

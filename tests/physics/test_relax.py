@@ -24,7 +24,9 @@ def links(n: int, length: float, span: float) -> tuple[fb.Scene, list[fb.RigidBo
     # the chord of an arc of equal links
     half = brentq(lambda a: np.sum(np.cos(np.linspace(a, -a, n))) * length - span, 1e-3, 3.0)
     hooks = [fb.PointMass(f"hook {k}", mass=1.0, position=(k * span, 0, 0)) for k in range(2)]
-    at, bodies, parts = np.zeros(3), [], [*hooks, *(fb.Clamp(hook) for hook in hooks)]
+    at, before = np.zeros(3), np.zeros(3)
+    bodies: list[fb.RigidBody] = []
+    parts: list[Any] = [*hooks, *(fb.Clamp(hook) for hook in hooks)]
     for k, angle in enumerate(np.linspace(half, -half, n)):
         way = 0.5 * length * np.array([np.cos(angle), 0.0, np.sin(angle)])
         bodies.append(fb.RigidBody(f"link {k}", mass=0.3, inertia=(1e-3, 1e-3, 1e-3), position=at + way))
@@ -87,8 +89,7 @@ def net(side: float) -> fb.Model:
 
 
 def test_slack_net_dropped_on_its_pins() -> None:
-    """From a dome to the bowl that hangs: its image in the plane of the pins (which slope) reaches it by load steps. Where both are
-    valleys of the energy the potentials are those of the same order, and neither is unstable."""
+    """From a dome to the bowl that hangs, its potential falling from swing to swing; an equilibrium to Newton's method, too."""
     model = net(1.0)
     found = fb.relax(model)
     assert found.info["finished"] and found.info["unstable_directions"] == 0
