@@ -281,7 +281,7 @@ def plot_response(response: FrequencyResponse, component: str = "size", log: boo
     if panels == 2:
         axes[1].set_ylabel("phase [degrees]")
     axes[-1].set_xlabel("frequency [Hz]")
-    put_title(axes[0], f"Response to {response.info['excitation']}")
+    axes[0].set_title(f"Response to {response.info['excitation']}")
     return figure
 
 
