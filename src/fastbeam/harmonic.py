@@ -1,12 +1,12 @@
 """Steady response to harmonic loads and to supports that move harmonically, about an equilibrium (theory.md 13)."""
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Anything, Flag, Number, Numbers, Word, checked, real, shown
+from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, real, shown, take
 from .dynamic_stiffness import DynamicStiffness
 from .eigen import Eigen, Pencil, SingularError
 from .errors import ConvergenceError, SceneError
@@ -31,6 +31,8 @@ NO_DIGITS = 1e-3
 UNDAMPED = 1e8
 # share of an excitation along a free motion that is round-off
 ALONG_FREE = 1e-9
+# damping ratio that is lost in round-off
+NO_DAMPING = 1e-15
 
 
 class Excitation(NamedTuple):
@@ -120,7 +122,7 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
         settled.stepper.law_work[:2] = about.stepper.law_work[:2]
     excitation = _excitation(model, settled, loads, vectors)
     ratios = None
-    if damping_ratio > 0.0:
+    if damping_ratio > NO_DAMPING:
         ratios = _ratios(about, settled, found, damping_ratio, UP_TO * 2.0 * np.pi * float(frequencies.max()), backend)
     return _Response(model, settled, excitation, found, places, shapes).at(frequencies, loss_factor, ratios, backend)
 
@@ -313,13 +315,11 @@ def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, compl
     """
     if loads is None:
         return []
-    need = ("frequency_response: loads must be a Load, a DistributedLoad, the name of a load of the scene, several, or a "
-            "mapping to factors")
+    need = "a Load, a DistributedLoad, the name of a load of the scene, several of them, or a mapping to factors"
     if isinstance(loads, (str, Load, DistributedLoad)):
         loads = (loads,)
-    if isinstance(loads, (bytes, type)) or not isinstance(loads, Iterable):
-        raise SceneError(f"{need}, got {shown(loads)}")
-    pairs = list(loads.items()) if isinstance(loads, Mapping) else [(load, 1.0) for load in loads]
+    pairs = list(loads.items()) if isinstance(loads, Mapping) else [
+        (load, 1.0) for load in take(Listing(Anything(), need), "frequency_response, loads:", loads)]
     out = []
     for load, factor in pairs:
         if isinstance(load, str):
@@ -328,7 +328,7 @@ def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, compl
                 raise SceneError(f"frequency_response: scene {model.scene_name!r} has no load {load!r}; its loads: {there}")
             load = model.load_parts[load]
         if not isinstance(load, (Load, DistributedLoad)):
-            raise SceneError(f"{need}, got {shown(load)}")
+            raise SceneError(f"frequency_response, loads: must be {need}, got {shown(load)}")
         out.append((load, _complex(f"the factor of {load.kind} {load.name!r}", factor)))
     return out
 
@@ -385,7 +385,8 @@ def _supported(model: Model, what: Any, held: Array) -> int:
 
 def _vector(who: str, value: Any) -> Array:
     """Three finite numbers, which may be complex."""
-    items = list(value) if isinstance(value, (tuple, list, np.ndarray)) and np.ndim(value) == 1 else []
+    flat = isinstance(value, (tuple, list)) or isinstance(value, np.ndarray) and value.ndim == 1
+    items = list(value) if flat and not isinstance(value, np.ma.MaskedArray) else []
     if len(items) != 3:
         raise SceneError(f"frequency_response: {who} must be 3 finite numbers, m, which may be complex, got {shown(value)}")
     return np.array([_complex(who, x) for x in items])

@@ -364,12 +364,13 @@ def calls(folder: Path) -> dict[str, Call]:
             model=held(), frequencies=[3.0], load_factor=0.0, base=(1, 0, 0)), dict(
             model=one_of(Model), frequencies=VECTOR, state=one_of(State), load_factor=is_real, at_time=is_real, planar=is_flag,
             loads=either(is_text, one_of(Mapping, fb.Load), is_list_of(either(is_text, one_of(fb.Load)))),
-            base=either(lambda x: isinstance(x, (tuple, list, np.ndarray)) and np.ndim(x) == 1 and len(x) == 3, one_of(Mapping)),
+            base=either(lambda x: isinstance(x, (tuple, list, np.ndarray)) and len(x) == 3, one_of(Mapping)),
             damping_ratio=is_real, loss_factor=is_real,
             points=one_of(Mapping), held=either(is_flag, is_text, is_list_of(is_text)), shapes=is_flag, backend=is_text)),
         "relax": Call(fb.relax, dict(model=held(), most_steps=50), dict(
             model=one_of(Model), start=one_of(State), step=is_real, most_steps=is_count, at_time=is_real,
-            observe=is_list_of(is_text), points=one_of(Mapping), finish=is_flag, max_iterations=is_count, backend=is_text, mend_start=is_flag)),
+            observe=is_list_of(is_text), points=one_of(Mapping), finish=is_flag, max_iterations=is_count, backend=is_text,
+            mend_start=is_flag)),
         **{f"FrequencyResponse.{name}": Call(getattr(response(), name), dict(name="tip"), dict(name=is_text))
            for name in ("point", "spin", "slide", "peaks")},
         "FrequencyResponse.shape": Call(response().shape, dict(k=0), dict(k=is_count)),
