@@ -86,15 +86,28 @@ def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Arra
     return lead.reshape(*lead.shape[:3], -1)
 
 
+def check_still_air(model: Model) -> None:
+    """Refuse drag in moving air.
+
+    Raises
+    ------
+    SceneError
+        Nothing is at rest in it.
+    """
+    drag = model.dragged
+    if drag is not None and np.any(drag.air):
+        moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
+        raise SceneError(f"{drag.labels[moves]}: its air moves, so that nothing is at rest in it, and equilibria do not know its "
+                         "force; leave air= out, or run in time")
+
+
 def _of_drag(model: Model) -> Any:
     """Linear drag; that of the square of a velocity has no linear part at rest."""
     from scipy import sparse
     diagonal = np.zeros((model.n_nodes, 4, 3))
     drag = model.dragged
+    check_still_air(model)
     if drag is not None:
-        if np.any(drag.air):
-            raise SceneError(f"{drag.labels[int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])]}: its air moves, so that "
-                             "nothing is at rest in it, and equilibria do not know its force; leave air= out, or run in time")
         np.add.at(diagonal[:, 0], drag.node, drag.coefficient[:, 2:])
     return sparse.diags(diagonal.reshape(-1), format="csr")
 

@@ -10,16 +10,19 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Count, Flag, Number, Word, checked
+from .damping_matrix import check_still_air
 from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
+from .kernels.joint_motion import MOTION, VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .load_times import load_factors_at
 from .model import Model, check_model
 from .newton import BACKENDS, Stepper
 from .observe import OBSERVED, POINTS, Observer
+from .prescribed import PrescribedMotions
 from .progress import Progress
 from .resolution import Resolution
 from .result import Result, ResultBuffer
@@ -105,6 +108,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     if model.motions is not None and model.motions.driven:
         raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
+    check_still_air(model)
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
                          "observe=('reaction',))")
@@ -132,7 +136,8 @@ def _at_rest(model: Model, factors: Array) -> Model:
     """The model with loads that are constant and supports that stand still."""
     def constant(one: Model) -> Model:
         loads = one.loads * factors[:, None] if one.loads.size else one.loads
-        return replace(one, loads=loads, load_times=[None] * len(factors), prescribed=None)
+        return replace(one, loads=loads, load_times=[None] * len(factors),
+                       prescribed=None if one.prescribed is None else _Still(one.prescribed))
 
     plane, uneliminated, uncondensed = model.plane, model.uneliminated, model.uncondensed
     if plane is not None:
@@ -140,6 +145,17 @@ def _at_rest(model: Model, factors: Array) -> Model:
     assert uneliminated is not None and uncondensed is not None
     return replace(constant(model), plane=plane, uneliminated=lambda **options: _at_rest(uneliminated(**options), factors),
                    uncondensed=lambda: _at_rest(uncondensed(), factors))
+
+
+class _Still:
+    """Supports that could move and stand still."""
+
+    def __init__(self, of: PrescribedMotions) -> None:
+        self.own, self.labels, self.tables, self._count = of.own, of.labels, of.tables, len(of.motions)
+
+    def schedule(self, times: Array, axes: Array | None = None) -> Array:
+        """Increments of no motion, as `PrescribedMotions.schedule`."""
+        return np.zeros((len(times) - 1, self._count, 6 if axes is None else 3))
 
 
 class _Motion:
@@ -150,8 +166,7 @@ class _Motion:
         self.model, self.factors, self.at_time, self.max_iterations, self.backend = model, factors, t, max_iterations, backend
         own = None
         if start is not None:
-            own = at_rest.state()
-            own = State(start.q, 0.0 * start.v, start.s, start.force, own.history)
+            own = State(start.q, 0.0 * start.v, start.s, start.force, start.history)
         self.stepper = Stepper(at_rest, np.ones(1), own, max_iterations, backend)
         self.stepper.core_state.v[:] = 0.0
         self.interrupts = Interrupts()
@@ -166,13 +181,19 @@ class _Motion:
         self.t = self.lost = 0.0
         self.steps = self.swings = self.iterations = 0
         self.held_in_space = True
+        # why the last equilibrium of Newton's method does not count
+        self.refused = ""
         self.solver: StaticSolver | None = None
 
     # --- states -------------------------------------------------------------------------------------------------------
     def state(self) -> State:
         """The present shape at rest, as one of the model."""
-        now, fresh = self.stepper.state, self.model.state()
-        return State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), fresh.history)
+        now, history = self.stepper.state, self.model.state().history
+        if self.model.motions is not None:
+            # angles count turns
+            own, theirs = (x[self.model.motion_place:].reshape(-1, MOTION) for x in (history, now.history))
+            own[:, VALUE] = theirs[:, VALUE]
+        return State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
 
     def record(self, iterations: int, size: float) -> None:
         state = self.state()
@@ -218,7 +239,8 @@ class _Motion:
             while self.steps < most_steps:
                 self.interrupts.serve()
                 saved = self.stepper.save()
-                outcome = self.stepper.advance(self.at_time, h, 1)
+                # laws of forces see the time in the middle of a step
+                outcome = self.stepper.advance(self.at_time - 0.5 * h, h, 1)
                 if outcome.status == SLIDER_END:
                     raise self._ran_off(outcome.slider)
                 far = self._way(saved[0].q) > LONGEST if outcome.status == OK else True
@@ -235,7 +257,7 @@ class _Motion:
                 self.t += h
                 self.iterations += outcome.iterations
                 kinetic = self.energies()[0]
-                if kinetic >= before:
+                if kinetic > before:
                     before = kinetic
                     if since >= MANY:
                         h *= GROWTH
@@ -253,10 +275,12 @@ class _Motion:
                 before, since = 0.0, 0
                 self.info["residual"] = way
                 bar.update(0.0)
-                if finish and self.swings >= next_try:
+                if finish and (self.swings >= next_try or way <= STILL):
                     next_try = int(np.ceil(LATER * self.swings))
                     if self._finished():
                         return self._last()
+                    if way <= STILL:
+                        raise self._stuck()
                 if not finish and way <= STILL:
                     return self._last()
             raise self._restless(most_steps)
@@ -292,26 +316,34 @@ class _Motion:
         at_rest = self.stepper.model
         reached = self.energies()[2]
         if self.model.n_constraints:
-            solver: StaticSolver = SlidingSolver(at_rest, state._replace(history=at_rest.state().history), self.max_iterations,
+            solver: StaticSolver = SlidingSolver(at_rest, state, self.max_iterations,
                                                  np.zeros(self.model.n_sliders, bool), backend=self.backend, at_time=self.at_time)
         else:
-            solver = StaticSolver(at_rest, state._replace(history=at_rest.state().history), self.max_iterations, self.backend)
+            solver = StaticSolver(at_rest, state, self.max_iterations, self.backend)
         solver.interrupts = self.interrupts
         solver.set_time(self.at_time, 1.0)
         # loads of the model in hand have their factors in them
         ones = np.ones(len(at_rest.loads))
         status, sizes = solver.equilibrium(ones)
+        self.refused = "Newton's method does not converge from there"
         if status != OK:
             return False
         flat = solver.stepper.plane is not None
+        # the motion can leave what is unstable where it moves, and nothing else
+        leaves = solver.signs(ones, flat)
+        if leaves is not None and leaves[0]:
+            self.refused = (f"the equilibrium there has {leaves[0]} unstable direction(s), which the motion does not see: the "
+                            f"scene "
+                            "is symmetric, disturb it by a small load, or begin elsewhere")
+            return False
+        if self.energies(solver.state)[2] > reached + HIGHER * (self.lost + abs(reached)) and not solver.moments:
+            self.refused = "the equilibrium that Newton's method finds from there lies higher"
+            return False
         counted_in = "plane" if flat and (self.model.asked_for_plane or not self.held_in_space) else "space"
-        counted = solver.signs(ones, counted_in == "plane")
+        counted = leaves if flat == (counted_in == "plane") else solver.signs(ones, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
             counted_in, counted = "plane", solver.signs(ones, True)
         found = solver.state
-        higher = self.energies(found)[2] > reached + HIGHER * (self.lost + abs(reached))
-        if (higher and not solver.moments) or (counted is not None and counted[0]):
-            return False
         history = self.stepper.state.history.copy()
         self.stepper.set_state(State(found.q.copy(), np.zeros_like(found.v), found.s.copy(), found.force.copy(), history))
         self.info |= {"finished": True, "residual": sizes[-1], "counted_in": counted_in}
@@ -329,6 +361,14 @@ class _Motion:
         for event in resolution.events():
             self.buffer.event(event)
         return self.result()
+
+    def _stuck(self) -> ConvergenceError:
+        """The error of a motion that has come to rest where Newton's method does not finish."""
+        text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, its last one moved it by "
+                f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it "
+                f"is in "
+                ".state, everything until then in .result")
+        return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _restless(self, most_steps: int) -> ConvergenceError:
         """The error of a scene that does not come to rest."""

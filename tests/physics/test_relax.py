@@ -121,6 +121,10 @@ def test_without_newton_and_from_a_start() -> None:
     np.testing.assert_allclose(places(slow.state), places(exact.state), atol=2e-4)
     again = fb.relax(model, start=slow.state)
     np.testing.assert_allclose(places(again.state), places(exact.state), atol=1e-9)
+    # what rests already is told at once
+    once = fb.relax(model, start=exact.state)
+    assert once.info["steps"] < 30
+    np.testing.assert_allclose(places(once.state), places(exact.state), atol=1e-9)
 
 
 def test_loads_of_time_are_those_of_their_time() -> None:
@@ -149,3 +153,28 @@ def test_what_never_rests_says_so_and_brings_what_there_is() -> None:
     sliding = fb.Scene(wire, bead, fb.Slider("ride", bead, wire, at=0.3), fb.Clamp(wire.start), fb.Clamp(wire.end), gravity=DOWN)
     with pytest.raises(fb.ConvergenceError, match="slider 'ride' runs off its beam on the way to rest"):
         fb.relax(fb.compile_scene(sliding))
+
+
+def test_an_inverted_pendulum_stays_where_it_is_and_is_told() -> None:
+    rod = fb.RigidBody("rod", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, 0.5))
+    model = fb.compile_scene(fb.Scene(rod, fb.RevoluteJoint(fb.GROUND, rod.point((0, 0, -0.5)), "axle", axis=(0, 1, 0)), gravity=DOWN))
+    with pytest.raises(fb.ConvergenceError, match="has 1 unstable direction.*disturb it by a small load"):
+        fb.relax(model, most_steps=300)
+    nudged = fb.compile_scene(fb.Scene(rod, fb.RevoluteJoint(fb.GROUND, rod.point((0, 0, -0.5)), "axle", axis=(0, 1, 0)),
+                                       fb.Load("nudge", rod, force=(0.1, 0, 0)), gravity=DOWN))
+    found = fb.relax(nudged, points={"rod": rod})
+    size = np.hypot(0.1, G)
+    np.testing.assert_allclose(found.point("rod")[-1], (0.05 / size, 0, -0.5 * G / size), atol=1e-11)
+
+
+def test_supports_that_could_move_stand_still_and_hinges_count_their_turns() -> None:
+    """A rope on a clamp that would move, with a bob that swings over on a hinge with a spring."""
+    arm = fb.Beam.straight("arm", (0, 0, 0), (1, 0, 0.2), section=ROPE, elements=12)
+    bob = fb.RigidBody("bob", mass=0.05, inertia=(0.01, 0.01, 0.01), position=(1.3, 0, 0.2))
+    hinge = fb.RevoluteJoint(arm.end, bob.point((-0.3, 0, 0)), "hinge", axis=(0, 1, 0), stiffness=0.02)
+    drive = fb.PrescribedMotion("drive", arm.start, displacement=lambda t: (0.1 * t * t, 0, 0))
+    model = fb.compile_scene(fb.Scene(arm, bob, hinge, drive, fb.Clamp(arm.start), gravity=DOWN))
+    found = fb.relax(model)
+    assert found.info["finished"] and np.linalg.norm(places(found.state)[0]) == 0.0
+    again = fb.solve_static(model, start=found.state, load_step=1.0)
+    np.testing.assert_allclose(places(again.state), places(found.state), atol=1e-9)
