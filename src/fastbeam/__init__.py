@@ -23,6 +23,7 @@ _WHERE = {
     "vibration": ["modes"],
     "harmonic": ["frequency_response"],
     "relaxing": ["relax"],
+    "form_finding": ["force_density"],
     "equilibrium_paths": ["solve_path"],
     "result": ["Result"],
     "resultants": ["section_forces"],
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from .vibration import modes as modes
     from .harmonic import frequency_response as frequency_response
     from .relaxing import relax as relax
+    from .form_finding import force_density as force_density
     from .equilibrium_paths import solve_path as solve_path
     from .result import Result as Result
     from .resultants import section_forces as section_forces

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .dynamic_stiffness import DynamicStiffness
+from .dynamic_stiffness import DynamicStiffness, with_still
 from .eigen import Eigen, SingularError
 from .linearised import Linearisation
 
@@ -49,6 +49,7 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     span, frequencies = found.vectors, np.real(found.values)
     small = span[:k].T @ (damping @ span[:k])
     rates, parts = _projected(np.diag(frequencies), small, n)
+    pencil = with_still(pencil, np.zeros(k))
     system = DynamicStiffness(pencil, damping, backend=backend)
     terms = abs(pencil.stiffness), abs(damping), abs(pencil.mass)
     out: list[tuple[complex, Array, float]] = []

@@ -13,12 +13,30 @@ from typing import Any
 
 import numpy as np
 
-from .eigen import FAIR, GIVE, GOOD, IDLE, NOISE, Pencil, SingularError, grown, scales, upper
+from .eigen import FAIR, GIVE, GOOD, IDLE, NOISE, Pencil, SingularError, grown, scales, stiffest, upper
 from .linsolve import SMALL, load_mkl
 from .saddle import Factors
 
 Array = np.ndarray
 REFINEMENTS = 4
+# share of forces along a motion that is round-off
+PUSHED = 1e-9
+
+
+def with_still(pencil: Pencil, forces: Array) -> Pencil:
+    """The pencil with a stiffness against the motions that cost nothing, `Pencil.still`, those that these forces [k] do not push:
+    the others are orthogonal to them in the masses and do not see it."""
+    from scipy import sparse
+    still = pencil.still
+    if not still.shape[1]:
+        return pencil
+    size = np.sqrt(np.asarray(still.multiply(still).sum(axis=0)).reshape(-1))
+    quiet = np.flatnonzero(np.abs(still.T @ forces) <= PUSHED * size * np.linalg.norm(forces))
+    still = still.tocsc()[:, quiet]
+    product = pencil.mass @ still
+    weight = np.asarray(product.multiply(still).sum(axis=0)).reshape(-1)
+    held = product @ sparse.diags(stiffest(pencil) / weight) @ product.T
+    return pencil._replace(stiffness=(pencil.stiffness + grown(held.tocsr(), pencil.multiplier.size)).tocsr())
 
 
 class DynamicStiffness:

@@ -177,7 +177,7 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
     SingularError
         K - shift M is singular for every shift, or Krylov vectors do not converge.
     """
-    shift = -LEAST_SHIFT * _stiffest(pencil)
+    shift = -LEAST_SHIFT * stiffest(pencil)
     for moves in range(MOVES + 1):
         factors = Shifted(pencil, shift, backend)
         values, vectors, better = _krylov(factors, n, moves < MOVES)
@@ -395,7 +395,7 @@ def _counted(found: Eigen, backend: str) -> bool:
     return between.below == last + 1 + (pencil.still.shape[1] if shift > 0.0 else 0)
 
 
-def _stiffest(pencil: Pencil) -> float:
+def stiffest(pencil: Pencil) -> float:
     """Largest stiffness over mass of a coordinate; 1 where there is none."""
     mass = pencil.mass.diagonal()
     stiffness = np.abs(pencil.stiffness.diagonal()[:mass.size])

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, real, shown, take
-from .dynamic_stiffness import DynamicStiffness
+from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
 from .eigen import Eigen, Pencil, SingularError
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
@@ -137,7 +137,7 @@ class _Response:
 
     def at(self, frequencies: Array, loss_factor: float, ratios: Any, backend: str) -> FrequencyResponse:
         about, e, model = self.about, self.excitation, self.model
-        pencil, _ = about.assembled()
+        pencil = with_still(about.assembled()[0], e.forces)
         damping = about.damping()
         loss = loss_factor * about.material() if loss_factor else None
         k, n = about.free.size, pencil.multiplier.size
@@ -207,8 +207,11 @@ class _Response:
         """
         if rate != 0.0 or self.excitation.number.size:
             return
+        still = self.found.factors.pencil.still
+        pushed = np.abs(still.T @ right) > PUSHED * np.linalg.norm(right) if still.shape[1] else np.zeros(0, bool)
         free = self.found.vectors[:right.size, self.found.values == 0.0]
-        if free.size and np.linalg.norm(self.about.mass @ (free @ (free.T @ right))) > ALONG_FREE * np.linalg.norm(right):
+        along = self.about.mass @ (free @ (free.T @ right))
+        if pushed.any() or np.linalg.norm(along) > ALONG_FREE * np.linalg.norm(right):
             raise SceneError("frequency_response: at frequency 0 nothing holds the scene against the loads; leave 0 Hz out, or "
                              "hold "
                              "the scene")

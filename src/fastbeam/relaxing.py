@@ -366,8 +366,7 @@ class _Motion:
         """The error of a motion that has come to rest where Newton's method does not finish."""
         text = (f"relax: scene {self.model.scene_name!r} came to rest in {self.swings} swings, its last one moved it by "
                 f"{self.info['residual']:.2g} of its size, but {self.refused}. With finish=False this shape is the result; it "
-                f"is in "
-                ".state, everything until then in .result")
+                "is in .state, everything until then in .result")
         return ConvergenceError(text, step=self.steps, time=self.t, state=self.state(), result=self.result())
 
     def _restless(self, most_steps: int) -> ConvergenceError:

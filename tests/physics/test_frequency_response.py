@@ -144,6 +144,30 @@ def test_damping_ratios_are_those_of_a_sum_over_all_modes() -> None:
     np.testing.assert_allclose(found.point("tip"), tip, rtol=1e-9, atol=1e-16)
 
 
+@pytest.mark.parametrize("joints", ["rigid", "ball"])
+def test_prestressed_net_as_in_statics_and_by_its_modes(joints: str) -> None:
+    """At rest the displacement by a small load; beams between ball joints may spin about their axes, which nothing excites."""
+    n = 4
+    grid = np.stack(np.meshgrid(np.arange(n), np.arange(n), [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(n * n).reshape(n, n)
+    edges = np.concatenate((np.stack((number[:-1].ravel(), number[1:].ravel()), 1),
+                            np.stack((number[:, :-1].ravel(), number[:, 1:].ravel()), 1)))
+    pins = np.unique(np.concatenate((number[0], number[-1], number[:, 0], number[:, -1])))
+    wire = section(EI2=1e-3, EI3=1e-3, GJ=1e-3, rhoI2=1e-7, rhoI3=1e-7)
+    net = fb.Net("net", grid, edges, section=wire, elements=2, degree=3, joints=joints, pins=pins, prestress=200.0)
+    size, node = 1e-5, net.node(5)
+    push = fb.Load("push", node, force=(0, 0, size))
+    rest = fb.solve_static(fb.compile_scene(fb.Scene(net, push)), points={"node": node})
+    model = fb.compile_scene(fb.Scene(net))
+    modes = fb.modes(model, n=1)
+    f = [0.0, 0.5 * modes.frequencies[0]]
+    found = fb.frequency_response(model, f, loads=push, points={"node": node}, loss_factor=1e-3)
+    still = fb.frequency_response(model, [0.0], loads=push, points={"node": node})
+    assert still.point("node")[0, 2] == pytest.approx(rest.point("node")[-1, 2], rel=1e-6)
+    assert abs(found.point("node")[1, 2]) > 1.05 * abs(found.point("node")[0, 2])
+    assert np.max(found.uncertainty) < 1e-6
+
+
 # --- against runs in time -------------------------------------------------------------------------------------------------
 def test_a_run_that_has_settled() -> None:
     """Steps of size h answer F cos w t as the scene answers the mean of F over a step at 2/h tan(w h/2): with a bead that slides

@@ -134,3 +134,54 @@ def test_what_no_beam_can_have_is_refused(changes: dict[str, Any], message: str)
             fb.Net("net", [(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1), (1, 2)], section=THICK, **value)
     with pytest.raises(fb.SceneError, match="prestress must be a finite number .* or 1 of them"):
         fb.Net("net", [(0, 0, 0), (1, 0, 0)], [(0, 1)], section=THICK, prestress=[1.0, 2.0])
+
+
+# --- force densities --------------------------------------------------------------------------------------------------------
+def saddle_roof(n: int) -> tuple[Array, Array, Array]:
+    """A square mesh, nodes inside at zero, with a rim that is high at two corners: nodes, edges, pins."""
+    u, v = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n), indexing="ij")
+    number = np.arange(n * n).reshape(n, n)
+    rim = np.unique(np.concatenate((number[0], number[-1], number[:, 0], number[:, -1])))
+    nodes = np.stack((u.ravel(), v.ravel(), 0.4 * (u * v).ravel()), axis=1)
+    edges = np.concatenate((np.stack((number[:-1, 1:-1].ravel(), number[1:, 1:-1].ravel()), 1),
+                            np.stack((number[1:-1, :-1].ravel(), number[1:-1, 1:].ravel()), 1)))
+    corners = np.setdiff1d(rim, edges)
+    kept = np.setdiff1d(np.arange(n * n), corners)
+    new = np.full(n * n, -1)
+    new[kept] = np.arange(kept.size)
+    return nodes[kept], new[edges], new[np.setdiff1d(rim, corners)]
+
+
+def test_net_of_force_densities_is_in_equilibrium_as_it_is_drawn() -> None:
+    nodes, edges, pins = saddle_roof(6)
+    q = 50.0 + 30.0 * np.random.default_rng(1).random(len(edges))
+    loads = np.zeros(nodes.shape)
+    loads[:, 2] = -2.0
+    places = fb.force_density(nodes, edges, q, pins, loads=loads)
+    np.testing.assert_array_equal(places[pins], nodes[pins])
+    # naive: node by node
+    inside = np.setdiff1d(np.arange(len(nodes)), pins)
+    for i in inside:
+        pull = sum(q[k] * (places[edges[k]].sum(axis=0) - 2.0 * places[i]) for k in np.flatnonzero((edges == i).any(axis=1)))
+        np.testing.assert_allclose(pull + loads[i], 0.0, atol=1e-11)
+    lengths = np.linalg.norm(places[edges[:, 1]] - places[edges[:, 0]], axis=1)
+    net = fb.Net("roof", places, edges, section=STRING, elements=2, pins=pins, prestress=q * lengths, loads=loads)
+    model = fb.compile_scene(fb.Scene(net))
+    rest = fb.solve_static(model, load_step=1.0)
+    np.testing.assert_allclose(rest.state.q, model.state().q, atol=1e-11)
+    found = fb.modes(model, n=4)
+    assert found.unstable == 0 and np.all(found.squared > 0.0)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"edges": [(0, 5)]}, "edges: must be node numbers from 0 to 2"), ({"pins": [0.5]}, "pins: must be node numbers"),
+    ({"densities": [1.0]}, "densities: must be a finite number in N/m or 2 of them"),
+    ({"edges": [(1, 1), (0, 2)]}, "with itself"),
+    ({"densities": [0.0, 1.0]}, "no cables with a density lead from node 0|from node 2|from node 1"),
+    ({"densities": [1.0, -1.0]}, "tension and pressure cancel"), ({"loads": np.ones((2, 3))}, "forces of all 3 nodes")])
+def test_force_densities_that_have_no_shape(changes: dict[str, Any], message: str) -> None:
+    arguments = dict(nodes=[(0, 0, 0), (2, 0, 0), (1, 1, 0)], edges=[(0, 2), (1, 2)], densities=[3.0, 1.0], pins=[0, 1])
+    if "densities" in changes and changes["densities"][0] == 0.0:
+        arguments["pins"] = [0]
+    with pytest.raises(fb.SceneError, match=message):
+        fb.force_density(**arguments | changes)

@@ -157,11 +157,11 @@ def test_what_never_rests_says_so_and_brings_what_there_is() -> None:
 
 def test_an_inverted_pendulum_stays_where_it_is_and_is_told() -> None:
     rod = fb.RigidBody("rod", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, 0.5))
-    model = fb.compile_scene(fb.Scene(rod, fb.RevoluteJoint(fb.GROUND, rod.point((0, 0, -0.5)), "axle", axis=(0, 1, 0)), gravity=DOWN))
+    axle = fb.RevoluteJoint(fb.GROUND, rod.point((0, 0, -0.5)), "axle", axis=(0, 1, 0))
+    model = fb.compile_scene(fb.Scene(rod, axle, gravity=DOWN))
     with pytest.raises(fb.ConvergenceError, match="has 1 unstable direction.*disturb it by a small load"):
         fb.relax(model, most_steps=300)
-    nudged = fb.compile_scene(fb.Scene(rod, fb.RevoluteJoint(fb.GROUND, rod.point((0, 0, -0.5)), "axle", axis=(0, 1, 0)),
-                                       fb.Load("nudge", rod, force=(0.1, 0, 0)), gravity=DOWN))
+    nudged = fb.compile_scene(fb.Scene(rod, axle, fb.Load("nudge", rod, force=(0.1, 0, 0)), gravity=DOWN))
     found = fb.relax(nudged, points={"rod": rod})
     size = np.hypot(0.1, G)
     np.testing.assert_allclose(found.point("rod")[-1], (0.05 / size, 0, -0.5 * G / size), atol=1e-11)

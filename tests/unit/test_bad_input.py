@@ -367,6 +367,8 @@ def calls(folder: Path) -> dict[str, Call]:
             base=either(lambda x: isinstance(x, (tuple, list, np.ndarray)) and len(x) == 3, one_of(Mapping)),
             damping_ratio=is_real, loss_factor=is_real,
             points=one_of(Mapping), held=either(is_flag, is_text, is_list_of(is_text)), shapes=is_flag, backend=is_text)),
+        "force_density": Call(fb.force_density, dict(nodes=NODES, edges=EDGES, densities=1.0, pins=[0]), dict(
+            nodes=is_array(2), edges=is_array(2), densities=either(is_real, VECTOR), pins=VECTOR, loads=is_array(2))),
         "relax": Call(fb.relax, dict(model=held(), most_steps=50), dict(
             model=one_of(Model), start=one_of(State), step=is_real, most_steps=is_count, at_time=is_real,
             observe=is_list_of(is_text), points=one_of(Mapping), finish=is_flag, max_iterations=is_count, backend=is_text,
