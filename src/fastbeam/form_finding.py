@@ -11,12 +11,12 @@ from .saddle import Saddle
 
 Array = np.ndarray
 POINTS = Numbers((None, 3), "finite positions of shape [n, 3], m")
+FORCES = Numbers((None, 3), "finite forces of shape [n, 3], N")
 # round-off of the balance of a node, next to the forces there
 BALANCED = 1e-9
 
 
-@checked(nodes=POINTS, edges=Anything(), densities=Anything(), pins=Anything(), loads=Numbers((None, 3), "finite forces of "
-                                                                                                         "shape [n, 3], N"))
+@checked(nodes=POINTS, edges=Anything(), densities=Anything(), pins=Anything(), loads=FORCES)
 def force_density(nodes: Any, edges: Any, densities: Any, pins: Any, loads: Any = None) -> Array:
     """Positions of the nodes of a net in equilibrium, where every cable has a given force per length.
 
