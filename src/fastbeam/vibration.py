@@ -32,11 +32,17 @@ LEAST = 12
 @overload
 def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
           held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[False] = ...,
-          backend: str = ...) -> Modes: ...
+          backend: str = ...) -> Modes:
+    """Without damping."""
+
+
 @overload
 def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
           held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[True],
-          backend: str = ...) -> DampedModes: ...
+          backend: str = ...) -> DampedModes:
+    """With damping."""
+
+
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
          held=which_sliders, planar=Flag(), damped=Flag(), backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
