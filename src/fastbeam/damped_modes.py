@@ -1,4 +1,4 @@
-"""Modes of motions x e^(r t) with damping, (K + r C + r^2 M) x = 0, about an equilibrium (theory.md 13).
+"""Modes of motions x e^(r t) with damping, (K + r C + r^2 M) x = 0, about an equilibrium (theory.md 14).
 
 They are looked for in the span of undamped modes first, where the equation is small and dense, and then improved one by one by
 inverse iteration with the whole matrix at the rate that is known so far, which squares the error. Where damping does not couple

@@ -1,4 +1,4 @@
-"""What resists velocities about a state of rest, as a sparse matrix (theory.md 13): damped sections, linear drag, dampers in
+"""What resists velocities about a state of rest, as a sparse matrix (theory.md 14): damped sections, linear drag, dampers in
 joints, forces by laws of the user's own. And the stiffness of the material alone, whose share loses energy by a loss factor."""
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shapes of cable nets from the ratios of force to length of their cables (theory.md 15)."""
+"""Shapes of cable nets from the ratios of force to length of their cables (theory.md 16)."""
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Steady response to harmonic loads and to supports that move harmonically, about an equilibrium (theory.md 13)."""
+"""Steady response to harmonic loads and to supports that move harmonically, about an equilibrium (theory.md 14)."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -52,7 +52,7 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
                        load_factor: float = 1.0, at_time: float | None = None, held: bool | str | Sequence[str] = False,
                        planar: bool | None = None, shapes: bool = False, backend: str = "auto") -> FrequencyResponse:
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
-    themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 13).
+    themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
     What the scene has of damping is in C: damped sections, linear drag, dampers in joints, laws of forces that depend on
     velocities. Friction is not, nor drag by the square of the velocity: both have no linear part at rest.

@@ -136,7 +136,7 @@ class Modes:
 
 
 class DampedModes:
-    """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 13).
+    """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
 
     Of a vibration the motion with positive Im r is listed. One with more than critical damping is two motions without vibration,
     each with a rate of its own.

@@ -1,5 +1,5 @@
 """Equilibria by motion: conserving steps whose velocities are taken away where the kinetic energy has a peak, then Newton's
-method (theory.md 14)."""
+method (theory.md 15)."""
 from __future__ import annotations
 
 import time

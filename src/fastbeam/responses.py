@@ -16,7 +16,7 @@ MOST_PEAKS, MOST_POINTS = 8, 30
 
 class FrequencyResponse:
     """Steady vibrations under harmonic excitation: every quantity is Re(X e^(i w t)) with these complex amplitudes X (theory.md
-    13).
+    14).
 
     Attributes
     ----------

@@ -51,7 +51,7 @@ def test_chain_of_rigid_links_hangs_in_its_catenary(n: int) -> None:
     middles = np.cumsum(way, axis=0) - 0.5 * way
     np.testing.assert_allclose([found.point(f"{k}")[-1] for k in range(n)], middles, atol=1e-10)
     assert found.info["finished"] and found.info["unstable_directions"] == 0
-    # (14.1), from the first row to that before Newton's method
+    # (15.1), from the first row to that before Newton's method
     potential = found.series["potential"]
     assert potential[0] - potential[-2] == pytest.approx(found.info["energy_loss"], rel=1e-11)
     # all that the motion lost and Newton's method took came from the height

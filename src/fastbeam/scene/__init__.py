@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bushing import Bushing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
@@ -19,13 +20,13 @@ from fastbeam.scene.sections import Section
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
-from fastbeam.scene.spring import Spring
+from fastbeam.scene.spring import Damper, Spring
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
-    "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided",
-    "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
-    "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
-    "UniversalJoint", "UserForce",
+    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "CylindricalJoint", "Damper", "DistanceJoint", "DistributedLoad", "Drag",
+    "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef",
+    "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint",
+    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+    "StraightLine", "UniversalJoint", "UserForce",
 ]
