@@ -21,6 +21,9 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
+    "harmonic": ["frequency_response"],
+    "relaxing": ["relax"],
+    "form_finding": ["force_density"],
     "equilibrium_paths": ["solve_path"],
     "sensitivities": ["sensitivity"],
     "critical_slopes": ["critical_sensitivity"],
@@ -30,7 +33,7 @@ _WHERE = {
     "reading": ["load_result"],
     "sweeping": ["Sweep", "load_sweep", "sweep"],
     "animation": ["animate"],
-    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
+    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_response", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]
@@ -56,6 +59,9 @@ if TYPE_CHECKING:
     from .run import simulate as simulate
     from .statics import solve_static as solve_static
     from .vibration import modes as modes
+    from .harmonic import frequency_response as frequency_response
+    from .relaxing import relax as relax
+    from .form_finding import force_density as force_density
     from .equilibrium_paths import solve_path as solve_path
     from .sensitivities import sensitivity as sensitivity
     from .critical_slopes import critical_sensitivity as critical_sensitivity
@@ -67,7 +73,7 @@ if TYPE_CHECKING:
     from .animation import animate as animate
     from .plot import (
         plot_balance as plot_balance, plot_invariants as plot_invariants, plot_modes as plot_modes,
-        plot_overview as plot_overview, plot_shapes as plot_shapes, plot_slider as plot_slider,
+        plot_overview as plot_overview, plot_response as plot_response, plot_shapes as plot_shapes, plot_slider as plot_slider,
     )
 
 if not TYPE_CHECKING:

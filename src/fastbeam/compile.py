@@ -178,6 +178,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
+        load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,

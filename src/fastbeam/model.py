@@ -88,6 +88,8 @@ class Model:
         Names of the joints at a node.
     load_names : list of str
         What each time function belongs to.
+    load_parts : dict
+        Loads of the scene by their names.
     slider_forces : slider_forces.SliderForces or None
         Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
@@ -161,6 +163,7 @@ class Model:
     projected: str = ""
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
+    load_parts: dict[str, Any] = field(default_factory=dict)
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     damped: Any = None

@@ -11,9 +11,9 @@ from .model import Model
 Array = np.ndarray
 
 
-def check_supports(model: Model, flat: bool = False) -> bool:
-    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene. Returns
-    whether all six are prevented. Sliders and joints connect.
+def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> bool:
+    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene;
+    may_turn: one held point will do, about which it may turn. Returns whether all six are prevented. Sliders and joints connect.
 
     Raises
     ------
@@ -89,6 +89,8 @@ def check_supports(model: Model, flat: bool = False) -> bool:
         if values[5] > 1e-9:
             continue
         held_in_space = False
+        if may_turn and np.any(mask[nodes] & 7 != 0):
+            continue
         if flat:
             values, motions = _free_motions(matrix, within)
             if values[2] > 1e-9:
