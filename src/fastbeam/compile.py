@@ -25,6 +25,7 @@ from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .holding import Holding, trees
 from .joint_motion import motions_of
+from .joint_trees import softness_of
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -160,7 +161,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
         links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at), kept=unpacked.kept,
-        ties=ties,
+        kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, pattern) if idle.any() else held,
         curves=curves, sliders=sliders,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),

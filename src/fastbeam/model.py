@@ -47,6 +47,8 @@ class Model:
         Tables of springs and other links between two points, one of each kind.
     kept : list of links.KeptLink
         Joints with multipliers, in the order of their constraints behind the sliders.
+    kept_softness : float64 [J]
+        Of each of them the share of 1/a of theory.md (5.5) that its equations have.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
@@ -117,6 +119,7 @@ class Model:
     bodies: Bodies | PlanarBodies | None
     links: tuple[Any, ...]
     kept: list[KeptLink]
+    kept_softness: Array
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
@@ -224,6 +227,11 @@ class Model:
     def n_forces(self) -> int:
         """Number of forces of all constraints."""
         return int(self.forces.sum())
+
+    @property
+    def softness(self) -> Array:
+        """Of every constraint the share of 1/a of theory.md (5.5) that its equations have, float64 [C]; 0: plain multipliers."""
+        return np.concatenate((np.ones(self.n_sliders), self.kept_softness, np.ones(len(self.sleeve_pairs))))
 
     @property
     def unknowns(self) -> Array:

@@ -343,7 +343,7 @@ def calls(folder: Path) -> dict[str, Call]:
             rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
-            smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
+            smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
             side=among(1, -1))),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
