@@ -283,12 +283,14 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
     kept = kept_in_plane(model.kept, axes[2])[0]
+    left = {(link.name, link.node) for link in kept}
+    softness = model.kept_softness[[(link.name, link.node) in left for link in model.kept]]
     links = [_link(table, model, plane, ties) for table in model.links]
     sleeves, moments = sleeves_in_plane(model, plane)
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept,
+        model, sleeves=sleeves, kept=kept, kept_softness=softness,
         motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
