@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
+    "scene": ["BallJoint", "Beam", "Clamp", "Crossing", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
               "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
               "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
               "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
@@ -35,7 +35,7 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
-        BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, CylindricalJoint as CylindricalJoint,
+        BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, Crossing as Crossing, CylindricalJoint as CylindricalJoint,
         DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive, Friction as Friction,
         GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net, NodeRef as NodeRef,
         OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,

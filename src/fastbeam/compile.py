@@ -25,6 +25,7 @@ from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .holding import Holding, trees
 from .joint_motion import motions_of
+from .kernels.knots import Knots
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -37,15 +38,18 @@ from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
 from .scene import Beam, Path, RigidBody, Scene
+from .scene.crossings import Knot
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
-from .tables import pack_curves, pack_inner, pack_paths, pack_substructures
+from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import track_of
 from .unpacked import Unpacked, unpack
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
 CHOICE = Flag(("auto",))
+# mass of a point without mass in the tangent, as a share of that of an element beside it (kernels/knots.py)
+KNOT_SHARE = 1e-4
 
 
 @checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
@@ -176,6 +180,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
+    if scene.knots:
+        model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
     return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model.motion_place))
 
 
@@ -190,6 +196,20 @@ def _bodies(unpacked: Unpacked, blocks: Blocks) -> Bodies | None:
     if not node.size:
         return None
     return Bodies(node, blocks.pattern.row_of[node], blocks.diagonal(node), unpacked.inertia.reshape(-1))
+
+
+def _knots(scene: Scene, nodes: NodeList, blocks: Blocks, elements: list[Elements]) -> Knots:
+    """Points without mass; what holds them in the tangent is a share of the mass of the heaviest element that they slide on."""
+    node = np.array([nodes.start(knot) for knot in scene.knots], np.int64)
+    heaviest = np.zeros(node.size)
+    for slider in scene.sliders:
+        if isinstance(slider.point.owner, Knot):
+            k = scene.knots.index(slider.point.owner)
+            masses = [beam.section.inertia[0] * beam.length / beam.n_elements for beam in slider.beams]
+            heaviest[k] = max(heaviest[k], *masses)
+    total = sum(float(np.sum(x.inertia[x.section, :1] * x.mass_phi.sum(axis=2))) for x in elements)
+    heaviest[heaviest == 0.0] = total if total > 0.0 else 1.0
+    return Knots(node, blocks.pattern.row_of[node], blocks.diagonal(node), KNOT_SHARE * heaviest)
 
 
 def _loads(unpacked: Unpacked, row_of: Array) -> Array:

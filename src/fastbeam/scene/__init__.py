@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
@@ -23,7 +24,7 @@ from fastbeam.scene.spring import Spring
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
+    "Arc", "BallJoint", "Beam", "Clamp", "Crossing", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
     "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided",
     "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
     "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",

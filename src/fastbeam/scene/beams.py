@@ -71,7 +71,7 @@ class ArcLengths:
 # degree and interpolation belong together
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
-OWNERS = ("beam", "body", "point mass", "ground")
+OWNERS = ("beam", "body", "point mass", "crossing", "ground")
 
 
 class BeamOptions(TypedDict, total=False):

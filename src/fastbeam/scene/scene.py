@@ -14,6 +14,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.joints import AxisJoint
@@ -30,9 +31,9 @@ from fastbeam.scene.sliders import Slider
 from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link | PrescribedMotion | Drag | UserForce)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, Drag, UserForce)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -101,7 +102,7 @@ class Scene(notebook.Parts):
         self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
         self._link_table: tuple[int, tuple[dict[int, list[Slider | Joint]], dict[int, Array]]] = (0, ({}, {}))
-        self.parts.extend(parts)
+        self.add(*parts)
 
     @checked(parts=APart())
     def add(self, *parts: Part) -> Scene:
@@ -112,7 +113,9 @@ class Scene(notebook.Parts):
         SceneError
             A part is of an unknown kind.
         """
-        self.parts.extend(parts)
+        for part in parts:
+            self.parts.append(part)
+            self.parts.extend(part.members if isinstance(part, Crossing) else ())
         return self
 
     # --- parts by kind ------------------------------------------------------------------------------------------------
@@ -208,6 +211,11 @@ class Scene(notebook.Parts):
     def sleeves(self) -> list[Sleeve]:
         """The sliders that are sleeves."""
         return self._of(Sleeve)
+
+    @property
+    def knots(self) -> list[Knot]:
+        """The points of all crossings."""
+        return self._of(Knot)
 
     @property
     def links(self) -> list[Link]:
@@ -360,6 +368,9 @@ class Scene(notebook.Parts):
             if id(part) in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(id(part))
+            if isinstance(part, Crossing):
+                # its point has its name
+                continue
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
             if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part) and first.at == part.at):
