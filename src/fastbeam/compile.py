@@ -49,7 +49,7 @@ Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
 CHOICE = Flag(("auto",))
 # mass of a point without mass in the tangent, as a share of that of an element beside it (kernels/knots.py)
-KNOT_SHARE = 1e-4
+KNOT_SHARE = 1e-6
 
 
 @checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
