@@ -37,7 +37,7 @@ from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
-from .scene import Beam, Path, RigidBody, Scene
+from .scene import Beam, Path, RigidBody, Scene, Switch
 from .scene.crossings import Knot
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
@@ -171,7 +171,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
         gravity_time=scene.gravity_time, gravity_weight=unpacked.loads.weight, constant_load=unpacked.loads.constant,
         q0=state.q, v0=state.v, s0=state.s,
-        slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length,
+        slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
@@ -281,6 +281,11 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
     curve = np.array([index[id(track)] for track in tracks], np.int64)
     pack = pack_paths if any(isinstance(slider.beam, Path) for slider in scene.sliders) else pack_curves
     return pack(list({id(track): track for track in tracks}.values())), Sliders(curve, point, joints.spin_root.astype(np.int64))
+
+
+def _spans(scene: Scene) -> dict[int, Array]:
+    """Of sliders on switches where their tracks begin and end."""
+    return {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
 
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:

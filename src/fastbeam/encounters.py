@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from .checkpoint import Clock
-from .dynamics import StepControl, failure, run_to_condition, run_to_end_of_beam
+from .dynamics import END_TOLERANCE, TRANSFER_TOLERANCE, StepControl, failure, run_to_condition, run_to_end_of_beam
 from .impacts import Impacts
 from .interrupt import Calls
 from .kernels.step import NOT_CONVERGED, OK
@@ -150,12 +150,13 @@ class Encounters:
         self.between, self.calls.intact = True, False
         start = self.stepper.save()
         watched = self.locking.is_present and self.locking.watch(self.stepper.state, t)
-        last, final, slider = run_to_end_of_beam(self.stepper, t, h)
+        way = TRANSFER_TOLERANCE if self.model.spans else END_TOLERANCE
+        last, final, slider = run_to_end_of_beam(self.stepper, t, h, way)
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))
         s = float(self.stepper.state.s[slider])
-        low, high = self.model.slider_limits[slider]
+        low, high = self.model.limits_at(self.stepper.state.s)[slider]
         end = "end" if s >= 0.5 * (low + high) else "start"
         is_impact = self.impacts.is_rigid(slider, end == "end")
         found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact)

@@ -20,7 +20,7 @@ from .starting import AT_STOP
 from .workspace import contact_of
 
 Array = np.ndarray
-LOCK, UNLOCK, RELEASE, LIFT, LAND = "lock", "unlock", "release", "lift", "land"
+LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER = "lock", "unlock", "release", "lift", "land", "transfer"
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
 # distance, as a share of the length of the beam
 TOUCHING = 1e-12
@@ -57,7 +57,8 @@ class Locking:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.sliders = [] if model.slider_forces is None else model.slider_forces.sliders
-        self.is_present = any(x.lock is not None or x.release is not None or x.one_sided is not None for x in self.sliders)
+        self.is_present = bool(model.spans) or any(
+            x.lock is not None or x.release is not None or x.one_sided is not None for x in self.sliders)
         self.sided = [k for k, x in enumerate(self.sliders) if x.one_sided is not None]
         # sliders that lift off at the end of the last step
         self.lifting: list[Awaited] = []
@@ -226,12 +227,35 @@ class Locking:
 
     def at_end(self, state: State, k: int, at_end: bool, is_stop: bool) -> list[Awaited]:
         """What slider k waits for at a rigid stop, or an end of its beam."""
+        if k in self.model.spans and not is_stop:
+            end = END if at_end else START
+            return [Awaited(k, TRANSFER, end)] if self._options(state, k, end) else []
         words = (END if at_end else START, STOP) if is_stop else (END if at_end else START,)
         return [x for x in self.awaited(state) if x.slider == k and isinstance(x.when, str) and x.when in words
                 and (x.action == LOCK) == is_stop]
 
+    def _options(self, state: State, k: int, end: str) -> tuple[str, ...]:
+        """Names of the tracks on which slider k may go on from the end or start of its own."""
+        switch = self.sliders[k].beam
+        return switch.options(switch.where(float(state.s[k]))[0], end)
+
+    def _transferred(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
+        """A slider at the end of its track goes on to another: nothing changes but its arc length."""
+        k, name, switch = awaited.slider, self.model.names["sliders"][awaited.slider], self.sliders[awaited.slider].beam
+        state = State(*(x.copy() for x in state))
+        number = switch.span_of(float(state.s[k]))
+        track = switch.chosen(self._options(state, k, awaited.when), t, state, name)
+        at_end = awaited.when == END
+        target = switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)]
+        # what is left of the way is left on the other track, too
+        state.s[k] = target + (state.s[k] - switch.spans[number, int(at_end)])
+        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]), "track": track, "loss": 0.0,
+                       "text": f"slider {name!r} goes on from {switch.tracks[number].name!r} to {track!r} at t = {t:.6g} s"}
+
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """The state behind one of them, and its event."""
+        if awaited.action == TRANSFER:
+            return self._transferred(awaited, state, t)
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
         s, loss = float(state.s[k]), 0.0
         state = State(*(x.copy() for x in state))

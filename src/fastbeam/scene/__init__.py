@@ -21,6 +21,7 @@ from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Spring
+from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [
@@ -28,5 +29,5 @@ __all__ = [
     "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided",
     "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
     "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
-    "UniversalJoint", "UserForce",
+    "Switch", "UniversalJoint", "UserForce",
 ]

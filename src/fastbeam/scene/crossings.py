@@ -14,6 +14,7 @@ from fastbeam.scene.parts import PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.sliding import AFriction, Friction
+from fastbeam.scene.switches import Switch
 
 
 class Knot(PointMass):
@@ -97,6 +98,9 @@ class Crossing:
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
+        for beam in (self.beam_a, self.beam_b):
+            if isinstance(beam, Switch):
+                raise SceneError(f"{who}: a crossing lies on a Beam or Path, not on {beam.label}; give one of its tracks")
         own = [beam.beams if isinstance(beam, Path) else (beam,) for beam in (self.beam_a, self.beam_b)]
         shared = [beam for beam in own[0] if any(beam is other for other in own[1])]
         if shared:

@@ -28,6 +28,7 @@ from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
@@ -344,7 +345,9 @@ class Scene(notebook.Parts):
         self._check_control_points()
         tolerance = self._tolerance()
         for path in {id(slider.beam): slider.beam for slider in self.sliders if isinstance(slider.beam, Path)}.values():
-            check_path(path, tolerance)
+            for one in path.tracks if isinstance(path, Switch) else (path,):
+                if isinstance(one, Path):
+                    check_path(one, tolerance)
         for slider in self.sliders:
             self._check_slider(slider)
         placed_once = self._placed_once()
@@ -404,7 +407,7 @@ class Scene(notebook.Parts):
         if slider.is_endless and abs(slider.at) > MOST_ROUNDS * beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
                              f"{beam.length:.6g} m); leave whole rounds out")
-        if not slider.is_endless and not 0.0 <= slider.at <= beam.length:
+        if not (slider.is_endless or isinstance(beam, Switch)) and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
     def _placed_once(self) -> set[int]:
