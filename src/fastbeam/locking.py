@@ -16,6 +16,7 @@ from .kernels.work import State
 from .model import Model
 from .one_sided import ON_AXIS, Place, land, place_of, pull
 from .scene.locks import END, START, STOP, truth
+from .scene.switches import chosen, span_of
 from .starting import AT_STOP
 from .workspace import contact_of
 
@@ -243,8 +244,8 @@ class Locking:
         """A slider at the end of its track goes on to another: nothing changes but its arc length."""
         k, name, switch = awaited.slider, self.model.names["sliders"][awaited.slider], self.sliders[awaited.slider].beam
         state = State(*(x.copy() for x in state))
-        number = switch.span_of(float(state.s[k]))
-        track = switch.chosen(self._options(state, k, awaited.when), t, state, name)
+        number = span_of(switch, float(state.s[k]))
+        track = chosen(switch, self._options(state, k, awaited.when), t, state, name)
         at_end = awaited.when == END
         target = switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)]
         # what is left of the way is left on the other track, too

@@ -99,8 +99,8 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
     together = _Together(scene, nodes)
     for one, other in switch.joints():
         if not together.joined(nodes.number(one), nodes.number(other)):
-            raise SceneError(f"{switch.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join them by "
-                             "a RigidConnection or a BallJoint, or take beams of a net that share a node")
+            raise SceneError(f"{switch.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join "
+                             "them by a RigidConnection or a BallJoint, or take beams of a net that share a node")
     width, size = (max(track.basis.coef.shape[k] for track in tracks) for k in (1, 2))
     ends, first, count, coef = [np.zeros(1)], [], [], []
     node = 0
@@ -113,11 +113,11 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
         pieces = [(own, node + basis.first_node, basis.n_nodes_of, arc)]
         length = np.diff(basis.element_ends)
         if k:
-            pieces.insert(0, (_straight_on(own[0], length[0], -switch.gap)[None], node + basis.first_node[:1], basis.n_nodes_of[:1],
-                              np.array([begin])))
+            before = _straight_on(own[0], length[0], -switch.gap)
+            pieces.insert(0, (before[None], node + basis.first_node[:1], basis.n_nodes_of[:1], np.array([begin])))
         if not last:
-            pieces.append((_straight_on(own[-1], length[-1], switch.gap)[None], node + basis.first_node[-1:], basis.n_nodes_of[-1:],
-                           np.array([end + switch.gap])))
+            behind = _straight_on(own[-1], length[-1], switch.gap)
+            pieces.append((behind[None], node + basis.first_node[-1:], basis.n_nodes_of[-1:], np.array([end + switch.gap])))
         for target, parts in zip((coef, first, count, ends), zip(*pieces)):
             target.extend(parts)
         node += track.nodes.size

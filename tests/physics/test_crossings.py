@@ -1,4 +1,4 @@
-"""Two beams that slide on each other: what stays, the limit of a light mass, exact equilibria, friction, restarts, nets, paths."""
+"""Two beams that slide on each other: what stays, the limit of a light mass, equilibria, friction, restarts, nets, paths."""
 from __future__ import annotations
 
 from typing import Any

@@ -12,8 +12,8 @@ SECTION = fb.Section(EA=1e5, GA2=4e4, GA3=4e4, GJ=200, EI2=200, EI3=200, rhoA=1.
 LOOP = 2.0 * np.pi
 
 
-def yard(choose: Any = (("loop", 0.0), ("side", 2.0)), planar: bool = True, at: float = 0.5, rate: float | None = 4.0, way: str = "switch",
-         curve: str = "c1", cars: int = 1, **slide: Any) -> tuple[fb.Scene, Any]:
+def yard(choose: Any = (("loop", 0.0), ("side", 2.0)), planar: bool = True, at: float = 0.5, rate: float | None = 4.0,
+         way: str = "switch", curve: str = "c1", cars: int = 1, **slide: Any) -> tuple[fb.Scene, Any]:
     """A free loop of two half circles, from whose start a straight siding leads on; a bead runs around. way 'path': the closed
     path of the loop instead of a switch."""
     up = fb.Beam.arc("up", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=np.pi, elements=8, section=SECTION)
@@ -23,7 +23,7 @@ def yard(choose: Any = (("loop", 0.0), ("side", 2.0)), planar: bool = True, at: 
         choose = [(t, name) for name, t in choose]
     on = fb.Path("ring", [up, down], closed=True) if way == "path" else fb.Switch(
         "points", [fb.Path("loop", [up, down]), side], choose=choose)
-    joints = [fb.RigidConnection(up.end, down.start), fb.RigidConnection(down.end, up.start), fb.RigidConnection(up.start, side.start)]
+    joints = [fb.RigidConnection(a, b) for a, b in ((up.end, down.start), (down.end, up.start), (up.start, side.start))]
     parts: list[Any] = [up, down, side, *joints]
     for k in range(cars):
         bead = fb.PointMass(f"bead{k}", mass=0.5)
@@ -186,7 +186,8 @@ def test_what_is_refused() -> None:
     d = fb.Beam.straight("d", (1, 0, 0), (2, 1, 0), section=SECTION, elements=2)
     bead = fb.PointMass("bead", mass=1.0)
     for message, tracks, choose in (("several tracks", [a, b, d], None), ("choose names 'x'", [a, b, d], {"s": "x"}),
-                                    ("growing times", [a, b, d], [(1.0, "b"), (0.5, "d")]), ("two arguments", [a, b], lambda t: "b"),
+                                    ("growing times", [a, b, d], [(1.0, "b"), (0.5, "d")]),
+                                    ("two arguments", [a, b], lambda t: "b"),
                                     ("closed", [fb.Path("p", [a, b], closed=True)], None), ("one name", [a, a], None),
                                     ("empty", [], None), ("list of beams", a, None)):
         with pytest.raises(fb.SceneError, match=message):

@@ -44,9 +44,10 @@ class TwoFrictions:
 class Crossing:
     """Two beams that touch at one point and slide on each other there: crossing cables (theory.md 5.10).
 
-    The point is one of both curves; where it is on each of them are two unknowns. The force between the beams is across both where
-    nothing rubs. Nothing holds a direction, and the point has no mass. It counts as a part in results: `result.slider(c.name_a)`
-    and `result.slider(c.name_b)` have places, forces and the gap, `points={"x": c.point}` records where it is.
+    The point is one of both curves; where it is on each of them are two unknowns. The force between the beams is across both
+    where nothing rubs. Nothing holds a direction, and the point has no mass. It counts as a part in results:
+    `result.slider(c.name_a)` and `result.slider(c.name_b)` have places, forces and the gap, `points={"x": c.point}` records where
+    it is.
 
     Parameters
     ----------

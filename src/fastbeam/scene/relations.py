@@ -15,6 +15,7 @@ from fastbeam.scene.parts import (
 from fastbeam.scene.paths import Path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 

@@ -16,7 +16,7 @@ from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, S
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
-from fastbeam.scene.switches import Switch
+from fastbeam.scene.switches import Switch, span_of
 
 CURVES = ("own", "c1")
 
@@ -139,7 +139,7 @@ class Slider:
 
     def _on_a_track(self, who: str, switch: Switch, at: float) -> float:
         """The place on a switch; what counts arc lengths across its tracks does not go together with it."""
-        begin, end = switch.spans[switch.span_of(at)]
+        begin, end = switch.spans[span_of(switch, at)]
         if not begin - 1e-9 * switch.length <= at <= end + 1e-9 * switch.length:
             tracks = ", ".join(f"{x.name!r} {a:.6g} to {b:.6g} m" for x, (a, b) in zip(switch.tracks, switch.spans))
             raise SceneError(f"{who}: at={at:.6g} m lies on none of the tracks of {switch.label} ({tracks}); use "
