@@ -10,11 +10,11 @@ import numpy as np
 from .arguments import Refusal
 from .errors import SceneError
 from .impacts import along, jump
-from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, SIGN, STICKS, TURNS
+from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, SIGN, STICKS, STOP_LOSS, TURNS
 from .kernels.observe import slider_motion
 from .kernels.work import State
 from .model import Model
-from .one_sided import ON_AXIS, Place, land, place_of, pull
+from .one_sided import ON_AXIS, Finder, Place, land
 from .scene.locks import END, START, STOP, truth
 from .scene.switches import chosen, span_of
 from .starting import AT_STOP
@@ -23,6 +23,8 @@ from .workspace import contact_of
 Array = np.ndarray
 LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER = "lock", "unlock", "release", "lift", "land", "transfer"
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
+# of a slider that is away: 1 where its point was beyond the ends or on the other side
+PASSED = STICKS
 # distance, as a share of the length of the beam
 TOUCHING = 1e-12
 # events of points that come back, in a run
@@ -67,6 +69,7 @@ class Locking:
         # where points away from their beams are, at one time
         self._places: dict[tuple[int, float], Place] = {}
         self._contact = contact_of(model) if self.is_present else None
+        self._finder = Finder(model, self._contact) if self.sided and self._contact is not None else None
         # what `reached` compares with: the awaited that are watched, and their values in the state before the step
         self._watched: list[Awaited] = []
         self._before = np.zeros(0)
@@ -135,14 +138,14 @@ class Locking:
         """Of the point of slider k in the state at time t, the one that was looked at last there."""
         if (k, t) not in self._places:
             self._places = {at: place for at, place in self._places.items() if at[1] == t}
-            self._places[k, t] = place_of(self.model, state, k)
+            self._places[k, t] = self._finder.place(state, k)
         return self._places[k, t]
 
     def _nearness(self, awaited: Awaited, state: State, t: float) -> float:
         """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
         k = awaited.slider
         place = self._place(state, t, k)
-        is_between_ends = place.is_between_ends and state.history[HISTORY * k + TURNS] == 0.0
+        is_between_ends = place.is_between_ends and state.history[HISTORY * k + PASSED] == 0.0
         return -place.distance if is_between_ends else -float(self.model.slider_lengths[k])
 
     # --- one-sided contact --------------------------------------------------------------------------------------------
@@ -154,28 +157,28 @@ class Locking:
                 place = self._place(state, t, k)
                 into.s[k] = place.s
                 if not place.is_between_ends or place.distance > 0.0:
-                    into.history[HISTORY * k + TURNS] = 0.0 if place.is_between_ends else 1.0
+                    into.history[HISTORY * k + PASSED] = 0.0 if place.is_between_ends else 1.0
 
     def find_lifting(self, state: State, before: Array | None, force: Array) -> bool:
         """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
         each."""
         self.lifting = [Awaited(k, LIFT, None) for k in self.sided if before is not None
                         and not self.sliders[k].one_sided.catch and state.history[HISTORY * k + HELD] == FREE
-                        and pull(self.model, state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
+                        and self._finder.pull(state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
         return bool(self.lifting)
 
     def _comes_back(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """A point that meets its beam again, or passes beside it."""
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
-        place = place_of(self.model, state, k)
+        place = self._finder.place(state, k)
         event = {"time": t, "slider": name, "s": place.s}
         if place.off > ON_AXIS * float(self.model.slider_lengths[k]):
             state = State(*(x.copy() for x in state))
-            state.history[HISTORY * k + TURNS] = 1.0
+            state.history[HISTORY * k + PASSED] = 1.0
             return state, {"kind": "missed", **event, "text": f"slider {name!r} passes {place.off:.3g} m beside its beam at t = "
                                                               f"{t:.6g} s"}
         restitution = 0.0 if awaited.rests else self.sliders[k].one_sided.restitution
-        state, loss, stays = land(self.model, state, k, place, restitution)
+        state, loss, stays = land(self.model, state, k, place, restitution, t)
         kind, what = ("landed", "is back on") if stays else ("impact", "bounces off")
         return state, {"kind": kind, **event, "loss": loss, "text": f"slider {name!r} {what} its beam at s = {place.s:.6g} m, "
                                                                     f"t = {t:.6g} s, {loss:.3g} J are lost"}
@@ -274,10 +277,21 @@ class Locking:
             text = f"slider {name!r} is let go at s = {s:.6g} m at t = {t:.6g} s"
         else:
             own[k, HELD] = OFF
+            if awaited.action == LIFT:
+                own[k, STOP_LOSS] += self._let_go_of_stop(state, k)
             verb = "leaves" if awaited.action == RELEASE else "lifts off"
             text = f"slider {name!r} {verb} its {self.model.track} at s = {s:.6g} m at t = {t:.6g} s"
         own[k, TURNS] += awaited.action in (LOCK, UNLOCK)
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
+
+    def _let_go_of_stop(self, state: State, k: int) -> float:
+        """What an elastic stop keeps of its energy, J, that a slider leaves as it lifts off: it swings back by itself."""
+        def stored() -> float:
+            return float(self.model.slider_forces.stop_energy(state.s)[k])
+
+        before = stored()
+        state.s[k] = np.clip(state.s[k], *self._finder.ends[k])
+        return before - stored()
 
     def _begin_at_rest(self, own: Array, k: int, s: float) -> None:
         """A slider that is let go stands still: held by friction, or against its stop, until more pulls at it."""

@@ -166,14 +166,14 @@ class Slider:
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
                                  "between them")
         if self.one_sided is not None:
-            for what in ("stops", "lock", "release"):
-                if getattr(self, what) is not None:
-                    raise SceneError(f"{who}: one_sided does not go together with {what}; leave one of them out")
-            if drive is not None and drive.is_prescribed:
-                raise SceneError(f"{who}: its drive prescribes the motion, so it cannot lift off; give the drive stiffness= and "
-                                 "damping=, or leave one_sided out")
-            if isinstance(self.beam, Path):
-                raise SceneError(f"{who}: one_sided: a point lifts off a Beam, not a Path; slide it on one of its beams")
+            if self.release is not None:
+                raise SceneError(f"{who}: one_sided does not go together with release; leave one of them out")
+            if drive is not None and drive.is_prescribed and drive.position is not None:
+                raise SceneError(f"{who}: its drive prescribes its place, so it cannot come back to another; give the drive speed=, "
+                                 "or stiffness= and damping=, or leave one_sided out")
+            if self.lock is not None and self.lock[0].from_start and self.starts_off:
+                raise SceneError(f"{who}: it is locked from the start, but its point is away from {self.beam.label}; give the lock a "
+                                 "time or a condition")
         if self.release is not None:
             check_release(who, self.release, stops, self.is_endless)
         if self.lock is not None:
