@@ -57,8 +57,8 @@ class Finder:
         """Where the point of slider k is, from the s of the state on; search: steps of it, 0 for the place at s itself."""
         model, out = self.model, self._out
         length, (low, high) = float(model.slider_lengths[k]), self.ends[k]
-        place_beside(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length, search,
-                     out)
+        place_beside(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length,
+                     search, out)
         return Place(float(out[0]), float(out[1]), abs(float(out[2])) <= ON_AXIS * length, out[4:].copy(), float(out[3]))
 
     def pull(self, state: State, k: int, force: Array) -> float:

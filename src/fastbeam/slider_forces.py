@@ -183,8 +183,8 @@ class SliderForces:
 
     @cached_property
     def sides(self) -> list[Array]:
-        """In which direction of the triads of the nodes of their curves sliders may lift off, float64 [n, 3] each; n = 0 where they
-        may not.
+        """In which direction of the triads of the nodes of their curves sliders may lift off, float64 [n, 3] each; n = 0 where
+        they may not.
 
         Raises
         ------
@@ -394,8 +394,8 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
 
 
 def sides_of(slider: Slider) -> Array:
-    """Direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to beam of a path
-    it stays the same in space, in the reference shape.
+    """Direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to beam of a
+    path it stays the same in space, in the reference shape.
 
     Raises
     ------
@@ -419,8 +419,8 @@ def sides_of(slider: Slider) -> Array:
                 for j, x in ((k, forward), (other, not forward))]
         found = _across(slider, ends[1], sides[k] @ ends[0])
         if np.any(sides[other]) and np.linalg.norm(found - sides[other]) > 1e-3:
-            raise SceneError(f"slider {slider.name!r}: one_sided: around {path.label} its side turns about the axis and comes back as "
-                             "another; give the beams triads that close, or slide it on an open path")
+            raise SceneError(f"slider {slider.name!r}: one_sided: around {path.label} its side turns about the axis and comes "
+                             "back as another; give the beams triads that close, or slide it on an open path")
         sides[other] = found if not np.any(sides[other]) else sides[other]
     return np.repeat(sides, [beam.n_nodes for beam in path.beams], axis=0)
 
@@ -431,6 +431,6 @@ def _across(slider: Slider, triad: Array, side: Array) -> Array:
     out[0] = 0.0
     size = float(np.linalg.norm(out))
     if not size > 1e-3 * float(np.linalg.norm(side)):
-        raise SceneError(f"slider {slider.name!r}: one_sided: its side is a direction along one of the beams of {slider.beam.label}; "
-                         "give one across them all")
+        raise SceneError(f"slider {slider.name!r}: one_sided: its side is a direction along one of the beams of "
+                         f"{slider.beam.label}; give one across them all")
     return out / size

@@ -26,7 +26,7 @@ class Sides(NamedTuple):
 
 @kernel
 def shapes_at_place(curves, c, s, hint, contact):
-    """Shape functions of curve c at s with two derivatives, in rows of `contact.basis`; nodes lo to before hi, and the element."""
+    """Shape functions of curve c at s and two derivatives, in rows of `contact.basis`; nodes lo to before hi, and the element."""
     e = find_element.call(curves, c, s, hint)
     lo, hi = nodes_under.call(curves, c, e, e)
     nodes = nodes_of.call(curves, c)

@@ -169,11 +169,11 @@ class Slider:
             if self.release is not None:
                 raise SceneError(f"{who}: one_sided does not go together with release; leave one of them out")
             if drive is not None and drive.is_prescribed and drive.position is not None:
-                raise SceneError(f"{who}: its drive prescribes its place, so it cannot come back to another; give the drive speed=, "
-                                 "or stiffness= and damping=, or leave one_sided out")
+                raise SceneError(f"{who}: its drive prescribes its place, so it cannot come back to another; give the drive "
+                                 "speed=, or stiffness= and damping=, or leave one_sided out")
             if self.lock is not None and self.lock[0].from_start and self.starts_off:
-                raise SceneError(f"{who}: it is locked from the start, but its point is away from {self.beam.label}; give the lock a "
-                                 "time or a condition")
+                raise SceneError(f"{who}: it is locked from the start, but its point is away from {self.beam.label}; give "
+                                 "the lock a time or a condition")
         if self.release is not None:
             check_release(who, self.release, stops, self.is_endless)
         if self.lock is not None:
