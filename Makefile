@@ -5,7 +5,7 @@ OUT ?= out
 BIN := $(VENV)/bin
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow lint docs study peers perf perf-compare perf-limits clean
+.PHONY: help demo test test-slow lint docs pictures study peers perf perf-compare perf-limits clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
@@ -13,6 +13,7 @@ help:
 	@echo "make test-slow  the long physics runs"
 	@echo "make lint       ruff, as the tests run it"
 	@echo "make docs       the pages of docs/ as a site in $(OUT)/site"
+	@echo "make pictures   run all tutorials and examples of the gallery, and draw their pictures anew"
 	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
 	@echo "make peers      the same scenes with other programs, each installed into .peers/ (docs/peers.png)"
 	@echo "make perf       the benchmark suite (perf/suite.py); values as JSON in $(OUT)/perf.json"
@@ -35,6 +36,9 @@ lint: $(VENV)/.installed-dev
 docs: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -q "mkdocs>=1.6"
 	$(BIN)/python -m mkdocs build --quiet --strict --site-dir $(abspath $(OUT))/site
+
+pictures: $(VENV)/.installed
+	$(BIN)/python docs/pages.py
 
 study: $(VENV)/.installed
 	$(BIN)/python examples/study/run.py

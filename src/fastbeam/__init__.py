@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Clamp", "Crossing", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
-              "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
+    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
               "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
               "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
               "Switch", "UniversalJoint", "UserForce"],
@@ -22,6 +22,9 @@ _WHERE = {
     "statics": ["solve_static"],
     "vibration": ["modes"],
     "equilibrium_paths": ["solve_path"],
+    "sensitivity": ["sensitivity"],
+    "critical_slopes": ["critical_sensitivity"],
+    "adjoint_run": ["adjoint_run"],
     "result": ["Result"],
     "resultants": ["section_forces"],
     "reading": ["load_result"],
@@ -35,10 +38,11 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
-        BallJoint as BallJoint, Beam as Beam, Clamp as Clamp, Crossing as Crossing, CylindricalJoint as CylindricalJoint,
-        DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive, Friction as Friction,
-        GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net, NodeRef as NodeRef,
-        OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
+        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Crossing as Crossing,
+        CylindricalJoint as CylindricalJoint,
+        Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
+        Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net,
+        NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
         Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,
@@ -54,6 +58,9 @@ if TYPE_CHECKING:
     from .statics import solve_static as solve_static
     from .vibration import modes as modes
     from .equilibrium_paths import solve_path as solve_path
+    from .sensitivity import sensitivity as sensitivity
+    from .critical_slopes import critical_sensitivity as critical_sensitivity
+    from .adjoint_run import adjoint_run as adjoint_run
     from .result import Result as Result
     from .resultants import section_forces as section_forces
     from .reading import load_result as load_result

@@ -34,18 +34,21 @@ class PathSolver(SlidingSolver):
     ----------
     model, start, max_iterations, held, flat, backend
         As `SlidingSolver`.
-    factors : float64 [K]
-        Of the loads at load factor 1.
+    factors : (float64 [K], float64 [K])
+        Of the loads at load factor 0, and their change until load factor 1.
     factor : float
         Load factor of the start.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
-                 factors: Array, factor: float) -> None:
+                 factors: tuple[Array, Array], factor: float) -> None:
         super().__init__(model, start, max_iterations, held, flat, backend)
         self._of_path, self._backend = factors_for(backend), backend
-        self._load(factors)
-        self._unit_loads = self.work.f_ext.copy()
+        loads = []
+        for part in factors:
+            self._load(part)
+            loads.append(self.work.f_ext.copy())
+        self._first_loads, self._unit_loads = loads
         self.factor = factor
         core = self.core
         size, rows = len(core.dofs), core.pattern.n
@@ -71,12 +74,19 @@ class PathSolver(SlidingSolver):
         self._restore(saved[:3])  # type: ignore[arg-type]
         self.factor = saved[3]
 
+    def place(self) -> Array:
+        """Coordinates, arc lengths of sliders and load factor such that differences have the length of steps, to first order."""
+        state, size = self.state, self.core.length
+        q = state.q.reshape(-1, 4, 3)
+        nodes = np.concatenate((q[:, 0] / size, q[:, 1:].reshape(len(q), -1) / np.sqrt(2.0)), axis=1) / np.sqrt(len(q))
+        return np.concatenate((nodes.reshape(-1), state.s / size, [self.factor]))
+
     def equations(self) -> tuple[Saddle, Array, Array]:
         """Tangent, forces and gaps that are left, and their derivative by the load factor."""
         # both from the same shape, the present factor last
-        self._loads[:] = (self.factor + 1.0) * self._unit_loads
+        self._loads[:] = self._first_loads + (self.factor + 1.0) * self._unit_loads
         _, more = self._assembled(self.sliding)
-        self._loads[:] = self.factor * self._unit_loads
+        self._loads[:] = self._first_loads + self.factor * self._unit_loads
         saddle, right = self._assembled(self.sliding)
         return saddle, right, more - right
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from .joint_drives import JointsOfRun
 from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
-from .kernels.joint_motion import JointForces, JointMotion
 from .kernels.inner import Inner, NoInner
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
@@ -30,7 +30,7 @@ def strain_sets(model: Model, static: bool = False) -> tuple[SimoReissner, Green
 
 def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Along | None = None,
              prescribed: Prescribed | None = None, law_work: Array | None = None,
-             motion: JointMotion | None = None) -> tuple[Any, ...]:
+             motion: JointsOfRun | None = None, known: bool = False) -> tuple[Any, ...]:
     """All that acts in a model, in the order of kernels/terms.py.
 
     Parameters
@@ -46,8 +46,10 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         Supports that move, with the work arrays of this run.
     law_work : float64, optional
         The work array of user forces in this run.
-    motion : JointMotion, optional
+    motion : JointsOfRun, optional
         What joints leave free, with the work arrays of this run.
+    known : bool
+        Without equations for the forces that hold it, which are those of the state.
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
@@ -68,9 +70,11 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
-    forces = JointForces(motion) if motion is not None and model.motions.acts else None
+    free: tuple[Any, ...] = ()
+    if motion is not None:
+        free = motion.static_terms if static else motion.known if known else motion.terms
     drag = None if static else model.drag
-    others = prescribed, loads, bodies, drag, *links, forces, None if static else motion, model.ties, reactions, held
+    others = prescribed, loads, bodies, drag, *links, *free, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 
 

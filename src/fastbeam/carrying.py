@@ -164,8 +164,8 @@ class Group:
         integers = {name: np.zeros(s, np.int64) for name in ("entries", "element")}
         self.own: dict[str, Array] = dict(
             integers, residual=np.zeros((s, 8)), forces=forces, first=self.couplings.first,
-            first_force=self.couplings.first_force, compliance=np.zeros(s), remaining=np.zeros(s), full=np.zeros(1, np.int64),
-            augmented=np.zeros(4), pair=np.zeros((0, 2), np.int64), cross=np.zeros((0, 2, 8)))
+            first_force=self.couplings.first_force, compliance=np.zeros(s), softness=np.ones(s), remaining=np.zeros(s),
+            full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=np.zeros((0, 2), np.int64), cross=np.zeros((0, 2, 8)))
         known = model.sliders
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
                           model.slider_limits[self.sliders], NoForceAlong(), NoSleeves())

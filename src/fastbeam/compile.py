@@ -19,17 +19,21 @@ from typing import Any
 import numpy as np
 
 from .arguments import Anything, Flag, Word, checked, shown
+from .bushings import BushingRows
 from .condensing import Condensed, condense as choose
 from .connections import POSITION, Connections
 from .dissipation import damped_of, with_drag
 from .errors import SceneError
 from .holding import Holding, trees
 from .joint_motion import motions_of
+from .joint_trees import softness_of
+from .kernels.bushing import Bushings
 from .kernels.knots import Knots
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
 from .kernels.ties import Ties
+from .links import Links
 from .model import Model
 from .numbered import number
 from .numbering import NodeList
@@ -37,10 +41,11 @@ from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .report import describe
-from .scene import Beam, Path, RigidBody, Scene, Switch
+from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
+from .spring_laws import SpringRows
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import track_of
 from .unpacked import Unpacked, unpack
@@ -155,16 +160,17 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     held = _held(joints.held, pattern)
     curves, sliders = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)
-    idle = _idle_spins(scene, nodes, joints, loads, row_of)
+    idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
     state, length = unpacked.state, unpacked.numbered.length
     slider_forces, laws = slider_forces_of(scene.sliders), links.loaded.forces
     accounts = any(t is not None for t in unpacked.loads.times) or bool(np.any(unpacked.loads.vectors[:, :, 3:]) or laws)
-    loads_at = 0 if slider_forces is None else slider_forces.size
+    loads_at, damped = 0 if slider_forces is None else slider_forces.size, damped_of(scene, nodes)
+    losses_at = loads_at + accounts + (0 if damped is None else len(damped.labels))
     model = Model(
         scene_name=scene.name, n_nodes=n, simo=tables["simo_reissner"], green=tables["green_lagrange"],
         inner=inner, substructures=substructures, carriers=condensed.carriers, bodies=_bodies(unpacked, blocks),
-        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at), kept=unpacked.kept,
-        ties=ties,
+        links=links.tables(blocks, row_of, len(scene.sliders), NoTies() if ties is None else ties, loads_at, losses_at),
+        kept=unpacked.kept, kept_softness=softness_of(unpacked.kept, joints, nodes.rank), ties=ties,
         held=held, static_held=_held(joints.held | idle, pattern) if idle.any() else held,
         curves=curves, sliders=sliders,
         pattern=pattern, spinless=((joints.held[joints.row_root] & 56) == 56).astype(np.int8),
@@ -176,13 +182,23 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
-        damped=damped_of(scene, nodes), dragged=unpacked.dragged, prescribed=unpacked.prescribed,
+        damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
+        prescribed=unpacked.prescribed,
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
-    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model.motion_place))
+    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
+
+
+def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:
+    """What springs and dampers, and what bushings have at rows; tables: of the links."""
+    parts, node = links.of(Spring, Damper)
+    out: list[Any] = []
+    if parts:
+        out.append(SpringRows(parts, node, np.linalg.norm(np.diff(links.nodes.phi[node], axis=1)[:, 0], axis=1)))
+    return out + [BushingRows(links.of(Bushing)[0], table) for table in tables if isinstance(table, Bushings)]
 
 
 def _is_massless(scene: Scene, beam: Beam) -> bool:
@@ -248,7 +264,7 @@ def _held(masks: Array, pattern: Pattern) -> Held | None:
                 mask_of_row[columns[touched]])
 
 
-def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array) -> Array:
+def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array, row_of: Array, links: Links) -> Array:
     """Masks of the spins that statics may hold: one component at the start of every beam of a net that nothing keeps from
     spinning about its axis, where that changes no stress (theory.md 8)."""
     n = len(nodes)
@@ -260,6 +276,8 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     free[joints.target[(joints.kind != POSITION) & (joints.target != owner)]] = False
     free &= np.bincount(joints.row_root, minlength=n) == 1
     free &= ~np.any(loads.reshape(len(loads), n + 1, 8)[:, row_of, 3:6], axis=(0, 2))
+    for bushing, ends in zip(*links.of(Bushing)):
+        free[ends] &= not np.any(bushing.stiffness[3:, 3:])
     inner_free = free & ~joints.tied & (joints.held == 0)
     inner_free[joints.target] = False
     for net in scene.nets:

@@ -22,12 +22,14 @@ from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
+from .kernels.joint_motion import JointForces
 from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
 from .kernels.planar_nodes import PlanarBodies
 from .kernels.prescribed import MovedRows
 from .kernels.slider import Sliding
 from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
+from .kernels.user_force import UserForces
 from .kernels.work import follow_increment, start_increment
 from .workspace import condensed_of, scratch_of
 
@@ -150,7 +152,9 @@ class CondensedIteration(Iteration):
         self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (MovedRows, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
-        others = tuple(x for x in owner.terms if any(x is y for y in (*model.links, model.drag)))
+        # user forces and joints have work arrays of this run: they are not the tables of the model
+        others = tuple(x for x in owner.terms if isinstance(x, (UserForces, JointForces)) or any(
+            x is y for y in (*model.links, model.drag)))
         self._ties = model.ties
         self._carriers: list[Group] = []
         if model.carriers is not None:

@@ -38,6 +38,8 @@ class ContactForces:
         self.t_start, self.t_end = t_start, t_end
         forces = stepper.model.slider_forces
         self.timed = any(time is not None for time in stepper.model.load_times) or (forces is not None and forces.timed)
+        motions = stepper.model.motions
+        self.timed = self.timed or (motions is not None and motions.holds.given.size > 0)
 
     @property
     def unknown(self) -> Array:

@@ -71,6 +71,13 @@ class Shapes:
         self.everything = np.concatenate([result.phi.reshape(-1, 3), *(path for _, path in self.paths.values())])
         low, high = bounds(self.everything)
         self.axis_length = AXES * float(np.max(high - low))
+        if self.bodies:
+            # their axes reach beyond their centres
+            tips = result.phi[:, self.bodies][:, :, None] + self.axis_length * result.directors[:, self.bodies]
+            if np.any(high - low <= FLAT * np.max(high - low)):
+                # and do not make a flat scene deep
+                tips = np.clip(tips, *np.where(high - low <= FLAT * np.max(high - low), (low, high), ((-np.inf,), (np.inf,))))
+            self.everything = np.concatenate((self.everything, tips.reshape(-1, 3)))
 
     def beams(self, k: int) -> np.ndarray:
         """Points [m, 3] of all beams at snapshot k, NaN between them."""
@@ -134,6 +141,19 @@ def new_figure(size: tuple[float, float]) -> Figure:
     """A figure of so many inches that no window knows."""
     from matplotlib.figure import Figure
     return Figure(figsize=size, layout="constrained")
+
+
+def shapes_size(points: np.ndarray, plane: str) -> tuple[float, float]:
+    """Width and height of a figure, inches, in which axes that show `points` leave little white around them."""
+    low, high = bounds(points)
+    space = PLANES[flat_plane(high - low) if plane == "auto" else plane]
+    width, *others = (high - low)[list(space)]
+    if len(space) == 3:
+        return 6.4, 4.7 + 0.8 * min(1.0, others[1] / max(width, others[0], 1e-300))
+    drawn = others[0] / max(width, 1e-300)
+    if STRAIGHT < drawn < 1.0 / LONGEST:
+        return 7.5, 3.2                # scales of their own
+    return 7.5, float(np.clip(6.2 * max(drawn, 0.25) + 0.9, 2.4, 5.5))
 
 
 def space_axes(figure: Figure, place: Any, points: np.ndarray, plane: str) -> Any:

@@ -12,7 +12,7 @@ from .arguments import Anything, Count, Number, Refusal, Word, checked, shown, w
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.work import State
-from .load_times import load_factors_at
+from .load_times import load_path, which_times
 from .model import Model, check_model
 from .newton import BACKENDS
 from .observe import POINTS, Observer
@@ -30,6 +30,9 @@ LEAST_COSINE = 0.9
 FEW, GROWTH = 5, 1.5
 # a slider that near to an end, as a share of its beam, is what stops a path
 AT_END = 1e-3
+# a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
+# the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
+LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
 STEP = Number(above=0.0, most=10.0)
 KINDS = ("limit", "bifurcation")
 
@@ -48,10 +51,11 @@ def which_branch(value: Any) -> int:
 
 
 @checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
-         most_points=Count(most=1_000_000), at_time=Number(unit="s"), points=POINTS, held=which_sliders,
+         most_points=Count(most=1_000_000), at_time=which_times, points=POINTS, held=which_sliders,
          max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch)
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
-               largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500, at_time: float | None = None,
+               largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500,
+               at_time: float | tuple[float, float] | None = None,
                points: Mapping[str, Any] | None = None, held: bool | str | Sequence[str] = False, max_iterations: int = 15,
                backend: str = "auto", stop_at: str | None = None, side: int | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
@@ -71,9 +75,11 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         First, largest and smallest length of a step: the root of the squares of the change of the load factor and of the mean
         motion of the nodes, in sizes of the scene and rad.
     most_points : int
-        Points after which the path ends all the same, with an event.
-    at_time : float
-        Where time functions of loads are evaluated, s; needed when the scene has some.
+        Points after which the path ends all the same, with an event; one that comes back to its start ends there.
+    at_time : float or (float, float)
+        Where time functions of loads are evaluated, s; needed when the scene has some. Two times: load factor 0 has the loads of
+        the first, 1 those of the second, so that loads and gravity without a time function stay, and cases of loads follow each
+        other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`.
     points : mapping
         As in `simulate`.
     held : bool, str or sequence of str
@@ -119,7 +125,10 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
     if not model.loads.shape[0] or not np.any(model.loads):
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity")
-    factors = load_factors_at("solve_path", model, at_time)
+    factors = load_path("solve_path", model, at_time)
+    if start is None and np.any(factors[0]):
+        raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
+                         "start=solve_static(model, at_time=...).state")
     if start is not None:
         start, _ = check_start(model, start, 1.0, at_rest=True)
     if side is not None and start is None:
@@ -127,6 +136,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                          "load_factor=")
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor)
     check_supports(model, solver.stepper.plane is not None)
+    if model.motions is not None:
+        model.motions.check_stays("solve_path", solver.state, model.motion_place, at_time or 0.0)
     return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to, stop_at, side)
 
 
@@ -194,6 +205,7 @@ class _Path:
         along = self._first(to) if side is None else self._off(side)
         unstable, sign = solver.unstable(), np.sign(along.factor)
         self.record(0, 0.0, unstable)
+        first = solver.saved()
         while self.rows < self.most:
             solver.interrupts.serve()
             before = solver.saved()
@@ -204,6 +216,13 @@ class _Path:
                 self._shorten(bar)
                 continue
             counted, size = solver.unstable(), self.step
+            back = self._back(first, before, along, size) if self.rows >= LEAST_ROWS else None
+            if back is not None:
+                self.length += back
+                self.record(iterations, back, solver.unstable())
+                self.buffer.event({"kind": "closed", "time": self.length,
+                                   "text": f"the path is back at its start, load factor {solver.factor:.6g}"})
+                return
             found = None
             if self.rows == 1 and side is not None:
                 # what changes on the way off is no event
@@ -272,7 +291,9 @@ class _Path:
         return Direction(side * off.x, 0.0)
 
     def _direction(self, along: Direction) -> Direction:
-        return self.solver.direction(along) or along
+        """At the present equilibrium; the last one where there is none, as where paths cross."""
+        found = self.solver.direction(along)
+        return along if found is None or self.solver.product(along, found) < LEAST_COSINE else found
 
     def _shorten(self, bar: Progress) -> None:
         """Half the step.
@@ -312,6 +333,32 @@ class _Path:
             return None
         return size
 
+    def _back(self, first: tuple[Any, ...], before: tuple[Any, ...], along: Direction, size: float) -> float | None:
+        """The part of the present step that leads back to the first equilibrium, with the solver there; None where it does not.
+
+        Newton's method is asked for a little before and behind it only: where the path begins at a bifurcation its matrix is
+        singular.
+        """
+        solver, end, last = self.solver, self.solver.saved(), self.solver.place()
+        solver.restore(first)
+        start = solver.place()
+        solver.restore(before)
+        begin = solver.place()
+        share, distance = _from_chord(start, begin, last)
+        if 0.0 < share <= 1.0 and distance < OFF_CHORD:
+            ends = []
+            for x in (share - AROUND, share + AROUND):
+                solver.restore(before)
+                if solver.go(along, x * size):
+                    ends.append(solver.place())
+            if len(ends) == 2:
+                inside, distance = _from_chord(start, *ends)
+                if 0.0 < inside < 1.0 and distance < 2.0 * AROUND * OFF_CHORD:
+                    solver.restore(first)
+                    return share * size
+        solver.restore(end)
+        return None
+
     def _limit(self, before: tuple[Any, ...], along: Direction, after: Direction) -> float | None:
         """Go to the limit point within the present step, whose length to there it returns."""
         solver = self.solver
@@ -345,3 +392,10 @@ class _Path:
         text = ("limit point: loads cannot grow beyond it, or not fall" if kind == "limit" else
                 "bifurcation: another path branches off; side= leads there (see solve_path)")
         self.buffer.event({"kind": kind, "time": length, "text": f"load factor {self.solver.factor:.12g}: {text}"})
+
+
+def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
+    """Of a point beside the chord from a to b: where its foot is, from 0 to 1, and its distance; both as shares of the chord."""
+    way = b - a
+    share = float(way @ (point - a) / (way @ way))
+    return share, float(np.linalg.norm(point - a - share * way) / np.linalg.norm(way))

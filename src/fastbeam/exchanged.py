@@ -13,7 +13,7 @@ Array = np.ndarray
 ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops", "slider", 1.0),
             ("lock_loss", "lock", "slider", 1.0),
             ("drive_work", "drive", "slider", -1.0), ("joint_loss", "damper", "joint", 1.0),
-            ("joint_work", "motor", "joint", -1.0))
+            ("joint_friction", "friction", "joint", 1.0), ("joint_work", "motor", "joint", -1.0))
 
 
 def balance_of(result: Result) -> dict[str, Array]:
@@ -33,7 +33,9 @@ def balance_of(result: Result) -> dict[str, Array]:
     for name, noun, kind, sign in ACCOUNTS:
         for k, part in enumerate(result.names.get(f"{kind}s", []) if name in series else []):
             if np.any(series[name][:, k]):
-                energies[f"{noun} of {kind} {part!r}"] = sign * series[name][:, k]
+                # a joint may have two coordinates
+                key = f"{noun} of {kind} {part!r}"
+                energies[key] = energies.get(key, 0.0) + sign * series[name][:, k]
     for name, sign in (("losses", 1.0), ("works", -1.0)):
         energies |= {part: sign * x for part, x in zip(result.names.get(name, []), series.get(name, np.zeros((0, 0))).T)}
     energies["sum"] = np.sum(list(energies.values()), axis=0)
@@ -42,13 +44,17 @@ def balance_of(result: Result) -> dict[str, Array]:
 
 def joint_of(result: Result, name: str) -> dict[str, Array]:
     """`Result.joint`, of a joint with recorded coordinates."""
-    out = {}
-    for k, (joint, what) in enumerate(zip(result.names["joints"], result.names["coordinates"])):
-        if joint == name:
-            rate = "spin" if what == "angle" else "speed"
-            several = result.names["joints"].count(name) > 1
-            out[what], out[rate] = result.series["joint_value"][:, k], result.series["joint_rate"][:, k]
-            if not several:
-                out |= {key: result.series[f"joint_{key}"][:, k] for key in ("energy", "loss", "work")
-                        if f"joint_{key}" in result.series}
+    out: dict[str, Array] = {}
+    mine = [k for k, joint in enumerate(result.names["joints"]) if joint == name]
+    for k in mine:
+        what = result.names["coordinates"][k]
+        rate = "spin" if what == "angle" else "speed"
+        out[what], out[rate] = result.series["joint_value"][:, k], result.series["joint_rate"][:, k]
+        if "joint_force" in result.series and name in result.names.get("held", ()):
+            out["torque" if what == "angle" else "force"] = result.series["joint_force"][:, k]
+    for key in ("energy", "loss", "work"):
+        if f"joint_{key}" in result.series:
+            out[key] = result.series[f"joint_{key}"][:, mine].sum(axis=1)
+    if "joint_friction" in result.series and name in result.names.get("held", ()):
+        out["friction_loss"] = result.series["joint_friction"][:, mine].sum(axis=1)
     return out

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import notebook
-from .arguments import Count, FilePath, Flag, checked
+from .arguments import Anything, Count, FilePath, Flag, checked
 from .errors import BackendError
 from .readings import ROWS, SECTION
 
 if TYPE_CHECKING:
     from .checkpoint import Checkpoint
     from .kernels.work import State
+    from .resultants import SectionForces
 
 XYZ, PAIR = ("x", "y", "z"), ("force", "moment")
 
@@ -32,15 +33,18 @@ class Exports:
     state: State
     checkpoint: Checkpoint
 
-    @checked(path=FilePath(), overwrite=Flag(), surface=Flag(), refine=Count(most=64), double=Flag())
+    @checked(path=FilePath(), overwrite=Flag(), surface=Flag(), refine=Count(most=64), double=Flag(), sections=Anything())
     def to_vtk(self, path: str | PathLike[str], *, overwrite: bool = False, surface: bool = False, refine: int | None = None,
-               double: bool = False) -> None:
+               double: bool = False, sections: Mapping[str, SectionForces] | None = None) -> None:
         """Write the snapshots to a VTKHDF file (.vtkhdf), a time series for ParaView (5.12 and newer), PyVista and VTK.
 
         Beams are lines, bodies, masses and points of sliders are points. Point data: `kind` (0 beam, 1 body, 2 mass, 3 slider),
         `radius` (m; of sections that are no circle sqrt of the product of both half sizes), triads `d1`, `d2`, `d3`, `s` (arc
-        length of beams, m; not in nets), `force` on sliders (N). Cell data: `kind`, and `part`, the number of the part among
-        those of its kind, whose names stand in the file at names/beam and so on.
+        length of beams, m; not in nets), `force` on sliders (N). `velocity` of nodes (m/s, of axes where beams are skins) from runs
+        with `observe=("velocity", ...)`, else `velocity_from_shapes`: the slope of the parabola through three snapshots, as good as
+        these are dense. Where `sections` are given `section_force` (N, Q2, Q3) and `section_moment` (T, M2, M3), linear between the
+        arc lengths given, NaN elsewhere. Cell data: `kind`, and `part`, the number of the part among those of its kind, whose
+        names stand in the file at names/beam and so on.
 
         Parameters
         ----------
@@ -56,18 +60,21 @@ class Exports:
             else 1. Beams of nets are lines through their nodes.
         double : bool
             Numbers of 8 bytes instead of 4.
+        sections : mapping
+            Name of a beam -> `section_forces(model, result, beam, s=...)` of this result.
 
         Raises
         ------
         BackendError
             h5py is missing.
         SceneError
-            The result holds no snapshots, or the path ends in something else.
+            The result holds no snapshots, the path ends in something else, or section forces belong to something else.
         ResultFileError
             The file exists (and not `overwrite`), its folder does not, or there is no room for it.
         """
         from .vtkhdf import write_vtk
-        write_vtk(self, Path(path), overwrite=overwrite, surface=surface, refine=refine, double=double)  # type: ignore[arg-type]
+        write_vtk(self, Path(path), overwrite=overwrite, surface=surface, refine=refine, double=double,  # type: ignore[arg-type]
+                  sections=sections)
 
     def _repr_html_(self) -> str:
         return html_of(self)

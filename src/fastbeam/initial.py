@@ -58,6 +58,9 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
+            # from rest what is given sets in motion
+            found = float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes)
+            scale = max(scale, *found)
             if size > 1e-7 * scale:
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
@@ -226,7 +229,10 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
             worst = int(np.argmax(amount))
             out.append((float(amount[worst]), what.format(nodes.labels[k[worst]])))
     for link in kept:
+        if not link.law.holds:
+            continue
         rates = sum(by_v @ v[k] + by_spin @ omega[k] for k, by_v, by_spin in link.by_motion(nodes.coordinates(link.node)))
+        rates = rates - link.rates()
         out.append((float(np.linalg.norm(rates)) * (size if link.law.is_angle else 1.0), link.name))
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         if slider.starts_off:

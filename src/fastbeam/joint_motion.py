@@ -1,5 +1,5 @@
 """Coordinates that joints with axes leave free: tables of their springs, dampers and motors, what motors give in every step, and
-values and energies at rows."""
+values and energies at rows. What holds and stops them: joint_drives.py."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .joint_drives import Holds, JointsOfRun, holds_of
 from .joint_tables import Conditions
+from .kernels.joint_drive import RUB
 from .kernels.joint_motion import LOSS, MOTION, VALUE, WORK, JointMotion
 from .kernels.work import State
 from .load_times import mean_factors
@@ -44,6 +46,8 @@ class Motions:
         At t = 0, m.
     is_angle : bool [C]
     damped : bool
+    holds : Holds
+        What holds and stops them.
     """
 
     table: JointMotion
@@ -57,11 +61,12 @@ class Motions:
     distance: Array
     is_angle: Array
     damped: bool
+    holds: Holds
 
     @property
     def size(self) -> int:
         """Numbers of `State.history`."""
-        return MOTION * len(self.names)
+        return MOTION * len(self.names) + RUB * self.holds.rubs.size
 
     @property
     def driven(self) -> bool:
@@ -76,16 +81,16 @@ class Motions:
     @property
     def exchanges(self) -> bool:
         """Whether the total energy changes: there is more than springs."""
-        return self.damped or self.driven
+        return self.damped or self.driven or self.holds.held.size > 0
 
     @property
     def acts(self) -> bool:
-        """Whether there is any force."""
-        return self.exchanges or bool(np.any(self.spring[:, 0]))
+        """Whether there are springs, dampers or motors."""
+        return self.damped or self.driven or bool(np.any(self.spring[:, 0]))
 
-    def work(self) -> JointMotion:
-        """The table with arrays of one run."""
-        return self.table._replace(given=self.table.given.copy(), hold=np.zeros(32))
+    def work(self, ties: Any) -> JointsOfRun:
+        """The tables with arrays of one run."""
+        return self.holds.tables(self.table._replace(given=self.table.given.copy(), hold=np.zeros(32)), self.acts, ties)
 
     def schedule(self, starts: Array, lengths: Array) -> Array:
         """Mean forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
@@ -117,31 +122,58 @@ class Motions:
     def energy(self, history: Array) -> Array:
         """Energy [C] that springs store, J; history [C, 3]."""
         stiffness, rest = self.spring.T
-        return 0.5 * stiffness * (history[:, VALUE] - rest)**2
+        energy = 0.5 * stiffness * (history[:, VALUE] - rest)**2
+        return energy + self.holds.stop_energy(history[:, VALUE]) if self.holds.stopped.size else energy
 
-    def settle(self, state: State, q: Array, place: int) -> None:
-        """Bring the values in the history of a state, from `place` on, up to its coordinates q [N, 4, 3] in space."""
-        own = state.history[place:].reshape(-1, MOTION)
+    def own(self, history: Array, place: int) -> Array:
+        """Numbers [C, 3] of all coordinates in a history, from `place` on."""
+        return history[place:place + MOTION * len(self.names)].reshape(-1, MOTION)
+
+    def settle(self, state: State, space: State, place: int, t: float | None) -> None:
+        """Bring the values in the history of a state, from `place` on, up to its coordinates, those of `space`; t: when a run
+        starts from there, None in an equilibrium."""
+        own = self.own(state.history, place)
+        q, v = (x.reshape(-1, 4, 3) for x in (space.q, space.v))
         found = self.values(q, own[:, VALUE])
         stale = np.abs(found - own[:, VALUE]) > STALE * (1.0 + np.abs(found))
         own[stale, VALUE] = found[stale]
+        if t is None or not self.holds.held.size:
+            return
+        self.holds.start(t, own[:, VALUE], found)
+        if self.holds.rubs.size:
+            self.holds.start_rubbing(state.history[self.holds.place:].reshape(-1, RUB), self.rates(q, v),
+                                     float(np.max(np.abs(v), initial=0.0)))
+
+    def given_between(self, history: Array, place: int, t: float) -> tuple[Array, Array]:
+        """Of coordinates that are given the values in a history and those at time t; one whose speed is given stays."""
+        before = self.own(history, place)[self.holds.given, VALUE].copy()
+        after = [x if self.holds.parts[k].speed is not None else self.holds.value(k, t)
+                 for k, x in zip(self.holds.given.tolist(), before)]
+        return before, np.array(after)
+
+    def check_stays(self, who: str, state: State, place: int, t: float) -> None:
+        """As of `Holds`, in a state in space."""
+        if self.holds.given.size:
+            before = self.own(state.history, place)[:, VALUE]
+            self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
 
     def row(self, state: State, place: int) -> dict[str, Array]:
         """Series of one row."""
         q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
-        own = state.history[place:].reshape(-1, MOTION)
+        own = self.own(state.history, place)
         return {"joint_value": own[:, VALUE].copy(), "joint_rate": self.rates(q, v)}
 
     def exchanged(self, state: State, place: int) -> dict[str, Array]:
         """Series of energies of one row."""
-        own = state.history[place:].reshape(-1, MOTION)
-        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy()}
+        own = self.own(state.history, place)
+        rubbed = {"joint_friction": self.holds.rubbed(state.history)} if self.holds.rubs.size else {}
+        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(), **rubbed}
 
 
-def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, place: int) -> Motions | None:
-    """Of the joints of a scene; links: `links.Links`; place: where their numbers begin in the history. None where there are
-    none."""
-    found = [(part, node, is_angle) for part, node in links.with_axes for is_angle in part.coordinates]
+def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:
+    """Of the joints of a scene; links: `links.Links`; model: the scene's, without them. None where there are none."""
+    found = [(part, node, is_angle, k) for part, node in links.with_axes for k, is_angle in enumerate(part.coordinates)]
+    place = model.motion_place
     if not found:
         return None
     node = np.array([x[1] for x in found], np.int64).reshape(-1, 2)
@@ -151,21 +183,23 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, place: 
     turn = np.array([law.turn for law in laws])
     x = np.array([law.reference for law in laws])
     distance = np.sum((x[:, 1, 0] - x[:, 0, 0]) * np.array([law.axes[0, 0] for law in laws]), axis=1)
-    numbers = {name: np.array([float(getattr(part, name, 0.0) or 0.0) for part, *_ in found])
-               for name in ("stiffness", "damping", "rest")}
+    numbers = {name: np.array([part.of(name, k) for part, *_, k in found]) for name in ("stiffness", "damping", "rest")}
     motors = [part.motor for part, *_ in found]
     is_angle = np.array([x[2] for x in found], np.int64)
     count = len(found)
     table = JointMotion(node, row_of[node], block, is_angle, spin_root[node], turn.reshape(-1), distance,
                         place + MOTION * np.arange(count), numbers["stiffness"], numbers["damping"], numbers["rest"],
                         np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(32))
-    return Motions(table, np.arange(count), [str(part.name) for part, *_ in found], [part.label for part, *_ in found], motors,
+    parts = [part for part, *_ in found]
+    holds = holds_of(parts, is_angle, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
+    return Motions(table, np.arange(count), [str(part.name) for part in parts], [part.label for part in parts], motors,
                    turn, node, np.stack((numbers["stiffness"], numbers["rest"]), axis=1), distance, is_angle == 1,
-                   bool(np.any(numbers["damping"])))
+                   bool(np.any(numbers["damping"])), holds)
 
 
-def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane) -> Motions | None:
-    """With the table of what is left in a plane; reference: coordinates [N, 4, 3] in space."""
+def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, constraints: int) -> Motions | None:
+    """With the table of what is left in a plane; reference: coordinates [N, 4, 3] in space; constraints: all that are left there
+    but moments of sleeves."""
     if motions is None:
         return None
     table = motions.table
@@ -177,7 +211,9 @@ def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane) ->
     flat = np.where(size > 0.5, flat / np.where(size > 0.5, size, 1.0), 0.0)
     some = {name: np.ascontiguousarray(getattr(table, name)[rows]) for name in
             ("node", "row", "block", "is_angle", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
-    return replace(motions, table=table._replace(**some, axes=numbers_of(flat)), rows=rows)
+    first = constraints - int(np.sum(np.isin(motions.holds.held, rows)))
+    return replace(motions, table=table._replace(**some, axes=numbers_of(flat)), rows=rows,
+                   holds=motions.holds.in_plane(rows, first))
 
 
 def check_motions(motions: Motions | None, compared: str | None, substeps: int, static: bool) -> None:
@@ -187,13 +223,23 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int, 
     ------
     SceneError
     """
-    if motions is None or not motions.acts:
+    if motions is None:
+        return
+    holds = motions.holds
+    if not (motions.acts or holds.held.size or holds.stopped.size):
         return
     if compared is not None:
-        raise SceneError(f"method {compared!r} has no springs, dampers and motors in joints; use the default method")
+        raise SceneError(f"method {compared!r} has no springs, dampers, motors, drives, friction and stops in joints; use the "
+                         "default method")
     if substeps > 1 and motions.damped:
         raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
+    if substeps > 1 and holds.rubs.size:
+        raise SceneError("order=4 has a step backward in time, in which friction of joints would put energy in; use order=2")
     if static and motions.driven:
         label = next(label for label, motor in zip(motions.labels, motions.motors) if motor is not None)
         raise SceneError(f"{label}: solve_static takes no motors of joints; leave it out, or hold the joint by a stiff spring "
                          "with rest=")
+    if static and holds.rubs.size:
+        raise SceneError(f"{holds.parts[holds.rubs[0]].label}: equilibria and modes know no friction of joints, which leaves a "
+                         "range of them; leave it out, hold the joint where it is to be by angle= or distance=, or run until it "
+                         "rests")

@@ -26,7 +26,7 @@ class Conditions:
         Reference coordinates.
     """
 
-    is_vector = False
+    is_vector, holds, rate = False, True, 0.0
 
     def __init__(self, pairs: Pairs, turn: Array, x: Array) -> None:
         self.pairs, self.turn, self.reference = pairs, turn, x
@@ -98,6 +98,96 @@ class Conditions:
         return np.eye(len(self.pairs))[self.left_in_plane(axes[2])]
 
 
+class Coordinate:
+    """What a joint leaves free, where a force of its own holds it: given as a function of time, or by friction.
+
+    The coordinate is the angle atan2(D_3 . E_2, D_2 . E_2) or the distance r . D_1, both zero at t = 0.
+
+    Parameters
+    ----------
+    kept : Conditions
+        Of the same joint.
+    is_angle : bool
+    rate : float
+        At t = 0, m/s or rad/s.
+    holds : bool
+        False: friction, which holds up to a limit.
+    """
+
+    is_vector = False
+
+    def __init__(self, kept: Conditions, is_angle: bool, rate: float, holds: bool) -> None:
+        self.turn, self.is_angle, self.rate, self.holds = kept.turn, is_angle, rate, holds
+        x = kept.reference
+        self.axis = kept.axes[0, 0]
+        self.distance = float((x[1, 0] - x[0, 0]) @ self.axis)
+        far = np.concatenate(([-1.0], np.zeros(3), [1.0], np.zeros(3)))
+        a, b = (np.concatenate((np.zeros(1), y, np.zeros(4))) for y in self.turn[0]), self.turn[1, 1]
+        one, two, three = a
+        other = np.concatenate((np.zeros(5), b))
+        # products of two combinations of the eight vectors of both nodes
+        self._pairs = [(three, other), (two, other)] if is_angle else [(one, far)]
+
+    def forces(self, dim: int) -> int:
+        """As of `Law`."""
+        return 1
+
+    def gap(self, x: Array, at_start: Array) -> Array:
+        """As of `Law`: none, because what it is given depends on time."""
+        return np.zeros(1)
+
+    def misses(self, x: Array, value: float) -> float:
+        """The coordinate less a value, of an angle the nearest of all turns."""
+        products = self._products(x)
+        if not self.is_angle:
+            return float(products[0] - self.distance - value)
+        up, along = products
+        u, w = np.cos(value), np.sin(value)
+        return float(np.arctan2(up * u - along * w, along * u + up * w))
+
+    def _products(self, x: Array) -> Array:
+        y = x.reshape(8, 3)
+        return np.array([(u @ y) @ (w @ y) for u, w in self._pairs])
+
+    def _leads(self, x: Array) -> Array:
+        """Derivatives of the products, [p, 24]."""
+        y = x.reshape(8, 3)
+        return np.array([(np.outer(u, w @ y) + np.outer(w, u @ y)).reshape(-1) for u, w in self._pairs])
+
+    def lead(self, x: Array) -> Array:
+        """As of `Law`."""
+        out = self._leads(x)
+        if self.is_angle:
+            up, along = self._products(x)
+            out = ((along * out[0] - up * out[1]) / (up * up + along * along))[None]
+        return out.reshape(1, 2, 4, 3)
+
+    def bend(self, x: Array, rate: Array) -> Array:
+        """As of `Law`."""
+        v = rate.reshape(-1)
+        return np.array([-v @ self.curvature(x, np.ones(1)) @ v])
+
+    def curvature(self, x: Array, force: Array) -> Array:
+        """As of `Law`."""
+        second = [np.kron(np.outer(u, w) + np.outer(w, u), np.eye(3)) for u, w in self._pairs]
+        if not self.is_angle:
+            return np.asarray(force[0] * second[0])
+        (up, along), (a, b) = self._products(x), self._leads(x)
+        n = up * up + along * along
+        mixed = np.outer(a, b)
+        bent = (along * second[0] - up * second[1]) / n
+        bent += (2.0 * up * along * (np.outer(b, b) - np.outer(a, a)) + (up * up - along * along) * (mixed + mixed.T)) / n**2
+        return np.asarray(force[0] * bent)
+
+    def is_left_in_plane(self, normal: Array) -> bool:
+        """Whether the plane with this normal leaves it free."""
+        return (abs(float(self.axis @ normal)) > 0.5) == self.is_angle
+
+    def within(self, axes: Array) -> Array:
+        """As of `Law`."""
+        return np.eye(1)[:int(self.is_left_in_plane(axes[2]))]
+
+
 def conditions_of(part: Any, nodes: tuple[int, int], phi: Array, directors: Array) -> list[tuple[str, Conditions]]:
     """The sets of conditions of a joint, each with what it holds in words."""
     pair = list(nodes)
@@ -140,6 +230,12 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
     """
     out, singles, at = [], [np.zeros(0, np.int64)], 0
     for link in kept:
+        if isinstance(link.law, Coordinate) and not link.law.is_left_in_plane(normal):
+            if link.law.holds:
+                raise NotPlanar(f"{link.name} leads out of the plane")
+            # what does not move does not rub
+            at += 1
+            continue
         if not isinstance(link.law, Conditions):
             out.append(link)
             if not link.law.is_vector:

@@ -12,18 +12,20 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ._outside import is_outside
+from .bushings import bushings
 from .connections import Connections
 from .errors import SceneError
-from .joint_tables import conditions_of, joint_conditions
+from .joint_tables import Coordinate, conditions_of, joint_conditions
 from .multipliers import Distance, KeptLink, Law, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
 from .kernels.terms import assemble
 from .numbering import NodeList
-from .scene import BallJoint, DistanceJoint, Scene, Spring
+from .scene import BallJoint, Bushing, Damper, DistanceJoint, Scene, Spring
 from .scene.joints import AxisJoint
-from .scene.links import Link
+from .scene.links import Link, label_of
+from .spring_laws import spring_laws
 from .user_forces import Loaded
 
 Array = np.ndarray
@@ -47,8 +49,12 @@ class Ends:
         Nodes, and their rows of the residual.
     block : int64 [L, 4]
         Blocks a-a, a-b, b-a, b-b of the tangent; empty where the kind couples none.
+    phi, directors : float64 [N, 3], [N, 3, 3]
+        Of all nodes at t = 0.
     distance : float64 [L]
         Of both ends at t = 0, m.
+    place : int64 [L]
+        Where the energy that a link takes away stands in the history, -1: it takes none.
     first : int64 [1]
         Number of the first among all constraints.
     ties
@@ -59,15 +65,18 @@ class Ends:
         Of joints with multipliers.
     """
 
-    def __init__(self, parts: list[Any], node: Array, phi: Array, row_of: Array, blocks: Blocks | None, first: int,
-                 ties: Any, spin_root: Array, laws: list[Any]) -> None:
+    def __init__(self, parts: list[Any], node: Array, nodes: NodeList, row_of: Array, blocks: Blocks | None, first: int,
+                 ties: Any, spin_root: Array, laws: list[Any], losses_at: int) -> None:
         self.parts, self.node, self.ties, self.laws = parts, node, ties, laws
+        self.phi, self.directors = nodes.phi, nodes.directors
         a, b = node.T
+        takes = np.array([getattr(part, "is_damped", False) for part in parts], bool)
+        self.place = np.where(takes, losses_at + np.cumsum(takes) - 1, -1)
         self.row, self.spin_row = row_of[node], row_of[spin_root[node]]
         self.block = np.zeros((0, 4), np.int64)
         if blocks is not None:
             self.block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
-        self.distance = np.linalg.norm(phi[b] - phi[a], axis=1)
+        self.distance = np.linalg.norm(nodes.phi[b] - nodes.phi[a], axis=1)
         self.first = np.array([first])
 
 
@@ -86,6 +95,8 @@ class Entry:
         Of a joint with multipliers: what it keeps; that of joints with axes depends on the joint.
     needs_distance : bool
         Whether it makes no sense between points at the same place.
+    takes : callable, optional
+        Whether a link belongs to it; default: those of the class of the noun.
     """
 
     noun: type
@@ -93,6 +104,11 @@ class Entry:
     couples: bool = True
     law: Law | None = None
     needs_distance: bool = False
+    takes: Callable[[Any], bool] | None = None
+
+    def holds(self, part: Any) -> bool:
+        """Whether it has a link."""
+        return type(part) is self.noun if self.takes is None else self.takes(part)
 
 
 def _springs(ends: Ends) -> Springs:
@@ -117,7 +133,9 @@ class Group(NamedTuple):
 
 # those whose force is a vector come before those with single forces
 REGISTRY = [
-    Entry(Spring, _springs),
+    Entry(Spring, _springs, takes=lambda x: type(x) is Spring and not x.has_law),
+    Entry(Damper, spring_laws, takes=lambda x: type(x) in (Spring, Damper) and x.has_law),
+    Entry(Bushing, bushings),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
     Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
     Entry(AxisJoint, joint_conditions),
@@ -193,20 +211,20 @@ class Links:
     def __init__(self, scene: Scene, nodes: NodeList, joints: Connections, hinges: Array) -> None:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
-        self._nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
+        self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
         self.loaded = Loaded(scene, nodes)
         self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
             if type(x) not in known and not isinstance(x, AxisJoint):
-                raise SceneError(f"{_label(x)}: a scene takes no {type(x).__name__} before "
+                raise SceneError(f"{label_of(x)}: a scene takes no {type(x).__name__} before "
                                  f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
         with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
         # joints with axes and their nodes; one of the laws of each
         self.with_axes = list(zip(with_axes, _nodes_of(with_axes, nodes).tolist()))
         self._law_of: dict[int, Any] = {}
         for entry in REGISTRY:
-            parts: list[Any] = [x for x in scene.links if type(x) is entry.noun]
+            parts: list[Any] = [x for x in scene.links if entry.holds(x)]
             node = _nodes_of(parts, nodes)
             laws, words = [entry.law] * len(parts), [""] * len(parts)
             if entry.noun is BallJoint:
@@ -225,6 +243,16 @@ class Links:
                 _check_distances(parts, node, nodes.phi)
             if parts:
                 self.groups.append(Group(entry, parts, node, laws, words))
+        # joints whose free coordinate has a force of its own, those that are given first: their constraints come last
+        self.driven: list[KeptLink] = []
+        for part, (a, b) in self.with_axes:
+            if part.is_given:
+                law = Coordinate(self.law_of(part), part.coordinates[0], part.given_rate, holds=True)
+                self.driven.append(KeptLink(f"{part.label} (drive)", (a, b), law))
+        for part, (a, b) in self.with_axes:
+            if part.friction > 0.0:
+                law = Coordinate(self.law_of(part), part.coordinates[0], 0.0, holds=False)
+                self.driven.append(KeptLink(f"{part.label} (friction)", (a, b), law))
 
     def law_of(self, joint: AxisJoint) -> Any:
         """Conditions of a joint, for the axes that its nodes carry."""
@@ -238,7 +266,7 @@ class Links:
     @property
     def pairs(self) -> Array:
         """Pairs of nodes i, j that links couple, as i N + j."""
-        n = len(self._nodes)
+        n = len(self.nodes)
         out = [np.zeros(0, np.int64)]
         for group in self.groups:
             if group.entry.couples:
@@ -249,26 +277,39 @@ class Links:
     @property
     def kept(self) -> list[KeptLink]:
         """Joints with multipliers, in the order of their constraints."""
-        nodes = self._nodes
+        nodes = self.nodes
         out = []
         for group in self.groups:
-            out += [KeptLink((_label(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
+            out += [KeptLink((label_of(part) if part else _label_of(nodes, a, b)) + word, (a, b), law)
                     for part, (a, b), law, word in zip(group.parts, group.node.tolist(), group.laws, group.words)
                     if law is not None]
-        return out
+        return out + self.driven
 
-    def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int) -> tuple[Any, ...]:
-        """The tables of all kinds of links that the scene has; sliders: constraints before theirs; loads_at: place of the work of
-        loads in the history."""
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What takes energy away, springs, dampers and bushings, for the balance."""
+        return tuple(f"damping of {label_of(part)}" for group in self.groups for part in group.parts
+                     if getattr(part, "is_damped", False))
+
+    def of(self, *nouns: type) -> tuple[list[Any], Array]:
+        """All links of some classes, and their nodes [L, 2]."""
+        found = [(part, node) for group in self.groups for part, node in zip(group.parts, group.node) if type(part) in nouns]
+        return [part for part, _ in found], np.array([node for _, node in found], np.int64).reshape(-1, 2)
+
+    def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int,
+               losses_at: int) -> tuple[Any, ...]:
+        """The tables of all kinds of links that the scene has; sliders: constraints before theirs; loads_at, losses_at: places of
+        the work of loads and of `losses` in the history."""
         out, first = [], sliders
         for entry, parts, node, laws, _ in self.groups:
-            ends = Ends(parts, node, self._nodes.phi, row_of, blocks if entry.couples else None, first, ties, self._spin_root,
-                        laws)
+            ends = Ends(parts, node, self.nodes, row_of, blocks if entry.couples else None, first, ties, self._spin_root, laws,
+                        losses_at)
+            losses_at += int(np.sum(ends.place >= 0))
             table = entry.table(ends)
             out.append(_tested(entry, table) if is_outside(entry.noun) else table)
             first += sum(law is not None for law in laws)
         if self.loaded.forces:
-            q = np.concatenate((self._nodes.phi[:, None], self._nodes.directors), axis=1)
+            q = np.concatenate((self.nodes.phi[:, None], self.nodes.directors), axis=1)
             out.append(self.loaded.table(row_of, blocks, q, loads_at))
         return tuple(out)
 
@@ -277,7 +318,7 @@ def _check_distances(parts: list[Any], node: Array, phi: Array) -> None:
     round_off = 1e-12 * float(np.max(np.abs(phi)))
     for part, (a, b) in zip(parts, node.tolist()):
         if not np.linalg.norm(phi[b] - phi[a]) > round_off:
-            raise SceneError(f"{_label(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
+            raise SceneError(f"{label_of(part)}: {part.a} and {part.b} lie at the same place; use BallJoint, or move one of them")
 
 
 def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
@@ -288,8 +329,3 @@ def _nodes_of(links: list[Any], nodes: NodeList) -> Array:
 def _label_of(nodes: NodeList, a: int, b: int) -> str:
     """A joint of a net for messages, which has no name."""
     return f"ball joint of {nodes.labels[a]} and {nodes.labels[b]}"
-
-
-def _label(part: Any) -> str:
-    """A link for messages; automatic names already say the kind."""
-    return part.name if part.name.startswith(f"{part.kind} of ") else f"{part.kind} {part.name!r}"

@@ -2,10 +2,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from .arguments import LARGEST, real, shown
+from .arguments import LARGEST, Number, Numbers, real, shown
 from .errors import SceneError
 from .model import Model
 
@@ -33,6 +34,37 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     if at_time is None and any(time is not None for time in model.load_times):
         raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
     return np.array([1.0 if time is None else factor_at(time, at_time or 0.0) for time in model.load_times])
+
+
+def which_times(value: Any) -> float | tuple[float, float]:
+    """A time, or two.
+
+    Raises
+    ------
+    Refusal
+    """
+    if real(value) is not None:
+        return Number(unit="s")(value)
+    first, last = Numbers((2,), "a time in s, or two, of the loads at load factor 0 and at 1")(value)
+    return float(first), float(last)
+
+
+def load_path(who: str, model: Model, at_time: float | tuple[float, float] | None) -> tuple[Array, Array]:
+    """Factors [K] of all load vectors at load factor 0, and their change until load factor 1; who: the function that was called.
+
+    Raises
+    ------
+    SceneError
+        There are time functions and no time, or between two times nothing changes.
+    """
+    if not isinstance(at_time, tuple):
+        factors = load_factors_at(who, model, at_time)
+        return np.zeros_like(factors), factors
+    first, last = (load_factors_at(who, model, t) for t in at_time)
+    if np.array_equal(first, last):
+        raise SceneError(f"{who}: at_time={at_time}: no load changes between these times; give those that grow a time function, "
+                         "as in Load(..., time=lambda t: t), those without one stay")
+    return first, last - first
 
 
 def mean_factors(time: Callable[[float], float], times: Array, steps: Array, who: str = "of a load or of gravity") -> Array:

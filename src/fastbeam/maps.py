@@ -141,6 +141,7 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
             matrix[3 * k + i, 12 * number + i] = -shape[0]
             matrix[3 * k + i, 12 * point + i] = 1.0
     q, rates = (y.reshape(n, 4, 3) for y in (state.q, state.v))
-    bent = [link.law.bend(*(y[list(link.node)] for y in (q, rates))) for link in model.kept]
-    every = sparse.vstack((matrix.tocsr(), gap_matrix(model.kept, q)), format="csr")
+    kept = [link for link in model.kept if link.law.holds]
+    bent = [link.law.bend(*(y[list(link.node)] for y in (q, rates))) for link in kept]
+    every = sparse.vstack((matrix.tocsr(), gap_matrix(kept, q)), format="csr")
     return every, tangents, np.concatenate((convective.reshape(-1), *bent))

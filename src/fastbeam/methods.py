@@ -10,6 +10,7 @@ from .arguments import number
 from .errors import ConvergenceError, SceneError
 from .kernels import alpha as kernels
 from .kernels.alpha import Alpha
+from .kernels.bushing import Bushings
 from .kernels.knots import Knots
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, spin_map, tie_map, velocity_map
@@ -103,6 +104,7 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     compared = method.middle is not None or method.parameters is not None
     laws = [f"user force {name!r}" for name in model.user_forces]
     absent = [*(["supports that move"] if core.prescribed is not None else []), *laws, *core.losses,
+              *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
     if compared and absent:
         raise SceneError(f"method {method.name!r} does not know {', '.join(absent[:3])}; use the default method")

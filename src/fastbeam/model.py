@@ -47,6 +47,8 @@ class Model:
         Tables of springs and other links between two points, one of each kind.
     kept : list of links.KeptLink
         Joints with multipliers, in the order of their constraints behind the sliders.
+    kept_softness : float64 [J]
+        Of each of them the share of 1/a of theory.md (5.5) that its equations have.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
     pattern : Pattern
@@ -92,6 +94,10 @@ class Model:
         The sliders that are sleeves.
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
+    dampers : tuple of str
+        Springs, dampers and bushings that take energy away.
+    find_springs : callable
+        What springs and bushings have at rows, from the tables of the links.
     dragged : dissipation.Dragged or None
         Nodes with drag; `drag` its tables.
     prescribed : prescribed.PrescribedMotions or None
@@ -117,6 +123,7 @@ class Model:
     bodies: Bodies | PlanarBodies | None
     links: tuple[Any, ...]
     kept: list[KeptLink]
+    kept_softness: Array
     ties: Ties | PlanarTies | None
     held: Held | None
     static_held: Held | None
@@ -156,6 +163,8 @@ class Model:
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     damped: Any = None
+    dampers: tuple[str, ...] = ()
+    find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
     dragged: Any = None
     drag: Any = None
     prescribed: Any = None
@@ -225,6 +234,11 @@ class Model:
     def n_forces(self) -> int:
         """Number of forces of all constraints."""
         return int(self.forces.sum())
+
+    @property
+    def softness(self) -> Array:
+        """Of every constraint the share of 1/a of theory.md (5.5) that its equations have, float64 [C]; 0: plain multipliers."""
+        return np.concatenate((np.ones(self.n_sliders), self.kept_softness, np.ones(len(self.sleeve_pairs))))
 
     @property
     def unknowns(self) -> Array:
@@ -307,7 +321,8 @@ class Model:
         if self.prescribed is not None:
             parts += [self.prescribed.own]
         if self.motions is not None:
-            parts += self.motions.table[:-2]
+            holds = self.motions.holds
+            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:
@@ -379,7 +394,7 @@ class Model:
     def losses(self) -> tuple[str, ...]:
         """What takes energy away besides sliders: its numbers stand behind the work of loads."""
         damped = () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
-        return damped + (() if self.dragged is None else tuple(self.dragged.labels))
+        return damped + self.dampers + (() if self.dragged is None else tuple(self.dragged.labels))
 
     @property
     def works(self) -> tuple[str, ...]:

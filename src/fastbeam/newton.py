@@ -155,8 +155,9 @@ class Stepper:
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
         self.motion = None
         if core.motions is not None and core.motions.rows.size:
-            self.motion = core.motions.work()
-            core.motions.settle(self.core_state, self.state.q.reshape(-1, 4, 3), core.motion_place)
+            self.motion = core.motions.work(core.ties)
+            if memory is None:
+                core.motions.settle(self.core_state, self.state, core.motion_place, None if static else t)
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
@@ -386,7 +387,10 @@ class Stepper:
         if self.along is not None and self.core.slider_forces.timed:
             out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
         if self.motion is not None and self.core.motions.timed:
-            out.append(MotorSchedule(self.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
+            out.append(MotorSchedule(self.motion.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
+        if self.motion is not None and self.motion.drives is not None:
+            end = t + h * (done + n)
+            out.append(self.core.motions.holds.schedule(self.motion.drives, *self._substeps(t, h, n, done), end))
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))

@@ -24,7 +24,7 @@ from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
 Array = np.ndarray
-KINDS = ("energy", "momentum", "slider", "joint", "inner", "velocity", "section", "reaction")
+KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "section", "reaction")
 LOSSES = FRICTION_LOSS, STOP_LOSS, LOCK_LOSS
 # a scene that moves less than round-off times this is at rest: it has no scale of its own
 REST = 1e7
@@ -39,7 +39,7 @@ class Observer:
     Parameters
     ----------
     model : Model
-    kinds : sequence of {'energy', 'momentum', 'slider', 'inner', 'velocity', 'section', 'reaction'}
+    kinds : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
         Positions to record, velocities and section forces where these are asked for.
 
@@ -55,7 +55,8 @@ class Observer:
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
-        self.velocity = "velocity" in kinds and bool(self.points)
+        self.of_nodes = "velocity" in kinds
+        self.velocity = self.of_nodes and bool(self.points)
         self.sections = [_section(model, name, what) for name, what in (points or {}).items()] if "section" in kinds else []
         self.reactions = model.reaction_names if "reaction" in kinds else []
         self._p = np.zeros(12 * model.n_nodes)
@@ -66,6 +67,9 @@ class Observer:
         self.forces = model.slider_forces if self.slider else None
         self.moments = self.slider and model.sleeves is not None
         self.joint = "joint" in kinds and model.motions is not None
+        self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
+        # whether rows hold forces of joints that are unknowns
+        self.held = self.joint and model.motions.holds.held.size > 0
         self.balance = self.energy and model.balances
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
@@ -95,8 +99,12 @@ class Observer:
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.model.motions is not None:
-            free = (len(self.model.motions.names),)
+            free, holds = (len(self.model.motions.names),), self.model.motions.holds
             out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
+            out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
+            out |= {"joint_force": free} if self.held else {}
+        for springs in self.springs:
+            out |= springs.series()
         if self.points:
             out["points"] = (len(self.points), 3)
         if self.velocity:
@@ -110,7 +118,7 @@ class Observer:
     @property
     def needs_forces(self) -> bool:
         """Whether rows hold forces that steps tell."""
-        return self.slider or bool(self.reactions)
+        return self.slider or bool(self.reactions) or self.held
 
     def row(self, t: float, state: State) -> dict[str, Any]:
         """Everything except iterations, step size and contact force, which the run knows."""
@@ -159,6 +167,8 @@ class Observer:
                     "lock_loss": history[:, LOCK_LOSS]}
         if self.joint:
             out |= model.motions.row(state, model.motion_place)
+        for springs in self.springs:
+            out |= springs.row(state)
         if self.balance:
             self._balance(out, state)
         if self.points:
@@ -203,6 +213,9 @@ class Observer:
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
             sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
+            if "joint_friction" in out:
+                stored += float(np.sum(out["joint_friction"]))
+                sizes.append(float(np.sum(np.abs(out["joint_friction"]))))
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
@@ -213,6 +226,10 @@ class Observer:
             row["reaction"] = force[self.model.n_forces:].reshape(-1, 2, 3)
         if self.slider:
             self._add_contact_forces(row, force[:self.model.n_forces], share)
+        if self.held:
+            model = self.model
+            end = 3 * model.n_sliders + sum(link.forces(3) for link in model.kept)
+            row["joint_force"] = model.motions.holds.forces(force[end - model.motions.holds.held.size:end])
 
     def _add_contact_forces(self, row: dict[str, Any], force: Array, share: float | None) -> None:
         """Contact forces, moments of sleeves and forces along the beam."""
@@ -247,6 +264,9 @@ class Observer:
             off.reshape(-1, 12)[:, :3] *= size
             load = mass * float(np.linalg.norm(model.gravity)) + float(np.sum(np.abs(model.constant_load)))
             strain = strain_energy(model, model.q0 + off, self._work)
+            if model.links:
+                # what springs store at the start is no round-off
+                strain = abs(strain - strain_energy(model, model.q0, self._work))
             rest["total"] = rest["balance"] = REST * (1e3 * (0.5 * mass * speed**2 + strain) + EPSILON * size * load)
         return {name: x for name in self.scale if (x := max(self.scale[name], rest.get(name, 0.0))) > 0.0}
 
@@ -277,8 +297,8 @@ class Observer:
         return {"center": first + arm, "inner_energy": float(self._out[0]) + strain_energy(self.model, q.reshape(-1), self._work),
                 "inner_spin": self._out[4:7].copy()}
 
-    def header(self, info: dict[str, Any]) -> ResultHeader:
-        """Header of the result."""
+    def header(self, info: dict[str, Any], moving: bool = False) -> ResultHeader:
+        """Header of the result; moving: of a run in time, whose shapes may have velocities."""
         model = self.model
         names = {**model.names, "points": list(self.points)}
         if self.reactions:
@@ -287,9 +307,13 @@ class Observer:
         if model.motions is not None:
             kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
             names |= {"joints": model.motions.names, "coordinates": kinds}
+        names |= {springs.kind: springs.names for springs in self.springs}
+        if self.held:
+            names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
-        return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series())
+        return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
+                            velocities=moving and self.of_nodes)
 
 
 def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:

@@ -2,15 +2,18 @@
 (theory.md 10)."""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .bushings import bushings_in_plane, check_plane
 from .connections import TRIAD
 from .joint_motion import motions_in_plane
 from .joint_tables import conditions_in_plane, kept_in_plane
 from .kernels.beam import ElementTables
+from .kernels.bushing import Bushings
 from .kernels.inner import Inner, NoColumns, store_size
 from .kernels.joint_conditions import JointConditions
 from .kernels.kinds import PLANE
@@ -21,6 +24,7 @@ from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
 from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
+from .scene import Bushing
 from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
@@ -83,9 +87,13 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
                for x in rows[:, :, 3:6]]
     across += turning
+    for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
+        within.append((pushes, f"{on} pushes {{}} out of the plane"))
+        across.append((turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
     normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
     axes = _axes(normal)
     normal = axes[2]
+    check_plane(unpacked.numbered.links.of(Bushing)[0], normal)
     for x, why in within:
         _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
     for x, why in across:
@@ -104,6 +112,18 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
     return plane
+
+
+def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
+    """Of every joint with a motor, or with a spring that is not free of force at t = 0: what it is, and for all n nodes the directions
+    [n, 3] in which it pushes and about which it turns."""
+    for part, nodes in links.with_axes:
+        if part.motor is None and not (getattr(part, "stiffness", 0.0) and getattr(part, "rest", 0.0)):
+            continue
+        for is_angle in part.coordinates:
+            pushes, turns = np.zeros((n, 3)), np.zeros((n, 3))
+            (turns if is_angle else pushes)[nodes[1]] = part.axes[0] / np.linalg.norm(part.axes[0])
+            yield part.label, pushes, turns
 
 
 def _refuse(off: Array, limit: float | Array, why: str, unpacked: Unpacked, nodes: Array | None = None) -> None:
@@ -260,7 +280,8 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept, motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane),
+        model, sleeves=sleeves, kept=kept,
+        motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
@@ -333,6 +354,8 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
     nothing is left of them in the plane."""
     if isinstance(table, JointConditions):
         table = conditions_in_plane(table, model.kept, plane)
+    if isinstance(table, Bushings):
+        table = bushings_in_plane(table, plane)
     if table is None or "ties" not in table._fields:
         return table
     return table._replace(ties=NoTies() if ties is None else ties)

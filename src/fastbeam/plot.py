@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arguments import Count, Instance, Number, Word, checked
-from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, bounds, flat_plane, new_figure, put_title, slider_names,
-                      slider_path, space_axes, styled, time_bar)
+from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, bounds, flat_plane, new_figure, put_title, shapes_size,
+                      slider_names, slider_path, space_axes, styled, time_bar)
 from .errors import SceneError
 from .mode_shapes import Modes
 from .result import Result
@@ -56,8 +56,9 @@ def plot_shapes(result: Result, plane: str = "auto", n: int = 8, cmap: str = "vi
     SceneError
         No snapshots were recorded, or the plane does not exist.
     """
-    figure = new_figure((7.5, 5.5))
-    _draw_shapes(figure, 111, result, plane, n, cmap)
+    shapes = Shapes(result)
+    figure = new_figure(shapes_size(shapes.everything, plane))
+    _draw_shapes(figure, 111, shapes, plane, n, cmap)
     return figure
 
 
@@ -157,19 +158,20 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
     """
     sliders = slider_names(result)
     panels = 4 if sliders else 2
-    low, high = bounds(result.phi.reshape(-1, 3))
+    shapes = Shapes(result)
+    low, high = bounds(shapes.everything)
     flat = PLANES[flat_plane(high - low) if plane == "auto" else plane]
     if len(flat) == 2 and high[flat[0]] - low[flat[0]] > 1.6 * (high[flat[1]] - low[flat[1]]):
         # a wide scene spans the figure, the other panels stand below it
         rows = panels // 2
         figure = new_figure((11.0, 4.2 + 3.0 * rows))
         grid = figure.add_gridspec(1 + rows, 2, height_ratios=(1.3, *[1] * rows))
-        shapes, places = grid[0, :], [grid[1 + i, j] for j in range(2) for i in range(rows)]
+        place, places = grid[0, :], [grid[1 + i, j] for j in range(2) for i in range(rows)]
     else:
         figure = new_figure((13.5, 7.0) if sliders else (11.0, 6.5))
         grid = figure.add_gridspec(2, 1 + panels // 2, width_ratios=(1.7, *[1] * (panels // 2)))
-        shapes, places = grid[:, 0], [grid[i, 1 + j] for j in range(panels // 2) for i in range(2)]
-    _draw_shapes(figure, shapes, result, plane, n, "viridis")
+        place, places = grid[:, 0], [grid[i, 1 + j] for j in range(panels // 2) for i in range(2)]
+    _draw_shapes(figure, place, shapes, plane, n, "viridis")
     _draw_energies(figure.add_subplot(places[0]), result)
     _draw_drifts(figure.add_subplot(places[1]), result)
     if sliders:
@@ -216,6 +218,11 @@ def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, am
     grid = figure.add_gridspec(rows, columns)
     for j, k in enumerate(picks):
         axes = space_axes(figure, grid[j // columns, j % columns], shapes.everything, plane)
+        if len(axes.axes_of_space) == 3:
+            # panels are small: the numbers of a short axis would lie on each other, and a mode has no size
+            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+                axis.set_ticklabels([])
+                axis.labelpad = -8.0
         colour = COLOURS[1] if modes.growth[k] else COLOURS[0]
         shapes.draw(axes, 0, "0.75")
         for line in shapes.draw(axes, 1 + 2 * j, colour):
@@ -226,11 +233,11 @@ def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, am
     return figure
 
 
-def _draw_shapes(figure: Figure, place: Any, result: Result, plane: str, n: int, cmap: str) -> None:
+def _draw_shapes(figure: Figure, place: Any, shapes: Shapes, plane: str, n: int, cmap: str) -> None:
     import matplotlib as mpl
     if cmap not in mpl.colormaps:
         raise SceneError(f"cmap {cmap!r:.60} does not exist: choose a colour map of matplotlib, such as 'viridis' or 'plasma'")
-    shapes = Shapes(result)
+    result = shapes.result
     picks = np.unique(np.linspace(0, len(result.t_snap) - 1, n).round().astype(int))
     axes = space_axes(figure, place, shapes.everything, plane)
     scale = mpl.colors.Normalize(result.t_snap[picks[0]], max(result.t_snap[picks[-1]], result.t_snap[picks[0]] + 1e-300))

@@ -72,9 +72,9 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
         if joints.held[k] & 56 and joints.spin_root[k] == k:
             add([(k, 1, eye)], moving[1][k])
     for link in kept:
-        by_motion = link.by_motion(nodes.coordinates(link.node))
-        parts = [(node, which, lead) for node, *both in by_motion for which, lead in enumerate(both)]
-        add(parts, np.zeros(len(parts[0][2])))
+        if link.law.holds:
+            by_motion = link.by_motion(nodes.coordinates(link.node))
+            add([(node, which, lead) for node, *both in by_motion for which, lead in enumerate(both)], link.rates())
     for slider, (number, values, slopes, point) in zip(scene.sliders, lines):
         if slider.starts_off:
             continue

@@ -39,7 +39,7 @@ class Reactions:
         self.holding = holding = stepper.model.holding
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
         of = self.own if static else stepper
-        terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion)
+        terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
         self.terms = tuple(term for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
@@ -78,7 +78,7 @@ class Reactions:
         if any(time is not None for time in own.model.load_times):
             kernels.external_forces(own.core.loads, load_factors(own.model, np.full(1, t), np.full(1, h))[0], own.work.f_ext)
         if own.motion is not None:
-            own.motion.given[:] = self.stepper.motion.given
+            own.motion.motion.given[:] = self.stepper.motion.motion.given
         state = before._replace(force=own.core_state.force)
         return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
 

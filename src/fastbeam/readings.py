@@ -13,17 +13,22 @@ EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_lo
 ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
 # of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
 FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
+# of springs, and of bushings
+SPRINGS, BUSHINGS = ("length", "force", "energy"), ("displacement", "rotation", "force", "moment", "energy")
 # one row of the series that pictures and tables read; words: as many as there are names of that kind
 ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
                      "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
-    **dict.fromkeys((*FREE, *IN_JOINTS), ("joints",)),
+    **dict.fromkeys((*FREE, *IN_JOINTS, "joint_force", "joint_friction"), ("joints",)),
+    **{f"spring_{name}": ("springs",) for name in SPRINGS}, "bushing_energy": ("bushings",),
+    **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
 # a series with a column for each name of a kind
-COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value"}
+COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value",
+           "springs": "spring_length", "bushings": "bushing_energy"}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 # what to write for series that are not there
@@ -33,6 +38,7 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "point_velocity": "record it with simulate(..., observe=('velocity', ...), points={'tip': beam.end})",
          "section_force": "record it with simulate(..., observe=('section', ...), points={'root': (beam, 0.0)})",
          "reaction": "record it with simulate(..., observe=('reaction', ...))",
+         **dict.fromkeys(("spring_length", "bushing_energy"), "record it with simulate(..., observe=('spring', ...))"),
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 NAMED = Word()
 SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", "M3")))
@@ -70,6 +76,42 @@ class Readings:
         series = [(self._series(what), names) for what, names in SECTION]
         k = self._index("points", "point", name)
         return {component: x[:, k, c] for x, names in series for c, component in enumerate(names)}
+
+    @checked(name=NAMED)
+    def spring(self, name: str) -> dict[str, np.ndarray]:
+        """Of a spring or damper, [n] each: length (m), force (N, positive where it pulls, that of its damper included), energy
+        (J) and, where energies were recorded, loss: what its damper took since the start (J). Needs `observe=("spring", ...)`.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such spring.
+        """
+        return self._elastic("spring", ("spring", "damper"), name, SPRINGS)
+
+    @checked(name=NAMED)
+    def bushing(self, name: str) -> dict[str, np.ndarray]:
+        """Of a bushing in the axes that its side a carries: displacement (m) of the point of b and rotation (vector, rad) of its
+        triad since t = 0, force (N) and moment (N m) that b exerts on it, dampers included, [n, 3] each; energy (J) and, where
+        energies were recorded, loss (J) [n]. Needs `observe=("spring", ...)`.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such bushing.
+        """
+        return self._elastic("bushing", ("bushing",), name, BUSHINGS)
+
+    def _elastic(self, kind: str, nouns: tuple[str, ...], name: str, what: tuple[str, ...]) -> dict[str, np.ndarray]:
+        """Series of one spring or bushing."""
+        self._series(COLUMNS[f"{kind}s"])
+        k = self._index(f"{kind}s", kind, name)
+        out = {key: self._series(f"{kind}_{key}")[:, k] for key in what}
+        if "total" in self.series:
+            labels = [f"damping of {noun} {name!r}" for noun in nouns] + [f"damping of {name}"]
+            at = [i for i, label in enumerate(self.names.get("losses", [])) if label in labels]
+            out["loss"] = self.series["losses"][:, at[0]] if at else np.zeros(len(out["energy"]))
+        return out
 
     @checked(name=Anything())
     def reaction(self, name: Any) -> dict[str, np.ndarray]:

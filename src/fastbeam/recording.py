@@ -72,7 +72,8 @@ class Rows:
         self.pending = (t, {**self.observer.row(t, self.stepper.state), "iterations": iterations, "step_size": size})
         if self.snapshots and (t >= self.next_shape - 1e-9 * self.shape_gap or t >= self.t_end):
             q = self.stepper.state.q.reshape(-1, 4, 3)
-            self._feed("snapshot", t, q[:, 0], q[:, 1:])
+            velocities = (self.stepper.state.v.reshape(-1, 4, 3)[:, 0],) if self.memory.header.velocities else ()
+            self._feed("snapshot", t, q[:, 0], q[:, 1:], *velocities)
             self.next_shape = self.first_shape + self.shape_gap * (math.floor((t - self.first_shape) / self.shape_gap + 1e-9) + 1)
 
     def reopen(self, t: float) -> None:

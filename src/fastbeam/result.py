@@ -47,6 +47,8 @@ class ResultHeader:
         Name -> shape of ONE row: () for an energy, (3,) for a momentum, (n_sliders, 3) for contact forces.
     integer : tuple of str
         Series that hold whole numbers.
+    velocities : bool
+        Whether snapshots hold velocities of the nodes [N, 3], too.
     """
 
     model_text: str = ""
@@ -55,6 +57,7 @@ class ResultHeader:
     n_nodes: int = 0
     series: dict[str, tuple[int, ...]] = field(default_factory=dict)
     integer: tuple[str, ...] = INTEGER_SERIES
+    velocities: bool = False
 
     def row_tables(self) -> tuple[dict[str, tuple[int, ...]], dict[str, type]]:
         """Row shapes and types of the time series, 't' first."""
@@ -62,8 +65,9 @@ class ResultHeader:
         return shapes, {name: np.int64 if name in self.integer else np.float64 for name in shapes}
 
     def snapshot_tables(self) -> dict[str, tuple[int, ...]]:
-        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3)."""
-        return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3)}
+        """Row shapes of the snapshots: t_snap (), phi (N, 3), directors (N, 3, 3), and velocities (N, 3) where they are kept."""
+        moving = {"velocities": (self.n_nodes, 3)} if self.velocities else {}
+        return {"t_snap": (), "phi": (self.n_nodes, 3), "directors": (self.n_nodes, 3, 3), **moving}
 
 
 class ResultBuffer:
@@ -86,9 +90,10 @@ class ResultBuffer:
         times = np.asarray(t, dtype=np.float64)
         self._rows.append({"t": times, **rows}, None if times.ndim == 0 else len(times))
 
-    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray) -> None:
-        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3)."""
-        self._snapshots.append({"t_snap": t, "phi": phi, "directors": d})
+    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None = None) -> None:
+        """Keep a copy of the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v [N, 3] (m/s) where the header
+        says so."""
+        self._snapshots.append(shape_row(self.header, t, phi, d, v))
 
     def event(self, event: dict[str, Any]) -> None:
         """Keep an event {'kind', 'time', 'text', ...} (JSON-able)."""
@@ -158,7 +163,7 @@ SERIES, NAMED = Series(), Word()
 
 
 @checked(t=SERIES, series=Table(SERIES), model_text=Word(), info=Table(Anything()), names=Table(Items()), t_snap=SERIES,
-         phi=SERIES, directors=SERIES, events=Items(dict))
+         phi=SERIES, directors=SERIES, velocities=SERIES, events=Items(dict))
 class Result(Readings, Exports):
     """A finished or aborted run.
 
@@ -184,6 +189,8 @@ class Result(Readings, Exports):
         'iterations', 'step_size' [n]. Only what was recorded is present.
     t_snap, phi, directors : ndarray [m], [m, N, 3], [m, N, 3, 3]
         Shapes at selected times: positions (m) and triads (rows d1, d2, d3).
+    velocities : ndarray [m, N, 3], optional
+        Of the nodes at these times, m/s, from runs with `observe=("velocity", ...)`; else None.
     events : list of dict
         {'kind', 'time', 'text', ...}.
 
@@ -202,7 +209,7 @@ class Result(Readings, Exports):
 
     def __init__(self, *, t: Any, series: Mapping[str, Any] | None = None, model_text: str = "",
                  info: Mapping[str, Any] | None = None, names: Mapping[str, list[Any]] | None = None,
-                 t_snap: Any = None, phi: Any = None, directors: Any = None,
+                 t_snap: Any = None, phi: Any = None, directors: Any = None, velocities: Any = None,
                  events: Iterable[Mapping[str, Any]] = ()) -> None:
         self.model_text = model_text
         self.info: dict[str, Any] = dict(info or {})
@@ -212,6 +219,7 @@ class Result(Readings, Exports):
         self.t_snap = np.zeros(0) if t_snap is None else np.asarray(t_snap, dtype=np.float64)
         self.phi = np.zeros((0, 0, 3)) if phi is None else np.asarray(phi, dtype=np.float64)
         self.directors = np.zeros((*self.phi.shape, 3)) if directors is None else np.asarray(directors, dtype=np.float64)
+        self.velocities = None if velocities is None else np.asarray(velocities, dtype=np.float64)
         self.events: list[dict[str, Any]] = [dict(event) for event in events]
         self._check_shapes()
 
@@ -235,7 +243,8 @@ class Result(Readings, Exports):
     @checked(name=NAMED)
     def joint(self, name: str) -> dict[str, np.ndarray]:
         """What a joint with axes leaves free, zero at t = 0, [n]: angle (rad) and spin (rad/s), distance (m) and speed (m/s);
-        energy of its spring, loss of its damper and work of its motor (J).
+        energy of its spring and stops, loss of its damper, work of its motor or drive (J); where it is given or rubs the torque
+        (N m) or force (N) of that, and friction_loss (J).
 
         Raises
         ------
@@ -346,7 +355,8 @@ class Result(Readings, Exports):
         """The header that a run with these series would have started with."""
         return ResultHeader(model_text=self.model_text, info=self.info, names=self.names, n_nodes=self.phi.shape[1],
                             series={name: x.shape[1:] for name, x in self.series.items()},
-                            integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"))
+                            integer=tuple(name for name, x in self.series.items() if x.dtype.kind in "iub"),
+                            velocities=self.velocities is not None)
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no rows"
@@ -384,6 +394,8 @@ class Result(Readings, Exports):
         if len(shape) != 3 or shape[0] != m or shape[2] != 3 or self.directors.shape != (*shape, 3):
             raise SceneError(f"snapshots: phi {shape} and directors {self.directors.shape} do not fit {m} times t_snap; "
                              f"expected ({m}, N, 3) and ({m}, N, 3, 3)")
+        if self.velocities is not None and self.velocities.shape != shape:
+            raise SceneError(f"snapshots: velocities {self.velocities.shape} do not fit positions {shape}")
 
     def _check_names(self, n_nodes: int | None) -> None:
         """What `names` says about nodes fits their number (None: no shapes are there)."""
@@ -406,6 +418,11 @@ class Result(Readings, Exports):
                 if not (all(_is_node(k, entry["count"]) for k in inner) and all(
                         _is_node(k, None) and 0 <= k - entry["first"] < entry["count"] for k in ends)):
                     raise SceneError(f"names: an entry of '{kind}' names nodes that it does not have")
+
+
+def shape_row(header: ResultHeader, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None) -> Rows:
+    """A shape as a row of the tables of snapshots."""
+    return {"t_snap": t, "phi": phi, "directors": d, **({"velocities": v} if header.velocities else {})}
 
 
 def _is_node(k: Any, n: int | None) -> bool:

@@ -76,8 +76,9 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
         sliders do not allow is refused; a support holds its node where the state has it.
-    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'inner', 'velocity', 'section', 'reaction'}
-        What is recorded: 'velocity', 'section' of points, 'reaction' of supports and joints (an assembly a step, order 2).
+    observe : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
+        What is recorded: 'velocity' (snapshots keep those of all nodes, too) and 'section' of points, 'reaction' of
+        supports and joints (an assembly a step, order 2).
     points : mapping
         name -> node (`beam.end`), body, body point, mass, or (beam, s): positions to record.
     every : int
@@ -191,7 +192,8 @@ class _Run(Encounters):
         if observer.slider:
             self.info["contact_force"] = AT_END if at_end else AT_ROWS
         forces = ContactForces(stepper, control is not None, clock.now, t_end) if observer.needs_forces and not at_end else None
-        self.rows = Rows(observer, stepper, clock, forces, t_end, observer.header(self.info), snapshots, file, overwrite)
+        header = observer.header(self.info, moving=True)
+        self.rows = Rows(observer, stepper, clock, forces, t_end, header, snapshots, file, overwrite)
         self.memory, self.event = self.rows.memory, self.rows.event
         self.progress = Progress(t_end - clock.now, model.scene_name, progress)
         self.iterations = self.steps = 0

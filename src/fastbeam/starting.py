@@ -8,6 +8,7 @@ import numpy as np
 
 from .arguments import shown
 from .errors import SceneError
+from .joint_tables import Coordinate
 from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State
@@ -179,6 +180,9 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
                           float(np.linalg.norm(rate)) * length, "m/s", UNTRUE * speed + noise, np.inf))
         out[-1].told = SIDEWAYS * speed + noise
     for link in model.kept:
+        if isinstance(link.law, Coordinate):
+            # what is given depends on time
+            continue
         x, moving = q[list(link.node)], v[list(link.node)]
         gap, rate = link.law.gap(x, _at_start(model, link)), np.einsum("msic,sic->m", link.law.lead(x), moving)
         # the size of the scene makes a velocity of the rate of an angle
@@ -275,7 +279,7 @@ def mended(model: Model, state: State) -> State:
     found = given[free]
     if model.n_constraints:
         mass = (lift.T @ inertia @ lift).tocsr()
-        found = nearest(mass, (across @ lift).tocsr(), np.zeros(across.shape[0]), found, free % 6 >= 3)
+        found = nearest(mass, (across @ lift).tocsr(), _given_rates(model, across @ state.v), found, free % 6 >= 3)
     return State(q.reshape(-1), lift @ found, s, state.force.copy(), state.history.copy())
 
 
@@ -307,10 +311,24 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
             for c in range(3):
                 out[2 * k + j, 12 * nodes + c] = -values * axis[c]
                 out[2 * k + j, 12 * int(model.sliders.point[k]) + c] = axis[c]
-    own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in model.kept]
+    kept = [link for link in model.kept if link.law.holds]
+    own = [link.law.gap(q[list(link.node)], _at_start(model, link)) for link in kept]
     directions, off = direction_rates(model, q, s)
-    return (sparse.vstack((out.tocsr(), gap_matrix(model.kept, q), *directions), format="csr"),
+    return (sparse.vstack((out.tocsr(), gap_matrix(kept, q), *directions), format="csr"),
             np.concatenate((gaps, *own, *off)))
+
+
+def _given_rates(model: Model, rates: Array) -> Array:
+    """Of all rows of `_across` what they are to be: those of joints that are given as functions of time stay, others are zero."""
+    out = np.zeros_like(rates)
+    at = 2 * model.n_sliders
+    for link in model.kept:
+        if link.law.holds:
+            m = link.forces(3)
+            if isinstance(link.law, Coordinate):
+                out[at:at + m] = rates[at:at + m]
+            at += m
+    return out
 
 
 def direction_rates(model: Model, q: Array, s: Array) -> tuple[list[Any], list[Array]]:

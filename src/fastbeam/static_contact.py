@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .joint_tables import Coordinate
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
@@ -94,6 +95,8 @@ class StaticContacts:
         self._weights: Weights | None = None
         ends = np.array([link.node for link in model.kept], np.int64).reshape(-1)
         at = (12 * np.unique(ends)[:, None] + np.arange(12)).reshape(-1)
+        # what joints are given, in their order; None: they stay
+        self.given: Array | None = None
         self._joint_ties, self._joint_nodes = _reduced(sparse.csr_matrix(
             (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self.ties)
 
@@ -262,10 +265,14 @@ class StaticContacts:
             return np.zeros(0), sparse.csr_matrix((0, m)), sparse.csr_matrix((m, m))
         at_start = self.model.q0.reshape(-1, 4, 3)
         gaps, within = [np.zeros(0)], []
+        given = iter([] if self.given is None else self.given)
         second: list[tuple[list[int], Array]] = []
         for link, part in zip(kept, self._parts(force)):
             pair = list(link.node)
-            gaps.append(self._within(link) @ link.law.gap(x[pair], at_start[pair]))
+            gap = link.law.gap(x[pair], at_start[pair])
+            if isinstance(link.law, Coordinate) and self.given is not None:
+                gap = np.array([link.law.misses(x[pair], next(given))])
+            gaps.append(self._within(link) @ gap)
             within.append(self._within(link))
             if not link.law.is_vector:
                 second.append((pair, -link.law.curvature(x[pair], part)))

@@ -90,6 +90,10 @@ class SlidingSolver(StaticSolver):
         self.along = None
         if uneliminated.slider_forces is not None:
             self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held)
+        # what joints are given at the start and at the end of the load
+        self.given = None
+        if core.motions is not None and core.motions.holds.given.size:
+            self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
@@ -99,6 +103,8 @@ class SlidingSolver(StaticSolver):
         super().set_time(t, factor)
         if self.along is not None:
             self.along.share = factor
+        if self.given is not None:
+            self.contacts.given = (1.0 - factor) * self.given[0] + factor * self.given[1]
 
     @property
     def name(self) -> str:

@@ -23,6 +23,7 @@ from .progress import Progress
 from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .spring_laws import SpringRows
 from .starting import check_start
 from .static_sliders import SlidingSolver
 from .supports import check_supports
@@ -36,7 +37,7 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
 # of `simulate`'s what there is at rest
-RECORDED = ("energy", "section", "reaction")
+RECORDED = ("energy", "spring", "section", "reaction")
 
 
 def which_sliders(value: Any) -> bool | tuple[str, ...]:
@@ -87,7 +88,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
-        As in `simulate`, of 'energy', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
+        As in `simulate`, of 'energy', 'spring', 'section' and 'reaction'; rows are load steps, `result.t` the load factor.
     max_iterations : int
         Newton iterations a load step.
     backend : {'auto', 'pardiso', 'superlu'}
@@ -138,6 +139,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         raise SceneError(f"levels: must be increasing load factors in (0, 1], got {tuple(float(x) for x in levels[:12])}")
     if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
         raise SceneError("solve_static: drives have time functions; say with at_time=... where to evaluate them")
+    if at_time is None and model.motions is not None and model.motions.holds.has_functions:
+        raise SceneError("solve_static: what joints are given is a function of time; say with at_time=... where to evaluate it")
     factors = load_factors_at("solve_static", model, at_time)
     notes: list[Any] = []
     if start is not None:
@@ -212,9 +215,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
                 bar.close()
                 coarse = look_at_mesh(reached)
-                raise ConvergenceError(f"{text}{coarse}; a limit or buckling point may lie there, a part may be free to move, or "
-                                       "stiffnesses are too far apart for round-off (beams more slender than 1e6). The last "
-                                       "equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
+                raise ConvergenceError(f"{text}{coarse}{_slack(model, solver.state)}; a limit or buckling point may lie there, "
+                                       "a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
+                                       "slender than 1e6). The last equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
                                        residuals=error.residuals, worst=error.worst,
                                        state=State(*(x.copy() for x in solver.state)), result=finish())
             step = max(smallest_step, 0.25 * size)
@@ -323,6 +326,16 @@ def named_sliders(model: Model, what: str, held: bool | str | Sequence[str]) -> 
             there = f"its sliders are {', '.join(repr(x) for x in names[:12])}" if names else "it has no sliders"
             raise SceneError(f"{what}: scene {model.scene_name!r} has no slider {name!r}; {there}")
     return np.array([name in held for name in names], bool)
+
+
+def _slack(model: Model, state: State) -> str:
+    """Which springs are slack, for the message of a failed load step."""
+    rows = [] if model.find_springs is None else model.find_springs(model.links)
+    names = [name for springs in rows if isinstance(springs, SpringRows) for name in springs.slack(state)]
+    if not names:
+        return ""
+    return (f"; {len(names)} of the springs that only pull or push are slack ({', '.join(map(repr, names[:4]))}"
+            f"{', ...' if len(names) > 4 else ''}), and hold nothing: start= from a shape in which they carry")
 
 
 def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Result) -> ConvergenceError:

@@ -8,7 +8,7 @@ how many lines count. Texts (header, events, final info) are bytes of JSON.
     format, version        attributes
     header                 uint8 [k]      JSON of ResultHeader
     rows/<series>          [n, ...]       one dataset per series, 't' among them
-    snapshots/<name>       [m, ...]       t_snap, phi, directors
+    snapshots/<name>       [m, ...]       t_snap, phi, directors, velocities
     events, final_info     uint8 [k]      JSON lines; JSON
     blocks                 int64 [b, 5]   rows, snapshots, bytes of events, bytes of final_info, CRC-32 of all of it
     committed              int64 [2]      b, -b - 1
@@ -42,7 +42,7 @@ from .errors import ResultFileError
 from .places import check_new
 from .reading import (COUNTS, FORMAT, MARGIN, MOST_EVENT_BYTES, MOST_EVENTS, MOST_PARTS, VERSION, import_h5py, load_result,
                       parts_of)
-from .result import Result, ResultHeader
+from .result import Result, ResultHeader, shape_row
 from .rows import RowBuffer, Rows
 
 __all__ = ["ResultWriter", "load_result", "save_result"]
@@ -109,7 +109,7 @@ class ResultWriter:
                                   "no reader accepts; make beams parts of nets, or run without file=")
         self._state = _Waiting(header, dict.fromkeys(COUNTS, 0), 0, zlib.crc32(texts))
         self._events = 0
-        self._snapshot_bytes = 8 * (1 + 12 * header.n_nodes)
+        self._snapshot_bytes = 8 * (1 + (15 if header.velocities else 12) * header.n_nodes)
         # where it is whatever becomes the current folder
         self._where = Path(os.path.realpath(self.path))
         self._raw = _open(self.path, self._where, overwrite)
@@ -141,10 +141,10 @@ class ResultWriter:
         self._state.pending["rows"].append({"t": times, **rows}, None if times.ndim == 0 else len(times))
         self._flush_when_due()
 
-    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray) -> None:
-        """Add the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3)."""
+    def snapshot(self, t: float, phi: np.ndarray, d: np.ndarray, v: np.ndarray | None = None) -> None:
+        """Add the shape at time t (s): phi [N, 3] (m), d [N, 3, 3] (rows d1, d2, d3), v [N, 3] (m/s) where the header says so."""
         self._check_open()
-        self._state.pending["snapshots"].append({"t_snap": t, "phi": phi, "directors": d})
+        self._state.pending["snapshots"].append(shape_row(self.header, t, phi, d, v))
         self._flush_when_due()
 
     def event(self, event: dict[str, Any]) -> None:
@@ -324,8 +324,8 @@ def save_result(result: Result, path: str | PathLike[str], *, overwrite: bool = 
     with ResultWriter(path, result.header(), overwrite=overwrite) as writer:
         if len(result.t):
             writer.append(result.series, result.t)
-        for t, phi, d in zip(result.t_snap, result.phi, result.directors, strict=True):
-            writer.snapshot(float(t), phi, d)
+        for k, (t, phi, d) in enumerate(zip(result.t_snap, result.phi, result.directors, strict=True)):
+            writer.snapshot(float(t), phi, d, None if result.velocities is None else result.velocities[k])
         for event in result.events:
             writer.event(event)
 

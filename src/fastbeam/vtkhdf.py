@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .arguments import shown
 from .errors import ResultFileError, SceneError
 from .lines import Lines
 from .places import check_new
 from .reading import import_h5py
+from .rows import listing
 
 if TYPE_CHECKING:
     from .result import Result
@@ -33,6 +35,9 @@ SMALL = 20_000
 OVERHEAD = 1 << 20
 # numbers in point and cell data `kind`
 KINDS = ("beam", "body", "mass", "slider")
+# methods whose shapes follow each other along loads, not in time
+NO_MOTION = ("static", "path")
+RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 
 
 @dataclass
@@ -65,7 +70,8 @@ class _Shape:
         return moving + fixed + sum(a.nbytes + b.nbytes for a, b in self.cells.values())
 
 
-def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, refine: int | None, double: bool) -> None:
+def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, refine: int | None, double: bool,
+              sections: Any = None) -> None:
     """See `Result.to_vtk`."""
     if path.suffix.lower() not in SUFFIXES:
         older = path.suffix.lower() in (".pvd", ".vtu", ".vtp", ".vtk")
@@ -74,7 +80,7 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
     if not len(result.t_snap):
         raise SceneError("to_vtk: the result holds no snapshots, simulate(..., snapshots=100) records some")
     h5py = import_h5py()
-    shape = _shape(result, surface, refine)
+    shape = _shape(result, surface, refine, sections)
     if not shape.n_points:
         raise SceneError("to_vtk: the result names no beams, bodies or sliders, so nothing can be drawn")
     dtype = np.float64 if double else np.float32
@@ -98,7 +104,7 @@ def write_vtk(result: Result, path: Path, *, overwrite: bool, surface: bool, ref
 
 
 # --- what is drawn ----------------------------------------------------------------------------------------------------------
-def _shape(result: Result, surface: bool, refine: int | None) -> _Shape:
+def _shape(result: Result, surface: bool, refine: int | None, sections: Any) -> _Shape:
     n_nodes = result.phi.shape[1]
     lines = Lines(result.names, n_nodes, refine or (4 if n_nodes <= SMALL else 1))
     spots, kinds, parts, labels = _spots(result)
@@ -132,6 +138,18 @@ def _shape(result: Result, surface: bool, refine: int | None) -> _Shape:
 
     moving: dict[str, tuple[int, Callable[[int], Array]]] = {"Points": (3, positions)}
     moving |= {f"d{i + 1}": (3, lambda k, i=i: directors(k, i)) for i in range(3)}
+    velocity = _velocities(result)
+    if velocity is not None:
+        name, of_nodes = velocity
+
+        def velocities(k: int) -> Array:
+            v = of_nodes(k)
+            along = lines.points(v)
+            return np.concatenate((v[spots], along[corners] if surface else along))
+        moving[name] = 3, velocities
+    if sections is not None:
+        for name, of_lines in _section_arrays(result, lines, sections).items():
+            moving[name] = 3, lambda k, f=of_lines: np.concatenate((np.full((n, 3), np.nan), f(k)[corners]))
     if labels["slider"]:
         moving["force"] = 3, _forces(result, n + len(corners), np.flatnonzero(kinds == KINDS.index("slider")))
     labels["beam"] = lines.labels
@@ -167,6 +185,64 @@ def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
             out[where] = np.nan_to_num(force[row[k]], posinf=0.0, neginf=0.0)
         return out
     return values
+
+
+def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
+    """Name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of the parabola
+    through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
+    if result.velocities is not None:
+        kept = result.velocities
+        return "velocity", lambda k: kept[k]
+    t, phi = result.t_snap, result.phi
+    if len(t) < 3 or str(result.info.get("method")) in NO_MOTION or not np.all(np.diff(t) > 0.0):
+        return None
+
+    def slope(k: int) -> Array:
+        j = min(max(k, 1), len(t) - 2)
+        a, b, c = t[j - 1:j + 2]
+        # derivative at t[k] of the polynomials that are 1 at one of the three times and 0 at the others
+        weights = ((2 * t[k] - b - c) / ((a - b) * (a - c)), (2 * t[k] - a - c) / ((b - a) * (b - c)),
+                   (2 * t[k] - a - b) / ((c - a) * (c - b)))
+        # from the middle one: what all share cancels before it is weighted
+        return np.asarray(weights[0] * (phi[j - 1] - phi[j]) + weights[2] * (phi[j + 1] - phi[j]))
+    return "velocity_from_shapes", slope
+
+
+def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Callable[[int], Array]]:
+    """Forces (N, Q2, Q3) and moments (T, M2, M3) of sections at all points of lines [M, 3], linear between the arc lengths that
+    are given; NaN on beams of which nothing is.
+
+    Raises
+    ------
+    SceneError
+        `sections` is no dict of section forces, names a beam that is not there, or belongs to other shapes.
+    """
+    need = "to_vtk: sections must be a dict of names of beams and what section_forces(model, result, beam) returns"
+    if not isinstance(sections, Mapping):
+        raise SceneError(f"{need}, got {shown(sections)}")
+    found = []
+    for name, forces in sections.items():
+        points = np.flatnonzero(lines.parts[lines.beam_of] == lines.labels.index(name)) if name in lines.labels else np.zeros(0, int)
+        if not points.size or np.isnan(lines.s[points]).any():
+            raise SceneError(f"to_vtk: sections: {shown(name)} is no beam of this result; choose from {listing(lines.labels)}")
+        if not all(hasattr(forces, x) for x in ("t", "s", *RESULTANTS)):
+            raise SceneError(f"{need}, got {shown(forces)} for beam '{name}'")
+        if not np.array_equal(forces.t, result.t_snap):
+            raise SceneError(f"to_vtk: sections of beam '{name}' are those of {len(forces.t)} other shapes than the "
+                             f"{len(result.t_snap)} of this result; section_forces(model, result, beam) of the same result")
+        found.append((points, lines.s[points], forces.s, [np.asarray(getattr(forces, x)) for x in RESULTANTS]))
+
+    if not found:
+        return {}
+
+    def values(k: int, which: slice) -> Array:
+        out = np.full((lines.n_points, 3), np.nan)
+        for points, at, s, resultants in found:
+            order = np.argsort(s)
+            for i, x in enumerate(resultants[which]):
+                out[points, i] = np.interp(at, s[order], x[k, order])
+        return out
+    return {"section_force": lambda k: values(k, slice(0, 3)), "section_moment": lambda k: values(k, slice(3, 6))}
 
 
 # --- the file ---------------------------------------------------------------------------------------------------------------

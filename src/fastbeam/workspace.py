@@ -120,7 +120,8 @@ def contact_of(model: Model, entries: int | None = None) -> Contact | None:
                 entries=np.zeros(n, np.int64), row=np.zeros((n, entries), np.int64), column=columns, line=lines,
                 corner=np.zeros((n, 64)), residual=np.zeros((n, 8)),
                 element=np.zeros(n, np.int64), forces=model.forces, first=first,
-                first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), remaining=np.zeros(n),
+                first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), softness=model.softness,
+                remaining=np.zeros(n),
                 full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=model.sleeve_pairs,
                 cross=np.zeros((len(model.sleeve_pairs), 2, 8)), before=np.zeros(n))
 

@@ -49,6 +49,8 @@ def test_the_page_of_trust_names_tests_that_exist_and_no_file_is_unpickled() -> 
 
 
 def test_every_page_is_part_of_the_site() -> None:
-    listed = re.findall(r": ([\w-]+\.md)$", text("mkdocs.yml"), re.MULTILINE)
-    assert sorted(listed) == sorted(path.name for path in (ROOT / "docs").glob("*.md"))
-    assert set(re.findall(r"\]\(([\w-]+\.md)\)", text("docs/index.md"))) == set(listed) - {"index.md", "contacts-ahead.md"}
+    listed = re.findall(r": ([\w/-]+\.md)$", text("mkdocs.yml"), re.MULTILINE)
+    assert sorted(listed) == sorted(path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md"))
+    linked = set(re.findall(r"\]\(([\w/-]+\.md)\)", text("docs/index.md")))
+    pages = {name for name in listed if "/" not in name} | {"tutorials/index.md"}
+    assert linked == pages - {"index.md", "contacts-ahead.md"}

@@ -191,3 +191,64 @@ def test_paths_that_do_not_begin_or_end_say_so() -> None:
         fb.solve_path(fb.compile_scene(slides))
     rest = fb.solve_path(model, start=short.state, load_factor=float(short.series["load_factor"][-1]))
     np.testing.assert_allclose(rest.state.q, fb.solve_static(model).state.q, atol=1e-11)
+
+
+def test_a_closed_path_ends_where_it_began() -> None:
+    """The sway of a steep truss of two springs: a loop through both of its bifurcations, every point in exact equilibrium."""
+    stiffness, push, feet = 100.0, 100.0, np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    top = fb.PointMass("top", mass=1.0, position=(0, 0, 3))
+    springs = [fb.Spring(top, fb.GROUND.point(x), f"bar {k}", stiffness=stiffness) for k, x in enumerate(feet)]
+    model = fb.compile_scene(fb.Scene(top, *springs, fb.Load("push", top, force=(0, 0, -push))), planar=True)
+    at = fb.solve_path(model, stop_at="bifurcation", points={"top": top})
+    height = float(at.point("top")[-1, 2])
+    rest = np.hypot(1.0, 3.0)
+    length = brentq(lambda x: x**3 - rest * x * x + rest, 1.5, rest)
+    assert height == pytest.approx(np.sqrt(length**2 - 1.0), abs=1e-11)
+    loop = fb.solve_path(model, start=at.state, load_factor=float(at.series["load_factor"][-1]), side=1, to=50.0,
+                         points={"top": top})
+    assert loop.events[-1]["kind"] == "closed" and len(loop.t) < 200
+    place, factor = loop.point("top"), loop.series["load_factor"]
+    np.testing.assert_array_equal(place[-1], place[0])
+    # twice through x = 0 below, once back at the start: all around
+    assert place[:, 0].min() < -2.5 and place[:, 0].max() > 2.5 and place[:, 2].min() == pytest.approx(-height, abs=5e-3)
+    away = place[:, None] - feet
+    lengths = np.linalg.norm(away, axis=2, keepdims=True)
+    force = -(stiffness * (1.0 - rest / lengths) * away).sum(axis=1)
+    force[:, 2] -= push * factor
+    assert np.abs(force).max() < 1e-10 * push
+
+
+def test_loads_that_stay_while_others_grow() -> None:
+    """A column under its weight and a thrust that stays, pushed sideways: ends where `solve_static` of all loads does, and its
+    buckling load is that of the thrust alone less the weight's share."""
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e4, 1e4, 1.0), elements=8)
+    euler = np.pi**2 / 4.0
+    parts = (column, fb.Clamp(column.start), fb.Load("thrust", column.end, force=(0, 0, -0.5 * euler)))
+    model = fb.compile_scene(fb.Scene(*parts, fb.Load("side", column.end, force=(1.5, 0, 0), time=lambda t: t)))
+    begin = fb.solve_static(model, at_time=0.0)
+    path = fb.solve_path(model, at_time=(0.0, 1.0), start=begin.state, points={"tip": column.end})
+    whole = fb.solve_static(model, at_time=1.0, points={"tip": column.end})
+    np.testing.assert_allclose(path.point("tip")[-1], whole.point("tip")[-1], atol=1e-11)
+    middle = fb.solve_path(model, at_time=(0.0, 1.0), start=begin.state, points={"tip": column.end}, to=0.4)
+    part = fb.solve_static(model, at_time=0.4, points={"tip": column.end})
+    np.testing.assert_allclose(middle.point("tip")[-1], part.point("tip")[-1], atol=1e-11)
+    # thrust that grows on one that stays: together they reach the same buckling load
+    grows = fb.compile_scene(fb.Scene(*parts, fb.Load("more", column.end, force=(0, 0, -euler), time=lambda t: t)))
+    alone = fb.compile_scene(fb.Scene(*parts[:2], fb.Load("all", column.end, force=(0, 0, -euler))))
+    found = fb.solve_path(grows, at_time=(0.0, 1.0), start=fb.solve_static(grows, at_time=0.0).state, stop_at="bifurcation")
+    once = fb.solve_path(alone, stop_at="bifurcation", to=1.5)
+    assert found.series["load_factor"][-1] + 0.5 == pytest.approx(once.series["load_factor"][-1], abs=1e-10)
+
+
+def test_two_times_of_loads_are_checked() -> None:
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=2)
+    parts = (column, fb.Clamp(column.start), fb.Load("thrust", column.end, force=(0, 0, -0.5)))
+    model = fb.compile_scene(fb.Scene(*parts))
+    with pytest.raises(fb.SceneError, match=r"at_time=\(0.0, 1.0\): no load changes between these times"):
+        fb.solve_path(model, at_time=(0.0, 1.0))
+    model = fb.compile_scene(fb.Scene(*parts, fb.Load("side", column.end, force=(1, 0, 0), time=lambda t: t)))
+    with pytest.raises(fb.SceneError, match="the start carries loads already; say which equilibrium it is"):
+        fb.solve_path(model, at_time=(0.0, 1.0))
+    for wrong in ((0.0,), (0.0, 1.0, 2.0), "ab", (0.0, "b"), np.nan):
+        with pytest.raises(fb.SceneError, match="at_time: "):
+            fb.solve_path(model, at_time=wrong)

@@ -123,6 +123,25 @@ def pool(folder: Path) -> dict[str, Callable[[], Any]]:
     return {name: (lambda value=value: value) for name, value in {**NUMBERS, **ARRAYS, **WRONG}.items()} | more
 
 
+def bar_of(L: float) -> Any:  # noqa: N803
+    beam = fb.Beam.straight("boom", (0, 0, 0), (L, 0, 0), section=SECTION, elements=1)
+    return fb.Scene(beam, fb.Clamp(beam.start), gravity=(0, 0, -0.01)), {"tip": beam.end}
+
+
+def held_bar() -> Any:
+    return bar_of(2.0)
+
+
+@cache
+def short() -> Any:
+    return fb.adjoint_run(held(), t_end=2e-3, step=1e-3, points={"tip": BEAM.end})
+
+
+@cache
+def bars() -> Any:
+    return fb.sensitivity(bar_of, {"L": 2.0})
+
+
 # --- what an argument may be, told apart without the package's own checks ------------------------------------------------
 def is_real(x: Any) -> bool:
     if isinstance(x, np.ndarray):
@@ -196,6 +215,8 @@ FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
 CONDITION = either(is_real, is_function, is_text)
 LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_a(fb.Release),
               one_sided=either(VECTOR, is_a(fb.OneSided)))
+OF_TIME = either(is_real, is_function)
+IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops))
 
 
 @dataclass
@@ -271,15 +292,21 @@ def calls(folder: Path) -> dict[str, Call]:
         "BallJoint": Call(fb.BallJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "DistanceJoint": Call(fb.DistanceJoint, dict(a=BEAM.end, b=BODY), dict(a=NODE, b=NODE, name=is_text)),
         "Spring": Call(fb.Spring, dict(a=BEAM.end, b=BODY, stiffness=1.0),
-                       dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real)),
+                       dict(a=NODE, b=NODE, name=is_text, stiffness=is_real, length=is_real, damping=is_real,
+                            tension_only=is_flag, compression_only=is_flag, table=is_array(2), interpolation=is_text)),
+        "Spring of a table": Call(lambda **more: fb.Spring(BEAM.end, BODY, **more), dict(table=([0.0, 1.0], [0.0, 2.0])),
+                                  dict(table=is_array(2))),
+        "Damper": Call(fb.Damper, dict(a=BEAM.end, b=BODY, damping=1.0), dict(a=NODE, b=NODE, name=is_text, damping=is_real)),
+        "Bushing": Call(fb.Bushing, dict(a=BEAM.end, b=BODY, stiffness=np.ones(6)),
+                        dict(a=NODE, b=NODE, name=is_text, stiffness=is_array(1, 2), damping=is_array(1, 2),
+                             directors=is_array(2))),
         **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
                       dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
            for name, axes, more in (
-               ("RevoluteJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
-                                                            torque=either(is_real, is_function))),
-               ("PrismaticJoint", dict(axis=(0, 1, 0)), dict(stiffness=is_real, damping=is_real, rest=is_real,
-                                                             force=either(is_real, is_function))),
-               ("CylindricalJoint", dict(axis=(0, 1, 0)), {}), ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
+               ("RevoluteJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("torque", "angle"), OF_TIME)),
+               ("PrismaticJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("force", "distance"), OF_TIME)),
+               ("CylindricalJoint", dict(axis=(0, 1, 0)), dict.fromkeys(("stiffness", "damping", "rest"), VECTOR)),
+               ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
                ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
         "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
@@ -356,12 +383,35 @@ def calls(folder: Path) -> dict[str, Call]:
             rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
-            smallest_step=is_real, most_points=is_count, at_time=is_real, points=one_of(Mapping),
+            smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
             side=among(1, -1))),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
             held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "sensitivity": Call(fb.sensitivity, dict(build=held_bar, values={}), dict(
+            build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), observe=is_list_of(is_text),
+            load_factor=is_real, at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "critical_sensitivity": Call(fb.critical_sensitivity, dict(
+            build=held_bar, values={}, state=fb.compile_scene(held_bar()[0]).state(), load_factor=0.0), dict(
+                build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), load_factor=is_real,
+                at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+        "adjoint_run": Call(fb.adjoint_run, dict(model=held(), t_end=2e-3, step=1e-3), dict(
+            model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping), max_iterations=is_count,
+            backend=is_text)),
+        "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
+        "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
+        "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(
+            points=one_of(Mapping), velocities=one_of(Mapping))),
+        "Sensitivity.point": Call(bars().point, dict(name="tip"), dict(name=is_text)),
+        "Sensitivity.slider": Call(bars().slider, dict(name="none"), dict(name=is_text)),
+        "Sensitivity.contact_force": Call(bars().contact_force, dict(name="none"), dict(name=is_text)),
+        "Sensitivity.reaction": Call(bars().reaction, dict(name="none"), dict(name=is_text)),
+        "Sensitivity.section": Call(bars().section, dict(name="tip"), dict(name=is_text)),
+        "Sensitivity.energy": Call(bars().energy, dict(kind="strain"), dict(kind=is_text)),
+        "Sensitivity.gradient": Call(bars().gradient, dict(points={"tip": (0, 0, 1)}), dict(
+            points=one_of(Mapping), sliders=one_of(Mapping), contact_forces=one_of(Mapping), strain_energy=is_real)),
+        "Sensitivity.frequencies": Call(bars().frequencies, dict(n=2), dict(n=is_count, planar=is_flag)),
         "Modes.state": Call(modes().state, dict(k=0, amplitude=0.01), dict(k=is_count, amplitude=is_real, phase=is_real)),
         "Modes.shape": Call(modes().shape, dict(k=0), dict(k=is_count)),
         "load_result": Call(fb.load_result, dict(path=folder / "text"), dict(path=PATH)),
@@ -377,7 +427,8 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "joint", "deviation", "drift", "is_conserved", "velocity", "section")},
+           for name in ("point", "slider", "joint", "spring", "bushing", "deviation", "drift", "is_conserved", "velocity",
+                        "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
@@ -388,7 +439,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.save": Call(result().save, dict(path=folder / "r", overwrite=True),
                             dict(path=PATH, overwrite=is_flag)),
         "Result.to_vtk": Call(result().to_vtk, dict(path=folder / "r.vtkhdf", overwrite=True), dict(
-            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag)),
+            path=PATH, overwrite=is_flag, surface=is_flag, refine=is_count, double=is_flag, sections=one_of(Mapping))),
         "sweep": Call(fb.sweep, dict(build=lambda a: a, cases=[{"a": 1}], workers=1, progress=False), dict(
             build=callable, cases=either(one_of(Mapping), is_list_of(one_of(Mapping))),
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,

@@ -15,7 +15,7 @@ from fastbeam import load_result
 from fastbeam.__main__ import find_examples, list_examples, load_example
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("bend45", "crane", "free_flight_slider", "ring_on_cable")
+NAMES = ("bend45", "crane", "free_flight_slider", "ring_on_cable", "slider_crank", "snap_through", "tuning_fork")
 
 
 @pytest.fixture
@@ -100,6 +100,39 @@ def test_crane_keeps_its_energy_and_stops_at_the_end_of_the_boom(example: Module
     assert is_picture(tmp_path / "crane.png")
 
 
+@pytest.mark.parametrize("example", ["snap_through"], indirect=True)
+def test_snap_through_is_the_exact_path(example: ModuleType, tmp_path: Path) -> None:
+    path = example.main(out=str(tmp_path))
+    y, load = path.point("joint")[:, 1], 200.0 * path.series["load_factor"]
+    assert np.abs(load - example.load_at(y)).max() < 1e-9
+    limits = [200.0 * point["load_factor"] for point in path.info["critical_points"]]
+    np.testing.assert_allclose(limits, [example.limit_load(), -example.limit_load()], rtol=1e-12)
+    # the formula of the limit load itself: no other load on the way down to the line is larger
+    assert example.load_at(np.linspace(0.0, example.HEIGHT, 20001)).max() == pytest.approx(example.limit_load(), rel=1e-7)
+    assert y.min() < -example.HEIGHT and is_picture(tmp_path / "snap_through.png")
+
+
+@pytest.mark.parametrize("example", ["slider_crank"], indirect=True)
+def test_slider_crank_goes_where_a_stiff_rod_sends_it(example: ModuleType, tmp_path: Path) -> None:
+    run = example.main(out=str(tmp_path), step=2e-3, t_end=1.0)
+    shaft, guide = run.joint("shaft"), run.joint("guide")
+    # two turns; measured 4e-6 m from the rigid rod
+    assert shaft["angle"][-1] > 4.0 * np.pi
+    assert np.abs(guide["distance"] - example.rigid_piston(shaft["angle"])).max() < 2e-5
+    np.testing.assert_allclose(shaft["work"], 3.0 * shaft["angle"], rtol=1e-11, atol=1e-11)
+    assert run.drift("balance") < 1e-12 and not run.events
+    assert is_picture(tmp_path / "slider_crank.png")
+
+
+@pytest.mark.parametrize("example", ["tuning_fork"], indirect=True)
+def test_tuning_fork_sounds_like_its_mode(example: ModuleType, tmp_path: Path) -> None:
+    mode, tone = example.main(out=str(tmp_path), elements=3)
+    # measured 324.49 and 324.51 Hz; a clamped prong would be higher by what the bow gives way
+    assert tone == pytest.approx(mode, rel=2e-4)
+    assert 0.85 < mode / example.clamped_prong() < 0.95
+    assert is_picture(tmp_path / "tuning_fork.png")
+
+
 def readme_program() -> str:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     program, = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
@@ -120,8 +153,8 @@ def test_the_program_of_the_readme_is_short_and_runs_as_it_stands(tmp_path: Path
 
 
 def test_links_and_pictures_of_the_texts_exist() -> None:
-    texts = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-    assert len(texts) == 15
+    texts = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    assert len(texts) == 24
     links = [(text, target) for text in texts for target in re.findall(r"\]\(([^)#]+)", text.read_text(encoding="utf-8"))]
     inside = [(text, target) for text, target in links if "://" not in target]
     assert len(inside) >= 9

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.joint_tables import Conditions
+from fastbeam.joint_tables import Conditions, Coordinate
 
 Array = np.ndarray
 
@@ -62,6 +62,63 @@ def test_conditions_are_met_at_the_start_and_their_derivatives_are_those_of_diff
         rate = rng.standard_normal((2, 2, 3))
         slope = (law.gap(motion(y, e * rate), x) - law.gap(motion(y, -e * rate), x)) / (2 * e)
         np.testing.assert_allclose(sum(v @ rate[k, 0] + w @ rate[k, 1] for k, (_, v, w) in enumerate(by)), slope, atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", [fb.RevoluteJoint, fb.PrismaticJoint], ids=["angle", "distance"])
+def test_a_given_coordinate_is_zero_at_the_start_and_its_derivatives_are_those_of_differences(kind: type) -> None:
+    model = fb.compile_scene(pair(kind, axis=(1, 2, 3), speed=lambda t: np.sin(t)))
+    link, rng = model.kept[-1], np.random.default_rng(1)
+    law = link.law
+    assert isinstance(law, Coordinate) and link.name.endswith("'joint' (drive)") and link.joint == "joint"
+    x = model.q0.reshape(-1, 4, 3)[list(link.node)]
+    assert abs(law.misses(x, 0.0)) < 1e-15 and abs(law.misses(x, -20 * np.pi)) < (1e-14 if law.is_angle else 63)
+    y = x + 0.2 * rng.standard_normal(x.shape)
+    u, w, e = (*rng.standard_normal((2, *x.shape)), 1e-5)
+    slope = (law.misses(y + e * u, 0.3) - law.misses(y - e * u, 0.3)) / (2 * e)
+    np.testing.assert_allclose(np.sum(law.lead(y)[0] * u), slope, atol=1e-7)
+    bent = (law.lead(y + e * w) - law.lead(y - e * w)).reshape(-1) / (2 * e)
+    np.testing.assert_allclose(law.curvature(y, np.ones(1)) @ w.reshape(-1), bent, atol=1e-6)
+    second = (law.misses(y + 1e-3 * u, 0.3) - 2 * law.misses(y, 0.3) + law.misses(y - 1e-3 * u, 0.3)) / 1e-6
+    np.testing.assert_allclose(-law.bend(y, u), second, rtol=1e-3)
+    # a turn about the axis, and a motion along it, change it one to one
+    axis = np.array([1, 2, 3]) / np.sqrt(14.0)
+    turning, y = np.zeros((2, 2, 3)), x.copy()
+    turning[1, 1] = 0.4 * axis
+    y[1, 0] += 0.4 * axis
+    assert law.misses(motion(x, turning) if law.is_angle else y, 0.4) == pytest.approx(0.0, abs=1e-14)
+
+
+def test_what_a_plane_keeps_from_moving_does_not_rub_there_and_what_is_given_leads_out_of_it() -> None:
+    for axis in ((0, 0, 1), (1, 0, 0)):
+        a, b = body("a"), body("b", (1, 0, 0), spin=(0, 0, 1))
+        for kind in (fb.RevoluteJoint, fb.PrismaticJoint):
+            joint = kind(a.point((0.5, 0, 0)), b.point((-0.5, 0, 0)), "joint", axis=axis, friction=0.1)
+            model = fb.compile_scene(fb.Scene(a, b, joint, project_velocities=True), planar=True)
+            found = model.plane.model
+            moves = (kind is fb.RevoluteJoint) == (axis[2] == 1)
+            # three freedoms in a plane, of which the joint leaves one or none
+            assert found.n_forces == 3 and found.kept[-1].name.endswith("(friction)") == moves
+            state = model.state()._replace(force=np.arange(1.0, model.n_forces + 1))
+            again = model.plane.reduce(model.plane.expand(model.plane.reduce(state)))
+            np.testing.assert_array_equal(again.force, model.plane.reduce(state).force)
+    slide = fb.PrismaticJoint(fb.GROUND, a, "lift", axis=(0, 0, 1), distance=lambda t: t**2)
+    model = fb.compile_scene(fb.Scene(a, slide))
+    assert model.plane is None or abs(model.plane.axes[2] @ (0, 0, 1)) < 0.5
+    with pytest.raises(fb.SceneError, match=r"prismatic joint 'lift' \(drive\) leads out of the plane"):
+        fb.compile_scene(fb.Scene(a, slide, fb.Load("push", a, force=(1, 1, 0), moment=(0, 0, 1))), planar=True)
+
+
+@pytest.mark.parametrize("options", [{"angle": lambda t: 2.0 * t**2}, {"friction": 1.0},
+                                     {"stops": fb.Stops(-0.5, 0.4, stiffness=50.0)}], ids=["drive", "friction", "stops"])
+def test_the_sparse_solver_takes_the_same_steps(options: dict[str, Any]) -> None:
+    arm, other = body("arm", (0.5, 0, 0)), body("other", (1.5, 0, 0))
+    scene = fb.Scene(arm, other, fb.RevoluteJoint(fb.GROUND, arm.point((-0.5, 0, 0)), "pivot", axis=(0, 1, 0), **options),
+                     fb.RevoluteJoint(arm.point((0.5, 0, 0)), other.point((-0.5, 0, 0)), "knee", axis=(0, 1, 0), friction=0.2),
+                     gravity=(0, 0, -9.81))
+    ends = [fb.simulate(fb.compile_scene(scene, solver=solver), t_end=0.5, step=0.01, progress=False)
+            for solver in ("chain", "sparse")]
+    np.testing.assert_allclose(ends[0].state.q, ends[1].state.q, rtol=0.0, atol=1e-11)
+    assert max(result.drift("balance") for result in ends) < 1e-13
 
 
 @pytest.mark.parametrize(("kind", "forces"), [(fb.RevoluteJoint, 5), (fb.CylindricalJoint, 4), (fb.PrismaticJoint, 5),
@@ -140,7 +197,7 @@ def test_errors_say_what_to_do(text: str) -> None:
 
 @pytest.mark.parametrize(("options", "joint", "text"), [
     ({"order": 4}, {"damping": 1.0}, "order=4 has a step backward in time"),
-    ({"method": "generalized_alpha"}, {"stiffness": 1.0}, "no springs, dampers and motors in joints")])
+    ({"method": "generalized_alpha"}, {"stiffness": 1.0}, "no springs, dampers, motors, drives, friction and stops in joints")])
 def test_what_forces_in_joints_do_not_go_together_with(options: dict[str, Any], joint: dict[str, Any], text: str) -> None:
     arm = body("arm", (0.5, 0, 0))
     pivot = fb.RevoluteJoint(fb.GROUND, arm.point((-0.5, 0, 0)), "pivot", axis=(0, 1, 0), **joint)

@@ -90,3 +90,16 @@ def test_meshes_whose_nodes_were_not_merged_are_found(torn: int) -> None:
     lines = says(net)
     assert lines[0] == f"together {1 + torn} connected piece{'s' if torn else ''}"
     assert len(lines) == 1 + torn
+
+
+def test_hinges_join_what_lies_together() -> None:
+    from small_scenes import straight
+    a, b = straight("a", (0, 0, 0), (1, 0, 0)), straight("b", (1, 0, 0), (2, 0, 0))
+    block = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
+    scene = fb.Scene(a, b, block, fb.Clamp(a.start), fb.RevoluteJoint(a.end, b.start, axis=(0, 1, 0)),
+                     fb.PrismaticJoint(b.end, block, axis=(1, 0, 0)))
+    text = str(fb.compile_scene(scene))
+    assert "1 connected piece\n" in text and "NOT JOINED" not in text
+    # a spring to somewhere else joins nothing that lies at its end
+    loose = fb.Scene(a, b, fb.Clamp(a.start), fb.Spring(b.start, a.start, stiffness=1.0))
+    assert "NOT JOINED" in str(fb.compile_scene(loose))

@@ -192,6 +192,39 @@ def test_what_differs_little_from_the_refused_is_planar(make: Callable[[], fb.Sc
     assert fb.compile_scene(make(), planar=True).not_planar == ""
 
 
+def crank(**drive: Any) -> fb.Scene:
+    """A crank, a rod and a piston that all begin on one line; the shaft turns about y."""
+    rod = fb.Beam.straight("rod", (0.2, 0, 0), (1, 0, 0), section=SECTION, elements=2)
+    crank, piston = (fb.RigidBody(name, mass=1.0, inertia=(0.1, 0.1, 0.1), position=(x, 0, 0)) for name, x in
+                     (("crank", 0.0), ("piston", 1.0)))
+    return fb.Scene(crank, rod, piston, fb.RevoluteJoint(fb.GROUND, crank, "shaft", axis=(0, 1, 0), **drive),
+                    fb.RevoluteJoint(crank.point((0.2, 0, 0)), rod.start, axis=(0, 1, 0)),
+                    fb.RevoluteJoint(rod.end, piston, axis=(0, 1, 0)), fb.PrismaticJoint(fb.GROUND, piston, "guide", axis=(1, 0, 0)))
+
+
+@pytest.mark.parametrize("drive", [{"torque": 2.0}, {"torque": lambda t: 2.0}, {"stiffness": 2.0, "rest": 1.0}])
+def test_motors_and_wound_springs_of_joints_choose_the_plane(drive: dict[str, Any]) -> None:
+    # all points lie on a line at the start: with another plane through it nothing would move
+    model = fb.compile_scene(crank(**drive))
+    assert model.plane is not None and abs(model.plane.axes[2][1]) == 1.0
+    run, whole = (fb.simulate(m, t_end=0.1, step=H, every=1) for m in (model, fb.compile_scene(crank(**drive), planar=False)))
+    angle = run.joint("shaft")["angle"]
+    np.testing.assert_allclose(angle, whole.joint("shaft")["angle"], atol=1e-12)
+    assert angle[-1] > 0.01
+
+
+def test_motors_of_joints_may_lead_out_of_the_plane_and_say_so() -> None:
+    scene = crank(torque=2.0)
+    scene.add(fb.Load("across", scene.beams[0].node(2), force=(0, 1.0, 0)))
+    model = fb.compile_scene(scene)
+    assert model.plane is None and "out of the plane" in model.not_planar
+    slide = fb.RigidBody("slide", mass=1.0, inertia=(0.1, 0.1, 0.1), position=(1, 0, 0))
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)
+    pushed = fb.Scene(beam, slide, fb.Clamp(beam.start), fb.PrismaticJoint(beam.end, slide, "ram", axis=(0, 0, 1), force=3.0),
+                      fb.Load("side", beam.end, force=(0, 1.0, 0)))
+    assert fb.compile_scene(pushed).plane is None
+
+
 def test_planar_false_says_so() -> None:
     model = fb.compile_scene(flight(), planar=False)
     assert model.plane is None and model.not_planar == "planar=False"

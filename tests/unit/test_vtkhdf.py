@@ -81,6 +81,75 @@ def test_forces_on_sliders_are_those_of_the_rows(tmp_path: Path) -> None:
     assert not force[:, 0].any() and not force[:, 2:].any() and np.abs(force[:, 1]).max() > 0.0
 
 
+@cache
+def watched() -> Result:
+    """The flight once more, with velocities and points between nodes."""
+    scene = bead()
+    rail = scene.beams[0]
+    model = fb.compile_scene(scene)
+    points = {f"{s:.9f}": (rail, float(s)) for s in Lines(model.names, 8, refine=3).s}
+    return fb.simulate(model, t_end=0.2, step=0.02, every=1, snapshots=11, points=points, observe=("velocity", "slider"),
+                       progress=False)
+
+
+@pytest.mark.parametrize("surface", [False, True])
+def test_velocities_are_those_of_the_run_also_after_a_file(surface: bool, tmp_path: Path) -> None:
+    run = watched()
+    run.save(tmp_path / "run.h5")
+    fb.load_result(tmp_path / "run.h5").to_vtk(tmp_path / "run.vtkhdf", refine=3, double=True, surface=surface)
+    found = steps_of(tmp_path / "run.vtkhdf", "velocity")
+    nodes = [run.names["masses"][0]["node"], run.names["slider_nodes"][0]]
+    np.testing.assert_array_equal(found[:, :2], run.velocities[:, nodes])
+    along = found[:, 2:].reshape(11, 19, -1, 3)
+    # what the run recorded at these points; all corners of a section move like its axis
+    np.testing.assert_allclose(along, np.broadcast_to(run.series["point_velocity"][:, :, None], along.shape), atol=1e-13)
+    assert np.abs(run.velocities).max() > 0.1
+
+
+def test_without_velocities_shapes_tell_them_and_the_name_says_so(tmp_path: Path) -> None:
+    t = np.array([0.0, 0.1, 0.3, 0.35])
+    path = np.stack((2.0 + 3.0 * t - 4.0 * t**2, 0 * t, t), axis=1)[:, None, :]
+    run = Result(t=t, t_snap=t, phi=np.repeat(path, 2, axis=1), directors=np.tile(np.eye(3), (4, 2, 1, 1)),
+                 names={"beams": [{"name": "b", "first": 0, "count": 2, "element_ends": [0, 1]}]})
+    run.to_vtk(tmp_path / "run.vtkhdf", double=True)
+    # exact for motions with constant acceleration, whatever the distances of the shapes
+    found = steps_of(tmp_path / "run.vtkhdf", "velocity_from_shapes")
+    np.testing.assert_allclose(found[:, 0], np.stack((3.0 - 8.0 * t, 0 * t, 1.0 + 0 * t), axis=1), atol=1e-13)
+    with h5py.File(tmp_path / "run.vtkhdf") as file:
+        assert "velocity" not in file["VTKHDF/PointData"]
+
+
+def test_equilibria_have_no_velocities(tmp_path: Path) -> None:
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2)
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, 1e-3))))
+    rest = fb.solve_static(model, levels=(0.3, 0.6, 1.0), observe=("velocity",))
+    assert rest.velocities is None and len(rest.t_snap) > 3
+    rest.to_vtk(tmp_path / "rest.vtkhdf")
+    with h5py.File(tmp_path / "rest.vtkhdf") as file:
+        assert not [name for name in file["VTKHDF/PointData"] if "velocity" in name]
+
+
+@pytest.mark.parametrize("surface", [False, True])
+def test_section_forces_stand_at_the_points_of_their_beam(surface: bool, tmp_path: Path) -> None:
+    scene = bead()
+    model, rail = fb.compile_scene(scene), scene.beams[0]
+    run = fb.simulate(model, t_end=0.2, step=0.02, every=1, snapshots=5, progress=False)
+    s = Lines(model.names, 8, refine=3).s
+    sections = fb.section_forces(model, run, rail, s[::-1])
+    run.to_vtk(tmp_path / "run.vtkhdf", refine=3, double=True, surface=surface, sections={"rail": sections})
+    for name, parts in (("section_force", "N Q2 Q3"), ("section_moment", "T M2 M3")):
+        found = steps_of(tmp_path / "run.vtkhdf", name)
+        assert np.isnan(found[:, :2]).all()
+        expected = np.stack([getattr(sections, x)[:, ::-1] for x in parts.split()], axis=-1)
+        along = found[:, 2:].reshape(len(run.t_snap), 19, -1, 3)
+        np.testing.assert_array_equal(along, np.broadcast_to(expected[:, :, None], along.shape))
+    for wrong, message in (({"rial": sections}, "'rial' is no beam"), ({"rail": 3}, "must be a dict of names"), ([1], "must be a dict"),
+                           ({"rail": fb.section_forces(model, run.state, rail)}, "1 other shapes than the 5")):
+        with pytest.raises(fb.SceneError, match=message):
+            run.to_vtk(tmp_path / "wrong.vtkhdf", sections=wrong)
+    assert not (tmp_path / "wrong.vtkhdf").exists()
+
+
 def sized(section: fb.Section) -> Result:
     """One bent beam of this section, at rest."""
     beam = fb.Beam.arc("arc", (1, 0, 0), (0, 1, 0), (-1, 0, 0), radius=1.0, angle=1.0, section=section, elements=2)
@@ -187,6 +256,8 @@ def test_vtk_plays_the_series(surface: bool, tmp_path: Path) -> None:
         expected = steps_of(tmp_path / "run.vtkhdf", "Points")[k]
         np.testing.assert_array_equal(support.vtk_to_numpy(data.GetPoints().GetData()), expected)
         np.testing.assert_allclose(expected[0], run.phi[k, 7], rtol=1e-6)
+        velocity = support.vtk_to_numpy(data.GetPointData().GetArray("velocity_from_shapes"))
+        np.testing.assert_array_equal(velocity, steps_of(tmp_path / "run.vtkhdf", "velocity_from_shapes")[k])
         force = support.vtk_to_numpy(data.GetPointData().GetArray("force"))[1]
         np.testing.assert_allclose(force, run.slider("run")["force"][k], rtol=1e-6)
         assert support.vtk_to_numpy(data.GetCellData().GetArray("kind"))[:3].tolist() == [2, 3, 0]

@@ -65,11 +65,12 @@ def augment(contact, force, schur, y, dofs):
         if not largest > contact.augmented[1]:
             return k
         contact.compliance[k] = largest
-        first = contact.augmented[2] * contact.augmented[0] * largest
+        soft = contact.augmented[0] * contact.softness[k]
+        first = contact.augmented[2] * soft * largest
         for j in range(contact.forces[k]):
             y[o + j] -= first * force[contact.first_force[k] + j]
         for j in range(o, o + contact.forces[k]):
-            schur[j, j] += contact.augmented[0] * largest
+            schur[j, j] += soft * largest
             for i in range(n):
                 schur[i, j] /= largest
     return -1
@@ -129,7 +130,7 @@ def solve_border(contact, force, panel, width, border_rows, schur, y_out, x_out,
         for i in range(contact.forces[k]):
             y_out[o + i] /= contact.compliance[k]
             before = contact.augmented[2] * force[contact.first_force[k] + i]
-            left = contact.augmented[0] * contact.compliance[k] * (y_out[o + i] + before)
+            left = contact.augmented[0] * contact.softness[k] * contact.compliance[k] * (y_out[o + i] + before)
             contact.remaining[k] = max(contact.remaining[k], abs(left))
     contact.augmented[2] = 0.0
     last = n * width

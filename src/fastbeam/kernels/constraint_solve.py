@@ -179,10 +179,11 @@ def scale_constraint(couplings, order, factors, contact, force, i, k, c):
     m = couplings.unknowns[k]
     forces = couplings.forces[k]
     inverse = 1.0 / c
-    first = contact.augmented[2] * contact.augmented[0] * c
+    soft = contact.augmented[0] * contact.softness[k]
+    first = contact.augmented[2] * soft * c
     for a in range(forces):
         store[d + 8 * a + RIGHT] -= first * force[couplings.first_force[k] + a]
-        store[d + 9 * a] += contact.augmented[0] * c
+        store[d + 9 * a] += soft * c
     for b in range(m):
         for a in range(forces):
             store[d + 8 * b + a] *= inverse
@@ -380,7 +381,8 @@ def take_solution(couplings, order, factors, contact, force, x_out, y_out, dofs)
         for a in range(m):
             y_out[y + a] = factors.x[8 * p + a]
         contact.remaining[k] = 0.0
+        share = contact.augmented[0] * contact.softness[k] * contact.compliance[k]
         for a in range(forces):
-            left = contact.augmented[0] * contact.compliance[k] * (y_out[y + a] + contact.augmented[2] * force[f + a])
+            left = share * (y_out[y + a] + contact.augmented[2] * force[f + a])
             contact.remaining[k] = max(contact.remaining[k], abs(left))
     contact.augmented[2] = 0.0

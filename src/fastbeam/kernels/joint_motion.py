@@ -9,7 +9,8 @@ on a. As both triads keep the axis, theta_b - theta_a is parallel to a; the mome
 
     T = G Dx/w,     tan(Dx/2) = p/q,  p = w/(2 a.a),  q = 1 + theta_a . theta_b/4                                       (4.15)
 
-so that the energy changes by exactly G Dx. Dx/w is formed without division by zero.
+so that the energy changes by exactly G Dx. Dx/w is formed without division by zero. Elastic stops add minus the divided
+difference of their energy to G. Forces that are unknowns, of given coordinates and of friction, stand in joint_drive.py.
 
 Arrays: q [12 N], in a plane [4 N].
 """
@@ -22,6 +23,7 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import cross, dot
+from .along import stop_force
 from .joint_conditions import direction, push_along
 from .kinds import Plane, Space, add_to, add_turn, cayley_vector, cross_product, dim, on_spin, position, put
 from .terms import Conserving, Equilibrium, account, assemble, put_loads, spread_nodes
@@ -55,6 +57,14 @@ class JointForces(NamedTuple):
     """The term that applies the forces, where there are any."""
 
     motion: JointMotion
+
+
+class JointStops(NamedTuple):
+    """Elastic stops of D coordinates."""
+
+    motion: JointMotion
+    which: np.ndarray      # int64 [D]: of the coordinates of `motion`
+    stops: np.ndarray      # float64 [D, 3]: where they begin, m or rad, as values of the coordinate; stiffness, N/m or N m/rad
 
 
 class MotorSchedule(NamedTuple):
@@ -266,6 +276,37 @@ def assemble_joint_forces_at_rest(term, method, system, h):
             push_angle(motion, c, system, Turn(0.0, 1.0, 0.0 * axis, 0.0 * axis, axis, axis), force, -0.5 * k)
         else:
             push_distance(motion, c, system, force, -0.5 * k)
+
+
+@assemble.register(JointStops, Conserving)
+@kernel
+def assemble_stops(term, method, system, h):
+    motion, dofs = term.motion, system.dofs
+    for i in range(term.which.shape[0]):
+        c = term.which[i]
+        before = system.state.history[motion.place[c] + VALUE]
+        if motion.is_angle[c]:
+            turn = turn_of_step.call(dofs, motion, c, system)
+            push = stop_force(term, i, before, before + turn.angle)
+            push_angle(motion, c, system, turn, push.value, push.slope)
+        else:
+            push = stop_force(term, i, before, value_of(motion, c, dofs, system.work.q_end, 0.0))
+            push_distance(motion, c, system, push.value, push.slope)
+
+
+@assemble.register(JointStops, Equilibrium)
+@kernel
+def assemble_stops_at_rest(term, method, system, h):
+    motion, dofs = term.motion, system.dofs
+    for i in range(term.which.shape[0]):
+        c = term.which[i]
+        value = value_of(motion, c, dofs, system.work.q_end, system.state.history[motion.place[c] + VALUE])
+        push = stop_force(term, i, value, value)
+        if motion.is_angle[c]:
+            axis = axis_of.call(dofs, motion, c, system.work.q_end)
+            push_angle(motion, c, system, Turn(0.0, 1.0, 0.0 * axis, 0.0 * axis, axis, axis), push.value, push.slope)
+        else:
+            push_distance(motion, c, system, push.value, push.slope)
 
 
 @account.register(JointMotion)

@@ -217,6 +217,23 @@ def add_stiffness(tc, a, offset, factor, x, y):
     return types.void(a, offset, factor, x, y), codegen
 
 
+@intrinsic
+def add_outer(tc, a, offset, factor, x, y):
+    """a[offset + 8 i + j] += factor x_i y_j; x and y are vectors or, as spins in a plane, numbers."""
+    n, m = getattr(x, "n", 1), getattr(y, "n", 1)
+
+    def codegen(ctx, b, sig, args):
+        o = _int(ctx, b, args[1], sig.args[1])
+        f = ctx.cast(b, args[2], sig.args[2], f8)
+        xs, ys = ([z] if k == 1 else _parts(b, z, k) for z, k in ((args[3], n), (args[4], m)))
+        for i, z in enumerate([_mul(b, f, z) for z in xs]):
+            for j in range(m):
+                p = _pointer(ctx, b, sig.args[0], args[0], b.add(o, ir.Constant(_I64, 8 * i + j)), f8)
+                b.store(_add(b, b.load(p, align=8), _mul(b, z, ys[j])), p, align=8)
+        return ctx.get_dummy_value()
+    return types.void(a, offset, factor, x, y), codegen
+
+
 # --- elements in lanes: as many as a register holds, components 8 doubles apart -------------------------------------------
 @intrinsic
 def vector_lanes(tc, array, offset, dofs):

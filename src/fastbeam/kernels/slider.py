@@ -78,6 +78,7 @@ class Contact(NamedTuple):
     first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints
     first_force: np.ndarray  # int64 [S]: number of the first force
     compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
+    softness: np.ndarray    # float64 [S]: share of augmented[0] that it has
     remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
     full: np.ndarray        # int64 [1]: 1 where a slider had more entries than there is room for
     augmented: np.ndarray   # float64 [4]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration,

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.bushing import Bushing
 from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
@@ -20,14 +21,14 @@ from fastbeam.scene.sections import Section
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
-from fastbeam.scene.spring import Spring
+from fastbeam.scene.spring import Damper, Spring
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Clamp", "Crossing", "CylindricalJoint", "DistanceJoint", "DistributedLoad", "Drag", "Drive",
-    "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided",
-    "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
-    "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops", "StraightLine",
-    "Switch", "UniversalJoint", "UserForce",
+    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef",
+    "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint",
+    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+    "StraightLine", "Switch", "UniversalJoint", "UserForce",
 ]

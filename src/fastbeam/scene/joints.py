@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Name, Number, Vector, checked
+from fastbeam.arguments import Name, Number, Numbers, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
@@ -14,10 +14,12 @@ from fastbeam.scene.checks import Array
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
-from fastbeam.scene.sliding import OfTime
+from fastbeam.scene.sliding import OfTime, SomeStops, Stops, rate_at_start
 
 # largest deviation of two axes from a right angle, as the cosine of the angle
 UPRIGHT = 1e-9
+# as of `rate_at_start`
+FADES = 1e-6
 JOINED = Name("a joint has two sides, write one for every pair")
 
 
@@ -27,6 +29,19 @@ class Side:
 
     def __call__(self, value: Any) -> Any:
         return value if isinstance(value, Ground) else Node(fixed=True)(value)
+
+
+@dataclass(frozen=True)
+class OnBoth:
+    """A number for the angle and one for the distance of a joint that has both."""
+
+    least: float | None = None
+
+    def __call__(self, value: Any) -> tuple[float, float]:
+        clean = Numbers((2,), "two numbers, one for the angle and one for the distance")(value)
+        if self.least is not None and np.any(clean < self.least):
+            raise Refusal(f"must be two numbers >= {self.least:g}, got {shown(value)}")
+        return float(clean[0]), float(clean[1])
 
 
 SIDE = Side()
@@ -66,10 +81,67 @@ class AxisJoint(Link):
         name = str(self.name)
         return name if name.startswith(f"{self.kind} of ") else checks.label(self.kind, name)
 
+    # what may act on what it leaves free
+    stiffness: ClassVar[Any] = 0.0
+    damping: ClassVar[Any] = 0.0
+    rest: ClassVar[Any] = 0.0
+    speed: ClassVar[Any] = None
+    friction: ClassVar[float] = 0.0
+    stops: ClassVar[Stops | None] = None
+
     @property
     def motor(self) -> Any:
         """Force or torque on what it leaves free: a number, a function of time, or None."""
         return None
+
+    @property
+    def place(self) -> Any:
+        """What its coordinate is given: a number, a function of time, or None."""
+        return None
+
+    @property
+    def is_given(self) -> bool:
+        """Whether its coordinate is given as a function of time."""
+        return self.place is not None or self.speed is not None
+
+    @property
+    def given_rate(self) -> float:
+        """Of what is given, at t = 0, m/s or rad/s."""
+        what = "speed" if self.place is None else self.words[0]
+        return rate_at_start(self.speed if self.place is None else self.place, what, self.label, FADES)
+
+    @property
+    def words(self) -> tuple[str, str, str]:
+        """Names of the arguments for its coordinate and its motor, and the unit of the coordinate."""
+        return ("angle", "torque", "rad") if self.coordinates[0] else ("distance", "force", "m")
+
+    def of(self, what: str, k: int) -> float:
+        """Stiffness, damping or rest value of coordinate k."""
+        value = getattr(self, what)
+        return float(value[k] if isinstance(value, tuple) else value)
+
+    def _check_forces(self) -> None:
+        """Refuse what contradicts each other on the coordinate that it leaves free."""
+        who, (place, motor, unit) = self.label, self.words
+        if self.place is not None and self.speed is not None:
+            raise SceneError(f"{who}: {place}= and speed= both say how it moves; give one of them")
+        if self.is_given:
+            given = f"{place}=" if self.place is not None else "speed="
+            others = {"stiffness": self.stiffness > 0.0, "damping": self.damping > 0.0, motor: self.motor is not None,
+                      "friction": self.friction > 0.0, "stops": self.stops is not None}
+            for what, is_there in others.items():
+                if is_there:
+                    raise SceneError(f"{who}: {given} says how it moves, whatever that takes, so {what}= changes nothing; leave "
+                                     "one of them out")
+        stops = self.stops
+        if stops is not None:
+            if stops.stiffness is None:
+                raise SceneError(f"{who}: rigid stops are for sliders; give those of joints a stiffness, as in "
+                                 f"stops=fb.Stops({stops.start}, {stops.end}, stiffness=1e4)")
+            low, high = stops.between
+            if not low <= 0.0 <= high:
+                raise SceneError(f"{who}: stops from {stops.start} to {stops.end} {unit} exclude its start, where the {place} is "
+                                 "0; begin between them")
 
 
 def _place(node: NodeRef) -> Array:
@@ -99,7 +171,8 @@ class OneAxisJoint(AxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),
-         damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"))
+         damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"), angle=OfTime("rad"),
+         speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), stops=SomeStops())
 @dataclass(frozen=True, eq=False)
 class RevoluteJoint(OneAxisJoint):
     """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
@@ -119,12 +192,20 @@ class RevoluteJoint(OneAxisJoint):
         Angle without torque of the spring, rad; 0 is that at t = 0.
     torque : float or callable, optional
         Of a motor, on b about the axis, the opposite on a, N m: a number or a function of time.
+    angle, speed : float or callable, optional
+        A drive that turns b as given, whatever torque that takes: the angle in rad, over any number of turns, or its rate in
+        rad/s, a number or a function of time. The angle at t = 0 is 0.
+    friction : float
+        Largest torque of Coulomb friction, N m, >= 0: it sticks up to it, and slips under it (theory.md (4.17)).
+    stops : Stops, optional
+        Elastic ones, `fb.Stops(-1.0, 2.0, stiffness=1e4)`: angles where they begin, rad, and N m/rad.
 
     Raises
     ------
     SceneError
         A side is no node or body or has no rotation, both sides are the same or the ground, the axis is zero, a number is out of
-        range. `Scene.check`: the points do not coincide.
+        range; an angle or speed with anything else that acts on the angle; stops that are rigid or exclude the start.
+        `Scene.check`: the points do not coincide.
 
     Examples
     --------
@@ -145,27 +226,59 @@ class RevoluteJoint(OneAxisJoint):
     damping: float = 0.0
     rest: float = 0.0
     torque: Any = None
+    angle: Any = None
+    speed: Any = None
+    friction: float = 0.0
+    stops: Stops | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check_forces()
 
     @property
     def motor(self) -> Any:
         """As of `AxisJoint`."""
         return self.torque
 
+    @property
+    def place(self) -> Any:
+        """As of `AxisJoint`."""
+        return self.angle
 
+
+@checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=OnBoth(0.0), damping=OnBoth(0.0), rest=OnBoth())
+@dataclass(frozen=True, eq=False)
 class CylindricalJoint(OneAxisJoint):
     """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
 
-    `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0. Parameters and errors are
-    the first four of `RevoluteJoint`; the points need not coincide.
+    `result.joint(name)` has the angle and the distance along the axis from a to b, both zero at t = 0.
+
+    Parameters
+    ----------
+    a, b, name, axis
+        As of `RevoluteJoint`; the points need not coincide.
+    stiffness, damping, rest : (float, float)
+        Of a torsion spring and damper, and of those along the axis: N m/rad and N/m, N m s/rad and N s/m, rad and m.
+
+    Raises
+    ------
+    SceneError
+        As of `RevoluteJoint`.
     """
 
     kind: ClassVar[str] = "cylindrical joint"
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((1, -1), (2, -1)), ONE_AXIS)
     coordinates: ClassVar[tuple[bool, ...]] = (True, False)
 
+    _: KW_ONLY
+    stiffness: tuple[float, float] = (0.0, 0.0)
+    damping: tuple[float, float] = (0.0, 0.0)
+    rest: tuple[float, float] = (0.0, 0.0)
+
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N/m"),
-         damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"))
+         damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"), distance=OfTime("m"),
+         speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), stops=SomeStops())
 @dataclass(frozen=True, eq=False)
 class PrismaticJoint(OneAxisJoint):
     """Part b slides along an axis of a without turning: a guide, a translational joint.
@@ -182,6 +295,13 @@ class PrismaticJoint(OneAxisJoint):
         Distance without force of the spring, m; 0 is that at t = 0.
     force : float or callable, optional
         Of an actuator, on b along the axis, the opposite on a, N: a number or a function of time.
+    distance, speed : float or callable, optional
+        A drive that moves b as given, whatever force that takes: the distance in m, or its rate in m/s, a number or a function of
+        time. The distance at t = 0 is 0.
+    friction : float
+        Largest force of Coulomb friction, N, >= 0: it sticks up to it, and slips under it (theory.md (4.17)).
+    stops : Stops, optional
+        Elastic ones, `fb.Stops(-0.1, 0.3, stiffness=1e6)`: distances where they begin, m, and N/m.
 
     Raises
     ------
@@ -198,11 +318,24 @@ class PrismaticJoint(OneAxisJoint):
     damping: float = 0.0
     rest: float = 0.0
     force: Any = None
+    distance: Any = None
+    speed: Any = None
+    friction: float = 0.0
+    stops: Stops | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check_forces()
 
     @property
     def motor(self) -> Any:
         """As of `AxisJoint`."""
         return self.force
+
+    @property
+    def place(self) -> Any:
+        """As of `AxisJoint`."""
+        return self.distance
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, normal=Vector)

@@ -34,3 +34,9 @@ class Link:
             raise SceneError(f"{who}: both sides are {same}; it needs two different points")
         if self.name is None:
             checks.fill(self, name=f"{self.kind} of {a.label} and {b.label}")
+
+
+def label_of(link: Link) -> str:
+    """A link for messages; automatic names already say the kind."""
+    name = str(link.name)
+    return name if name.startswith(f"{link.kind} of ") else checks.label(link.kind, name)

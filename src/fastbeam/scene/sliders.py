@@ -159,7 +159,7 @@ class Slider:
         low, high = (-np.inf, np.inf) if self.is_endless else (0.0, self.beam.length)
         if stops is not None:
             for what, end in (("start", stops.start), ("end", stops.end)):
-                if end is not None and end > high:
+                if end is not None and not 0.0 <= end <= high:
                     raise SceneError(f"{who}: stops: {what}={end:.6g} m lies beyond {self.beam.label} (0 to "
                                      f"{self.beam.length:.6g} m)")
             if not (low if stops.start is None else stops.start) <= self.at <= (high if stops.end is None else stops.end):

@@ -165,6 +165,12 @@ class Drive:
 def initial_rate(drive: Drive, who: str) -> float:
     """ds/dt at t = 0 of a prescribed motion, m/s; who: in messages."""
     value, what = (drive.speed, "speed") if drive.position is None else (drive.position, "position")
+    return rate_at_start(value, what, who)
+
+
+def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
+    """Rate at t = 0 of what a number or a function of time gives: a place, or its rate where `what` is 'speed'. fades: a rate
+    below this share of the largest that follows at once is what differences miss of one that begins with zero."""
     if not callable(value):
         return float(value) if what == "speed" else 0.0
     found = [real(called(who, what, value, k * SHORT)) for k in range(5)]
@@ -175,14 +181,15 @@ def initial_rate(drive: Drive, who: str) -> float:
     rate = float(np.dot(FORWARD, found)) / SHORT
     # round-off of the positions
     noise = 20.0 * float(np.finfo(float).eps) * max(abs(float(x)) for x in found) / SHORT  # type: ignore[arg-type]
-    return rate if abs(rate) > noise else 0.0
+    follows = float(np.max(np.abs(np.diff(np.array(found, float))))) / SHORT
+    return rate if abs(rate) > max(noise, fades * follows) else 0.0
 
 
-@checked(start=Number(least=0.0, unit="m"), end=Number(least=0.0, unit="m"), stiffness=Number(above=0.0, unit="N/m"),
+@checked(start=Number(), end=Number(), stiffness=Number(above=0.0),
          restitution=Number(least=0.0, most=1.0))
 @dataclass(frozen=True)
 class Stops:
-    """Stops of a slider, elastic with `stiffness`, else rigid.
+    """Stops of a slider or of a joint with an axis, elastic with `stiffness`, else rigid; those of joints are elastic.
 
     An elastic stop is a spring between the arc length and the point once it is beyond it. At a rigid one the step ends where it
     is met, and the velocity along the beam jumps to -restitution times what it was; the loss is in the balance. A slider that
@@ -191,9 +198,9 @@ class Stops:
     Parameters
     ----------
     start, end : float or None
-        Arc lengths, m; None: no stop there.
+        Arc lengths, m; of joints distances, m, or angles, rad, which may be negative. None: no stop there.
     stiffness : float, optional
-        N/m, > 0.
+        N/m, of angles N m/rad, > 0.
     restitution : float, optional
         Of rigid stops, from 0 (default: it does not bounce) to 1 (without loss).
 

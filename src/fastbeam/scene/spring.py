@@ -1,21 +1,57 @@
-"""A spring between two points."""
+"""Springs and dampers along the line of two points."""
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import ClassVar
+from itertools import islice
+from typing import Any, ClassVar
 
-from fastbeam.arguments import Name, Number, checked
-from fastbeam.scene.links import Link
+import numpy as np
+
+from fastbeam.arguments import LARGEST, Flag, Name, Number, Refusal, Word, checked, constant, numbers, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.links import Link, label_of
 from fastbeam.scene.parts import Node
 
+ENDS = Name("a spring has two ends, write one for every pair")
+INTERPOLATIONS = ("linear", "spline")
+# rows of a table
+MOST_POINTS = 100_000
 
-@checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a spring has two ends, write one for every pair"),
-         stiffness=Number(least=0.0, unit="N/m"), length=Number(least=0.0, unit="m"))
+
+@dataclass(frozen=True)
+class Table:
+    """Two rows of numbers of one length: what grows, and values."""
+
+    def __call__(self, value: Any) -> Array:
+        need = "must be two rows of at least 2 finite numbers each, elongations in m that grow and forces in N"
+        try:
+            rows = [] if isinstance(value, (str, bytes, dict)) else [numbers(row) for row in islice(value, 3)]
+        except Exception:          # what cannot be looped over
+            rows = []
+        if len(rows) != 2 or any(row is None or row.ndim != 1 for row in rows):
+            raise Refusal(f"{need}, got {shown(value)}")
+        x, y = rows
+        if x.size != y.size or not 2 <= x.size <= MOST_POINTS or not all(np.all(np.abs(row) <= LARGEST) for row in rows):
+            raise Refusal(f"{need}, got {x.size} elongations and {y.size} forces" + (
+                "" if x.size != y.size or x.size < 2 else f", finite ones of at most {LARGEST:g}, at most {MOST_POINTS} of them"))
+        back = np.flatnonzero(~(np.diff(x) > 1e-12 * np.ptp(x)))
+        if back.size:
+            k = int(back[0])
+            raise Refusal(f"{need}; elongation {k + 1} is {x[k + 1]:.6g} m after {x[k]:.6g} m")
+        return constant(np.array(rows))
+
+
+@checked(a=Node(fixed=True), b=Node(fixed=True), name=ENDS,
+         stiffness=Number(least=0.0, unit="N/m"), length=Number(least=0.0, unit="m"), damping=Number(least=0.0, unit="N s/m"),
+         tension_only=Flag(), compression_only=Flag(), table=Table(), interpolation=Word(INTERPOLATIONS))
 @dataclass(frozen=True, eq=False)
 class Spring(Link):
-    """Linear spring without mass between two points: nodes of beams, points of bodies, masses.
+    """Spring without mass between two points: nodes of beams, points of bodies, masses.
 
-    Its energy is 1/2 stiffness (distance - length)^2; it pulls and pushes along the line of both points.
+    It pulls and pushes along the line of both points. Its energy is 1/2 stiffness (distance - length)^2, or the integral of a
+    table; energy and momenta are kept by steps of any size, through slack and over kinks too (theory.md (4.18)).
+    `result.spring(name)` has its length, force, energy and loss.
 
     Parameters
     ----------
@@ -23,14 +59,25 @@ class Spring(Link):
         Its ends; one may be `GROUND.point((x, y, z))`.
     name : str, optional
     stiffness : float
-        N/m, >= 0.
+        N/m, >= 0. Left out where there is a table.
     length : float, optional
-        Length without force, m, >= 0; default: the distance of its ends at t = 0.
+        Length without elongation, m, >= 0; default: the distance of its ends at t = 0.
+    damping : float
+        Of a damper beside it, N s/m, >= 0: the force damping times the rate of the length. Steps of order 2 alone.
+    tension_only, compression_only : bool
+        Neither force nor damping where it is shorter (longer) than `length`: a rope, a buffer.
+    table : two rows (n,), optional
+        Elongations distance - length, m, growing, and forces there, N, positive where it pulls. Outside the table the force goes
+        on with the slope at its end.
+    interpolation : {'linear', 'spline'}
+        Of the table: straight lines, or the cubic spline with continuous curvature (not-a-knot: four points of a cubic give the
+        cubic).
 
     Raises
     ------
     SceneError
-        An end is no node, body or mass, both ends are the same, a number is out of range.
+        An end is no node, body or mass, both ends are the same, a number is out of range, elongations do not grow; stiffness and
+        table are both given or both missing, a table is to pull (push) alone.
 
     Examples
     --------
@@ -43,5 +90,82 @@ class Spring(Link):
     kind: ClassVar[str] = "spring"
 
     _: KW_ONLY
-    stiffness: float
+    stiffness: float | None = None
     length: float | None = None
+    damping: float = 0.0
+    tension_only: bool = False
+    compression_only: bool = False
+    table: ArrayField = None
+    interpolation: str = "linear"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.stiffness is None) == (self.table is None):
+            which = "both are there" if self.table is not None else "both are missing"
+            raise SceneError(f"{self.label}: give either stiffness= (N/m) or table=, {which}")
+        if self.tension_only and self.compression_only:
+            raise SceneError(f"{self.label}: tension_only and compression_only leave no force; give one of them")
+        if self.table is not None and (self.tension_only or self.compression_only):
+            raise SceneError(f"{self.label}: a table says itself where there is no force: give forces of 0 there, and leave "
+                             f"{'tension_only' if self.tension_only else 'compression_only'} out")
+        if self.table is None and self.interpolation != "linear":
+            raise SceneError(f"{self.label}: interpolation={self.interpolation!r} belongs to a table; leave it out")
+
+    @property
+    def label(self) -> str:
+        """The spring for messages; automatic names already say the kind."""
+        return label_of(self)
+
+    @property
+    def side(self) -> int:
+        """1 where it only pulls, -1 where it only pushes, 0: both."""
+        return int(self.tension_only) - int(self.compression_only)
+
+    @property
+    def is_damped(self) -> bool:
+        """Whether it takes energy away."""
+        return self.damping > 0.0
+
+    @property
+    def has_law(self) -> bool:
+        """Whether it is more than a linear spring."""
+        return self.is_damped or self.side != 0 or self.table is not None
+
+
+@checked(a=Node(fixed=True), b=Node(fixed=True), name=ENDS, damping=Number(least=0.0, unit="N s/m"))
+@dataclass(frozen=True, eq=False)
+class Damper(Link):
+    """Linear damper along the line of two points: the force `damping` times the rate of their distance. Steps of order 2 alone.
+
+    Parameters
+    ----------
+    a, b, name
+        As of `Spring`.
+    damping : float
+        N s/m, >= 0.
+
+    Raises
+    ------
+    SceneError
+        An end is no node, body or mass, both ends are the same, a number is out of range.
+    """
+
+    kind: ClassVar[str] = "damper"
+    stiffness: ClassVar[float] = 0.0
+    length: ClassVar[None] = None
+    table: ClassVar[None] = None
+    side: ClassVar[int] = 0
+    has_law: ClassVar[bool] = True
+
+    _: KW_ONLY
+    damping: float
+
+    @property
+    def label(self) -> str:
+        """The damper for messages; automatic names already say the kind."""
+        return label_of(self)
+
+    @property
+    def is_damped(self) -> bool:
+        """Whether it takes energy away."""
+        return self.damping > 0.0

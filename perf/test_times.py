@@ -1,0 +1,71 @@
+"""Processor time of every test, that of the processes it starts included: which tests compile kernels for long.
+
+    rm -rf the folder of compiled kernels (`python -m fastbeam doctor` says where), then
+    python perf/test_times.py                      the default tests; 40 longest tests, and files
+    python perf/test_times.py tests/unit -m slow   arguments of pytest
+    python perf/test_times.py --of out/test_times.jsonl   of a run before
+
+What compiles first pays for those behind it: after moving a test to `tests/slow_variants.txt`, measure again.
+"""
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+OUT = ROOT / "out" / "test_times.jsonl"
+
+
+def used() -> float:
+    """Processor seconds of this process and of those it waited for."""
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(x.ru_utime + x.ru_stime for x in both)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """As a plugin: one line a test."""
+    begin = used()
+    yield
+    with OUT.open("a") as file:
+        file.write(json.dumps([item.nodeid, round(used() - begin, 3)]) + "\n")
+
+
+def table(path: Path) -> None:
+    """The longest tests, and files."""
+    tests = [json.loads(line) for line in path.read_text().splitlines()]
+    files: dict[str, float] = defaultdict(float)
+    for name, seconds in tests:
+        files[name.split("::")[0]] += seconds
+    print(f"{len(tests)} tests, {sum(files.values()):.0f} s of processor time")
+    for lines in (sorted(tests, key=lambda x: -x[1])[:40], sorted(files.items(), key=lambda x: -x[1])[:25]):
+        print()
+        for name, seconds in lines:
+            print(f"{seconds:8.1f} s  {name}")
+
+
+def main() -> int:
+    """Run pytest with this file as a plugin, or print what a run before wrote."""
+    arguments = sys.argv[1:]
+    if arguments[:1] == ["--of"]:
+        table(Path(arguments[1]))
+        return 0
+    OUT.parent.mkdir(exist_ok=True)
+    OUT.unlink(missing_ok=True)
+    paths = os.pathsep.join([str(ROOT / "perf"), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    code = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "test_times", "-n", "2", "--dist", "loadfile", *arguments],
+                          cwd=ROOT, env={**os.environ, "PYTHONPATH": paths}).returncode
+    table(OUT)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

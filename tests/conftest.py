@@ -1,0 +1,26 @@
+"""Tests that compile kernels of their own for long, beside others of their kind, are slow ones: `slow_variants.txt` lists them,
+`python perf/test_times.py` measures them."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+VARIANTS = [line for line in (Path(__file__).parent / "slow_variants.txt").read_text().splitlines() if line and line[0] != "#"]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark them; a line that fits no test of a file that was collected whole is an error."""
+    fits = set()
+    for item in items:
+        name = item.nodeid.removeprefix("tests/")
+        found = [line for line in VARIANTS if name.startswith(line)]
+        fits.update(found)
+        if found:
+            item.add_marker("slow")
+    if not any("::" in argument for argument in config.args):
+        files = {item.nodeid.removeprefix("tests/").split("::")[0] for item in items}
+        unknown = [line for line in VARIANTS if line not in fits and line.split("::")[0] in files]
+        if unknown:
+            raise pytest.UsageError(f"tests/slow_variants.txt: no test begins with {unknown[0]!r}")

@@ -1,0 +1,150 @@
+"""Sensitivities as users ask for them: what is refused and why, what is handed out."""
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from small_scenes import SECTION, cantilever, straight  # noqa: E402
+
+
+def tip(F: float = 20.0, L: float = 3.0, **more: Any) -> Any:  # noqa: N803
+    beam = straight("beam", (0, 0, 0), (L, 0, 0), **more)
+    return fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, F)), name="cantilever"), {"tip": beam.end}
+
+
+def no_wind(t, position, directors, velocity, spin, parameters, force, moment) -> None:  # noqa: ANN001
+    force[0] = parameters[0]
+
+
+def bead(friction: Any = None) -> fb.Scene:
+    beam, mass = straight("rail", (0, 0, 0), (3, 0, 0)), fb.PointMass("bead", mass=0.5)
+    return fb.Scene(beam, mass, fb.Clamp(beam.start), fb.Clamp(beam.end), fb.Slider("run", mass, beam, at=1.0, friction=friction),
+                    gravity=(0, 0, -1), name="bead")
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (dict(build=3, values={}), "build: must be a function of the parameters"),
+    (dict(build=lambda: 3, values={}), "build: must return a Scene, or a Scene and a mapping"),
+    (dict(build=cantilever, values={"Q": 1.0}), "build: could not be called with 'Q'"),
+    (dict(build=tip, values={"F": "much"}), "values: parameter 'F': must be a finite number"),
+    (dict(build=tip, values={"F": 0.0}), "parameter 'F' is 0, which says nothing about its size; give scale="),
+    (dict(build=tip, values={"F": 1.0}, scale={"L": 1.0}), "scale: there is no parameter 'L'; values has 'F'"),
+    (dict(build=tip, values={"F": 1.0}, backend="mumps"), "backend 'mumps' does not exist"),
+    (dict(build=tip, values={"F": 1.0}, observe=("momentum",)), "observe"),
+    (dict(build=tip, values={"F": 1.0}, load_factor=0.5), "load_factor belongs to a state"),
+    (dict(build=tip, values={"F": 1.0}, held="ring"), "has no slider 'ring'"),
+    (dict(build=lambda: bead(fb.Friction(0.3)), values={}), "slider 'run' has friction"),
+    (dict(build=lambda n: tip(elements=round(n)), values={"n": 100.0}), "parameter 'n' changes what the scene is made of"),
+    (dict(build=lambda L: tip(L=round(L, 2)), values={"L": 3.0}), "no smooth function of parameter 'L'")])
+def test_what_is_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(fb.SceneError, match=message):
+        fb.sensitivity(**arguments)
+
+
+def test_user_forces_and_states_that_are_none() -> None:
+    def pushed() -> fb.Scene:
+        beam = straight("beam", (0, 0, 0), (3, 0, 0))
+        law = fb.UserForce("wind", beam.end, law=no_wind, parameters=(0.0,))
+        return fb.Scene(beam, fb.Clamp(beam.start), law)
+
+    with pytest.raises(fb.SceneError, match="user force 'wind'"):
+        fb.sensitivity(pushed, {})
+    scene, _ = tip()
+    reference = fb.compile_scene(scene).state()
+    with pytest.raises(fb.SceneError, match="the state is no equilibrium: .* 'beam' .* unbalanced force of 20"):
+        fb.sensitivity(tip, {"F": 20.0}, state=reference)
+
+
+def test_an_equilibrium_at_its_limit_has_no_derivatives() -> None:
+    """A point mass on a spring that pushes up has equilibria; at its limit point the tangent is singular."""
+    def truss(F: float) -> Any:  # noqa: N803
+        mass = fb.PointMass("top", mass=1.0, position=(0, 0, 0.0))
+        # flat: the stiffness across vanishes
+        return fb.Scene(mass, *(fb.Spring(mass, fb.GROUND.point(x), stiffness=10.0, length=1.0)
+                                for x in ((1, 0, 0), (-1, 0, 0))), fb.Load("push", mass, force=(F, 0, 0)))
+
+    model = fb.compile_scene(truss(0.1))
+    with pytest.raises((fb.ConvergenceError, fb.SceneError)):
+        fb.sensitivity(truss, {"F": 0.1}, state=model.state())
+
+
+def test_what_is_handed_out_and_asked_for_wrongly() -> None:
+    found = fb.sensitivity(tip, {"F": 20.0, "L": 3.0})
+    assert set(found.point("tip")) == {"F", "L"} and found.point("tip")["F"].shape == (3,)
+    assert "F = 20" in str(found) and max(found.accuracy.values()) < 1e-8 and found.result is not None
+    with pytest.raises(fb.SceneError, match="there is no point 'top'; there are 'tip'"):
+        found.point("top")
+    with pytest.raises(fb.SceneError, match="there is no slider 'ring'"):
+        found.slider("ring")
+    with pytest.raises(fb.SceneError, match="was not observed"):
+        found.reaction(found.model.reaction_names[0])
+    with pytest.raises(fb.SceneError, match="needs weights of what it is the gradient of"):
+        found.gradient()
+    with pytest.raises(fb.SceneError, match=r"gradient, point 'tip': needs weights \(3,\)"):
+        found.gradient(points={"tip": 1.0})
+    with pytest.raises(fb.SceneError, match="gradient: there is no slider 'ring'"):
+        found.gradient(sliders={"ring": 1.0})
+    again = fb.sensitivity(tip, {"F": 20.0}, state=found.state)
+    assert again.result is None
+    np.testing.assert_allclose(again.point("tip")["F"], found.point("tip")["F"], rtol=1e-9)
+    gradient = found.gradient(points={"tip": (0, 0, 1.0)}).sections["beam"]
+    assert gradient.EI2.shape == gradient.rhoA.shape == (1,) and gradient.stiffness.shape == (1, 6, 6)
+    assert gradient.by((np.diag([0, 0, 0, 0, 1.0, 0]), 0.0))[0] == gradient.EI2[0]
+
+
+def test_a_parameter_that_leads_out_of_the_plane() -> None:
+    """The scene lies in a plane at the value, not around it."""
+    def build(side: float) -> Any:
+        beam = straight("beam", (0, 0, 0), (3, 0, 0))
+        return fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, side, 20.0))), {"tip": beam.end}
+
+    found = fb.sensitivity(build, {"side": 0.0}, scale={"side": 1.0})
+    assert found.model.plane is not None and found.point("tip")["side"][1] > 0.0
+    assert found.point("tip")["side"][1] == pytest.approx(found.gradient(points={"tip": (0, 1, 0)}).by["side"], rel=1e-10)
+
+
+def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
+    with pytest.raises(fb.SceneError, match="adjoint_run: steps with sliders have no adjoint here"):
+        fb.adjoint_run(fb.compile_scene(bead()), t_end=0.1, step=0.01)
+    scene, points = tip()
+    model = fb.compile_scene(scene)
+    with pytest.raises(fb.SceneError, match="is no whole number of steps"):
+        fb.adjoint_run(model, t_end=0.105, step=0.01)
+    with pytest.raises(fb.SceneError, match="GB of memory, more than 4"):
+        fb.adjoint_run(model, t_end=1e3, step=1e-4)
+    run = fb.adjoint_run(model, t_end=0.02, step=0.01, points=points)
+    assert run.t.size == 3 and run.point("tip").shape == run.velocity("tip").shape == (3, 3)
+    with pytest.raises(fb.SceneError, match="needs weights of what it is the gradient of"):
+        run.gradient()
+    with pytest.raises(fb.SceneError, match=r"weights \(3,\) of the last row, or \(3, 3\) of all"):
+        run.gradient(points={"tip": np.zeros((4, 3))})
+    with pytest.raises(fb.SceneError, match="there is no point 'top'; there are 'tip'"):
+        run.gradient(points={"top": (0, 0, 1)})
+    with pytest.raises(fb.ConvergenceError):
+        fb.adjoint_run(model, t_end=1e3, step=1e3, max_iterations=3)
+
+
+def test_sections_that_differ_in_every_stiffness() -> None:
+    """Gradients by C against parameters, with a section that couples strains."""
+    C = SECTION.C  # noqa: N806
+    C[1, 3] = C[3, 1] = 200.0
+
+    def build(which: float) -> Any:
+        change = np.zeros((6, 6))
+        change[1, 3] = change[3, 1] = which
+        one = fb.Section.from_matrix(C + change, rhoA=1.0, rhoI2=0.1, rhoI3=0.2)
+        return tip(section=one)
+
+    found = fb.sensitivity(build, {"which": 0.0}, scale={"which": 50.0})
+    by = found.gradient(points={"tip": (0.3, -1, 1)})
+    own = by.sections["beam"].stiffness[0]
+    assert own[1, 3] == own[3, 1] and 2.0 * own[1, 3] == pytest.approx(by.by["which"], rel=1e-9)
+    assert found.point("tip")["which"] @ (0.3, -1, 1) == pytest.approx(by.by["which"], rel=1e-9)
+    assert cantilever().name == "cantilever"
