@@ -190,6 +190,13 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
             if slider.rate is not None or not moved:
                 v[point] = values @ v[number] + along
             # with a rigid motion and no rate the mass keeps the motion it was given
+    for knot in scene.knots:
+        # the velocity with which it stays on both curves
+        sides = [line for slider, line in zip(scene.sliders, lines) if slider.point.owner is knot]
+        moving = [values @ v[number] for number, values, _, _ in sides]
+        tangents = [slopes @ nodes.phi[number] for number, _, slopes, _ in sides]
+        rates = np.linalg.lstsq(np.stack((tangents[0], -tangents[1]), axis=1), moving[1] - moving[0], rcond=None)[0]
+        v[sides[0][3]] = 0.5 * (moving[0] + moving[1] + rates[0] * tangents[0] + rates[1] * tangents[1])
 
 
 def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:

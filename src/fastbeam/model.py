@@ -146,6 +146,7 @@ class Model:
     v0: Array
     s0: Array
     slider_lengths: Array
+    spans: dict[int, Array]
     length: float
     softest: float
     n_blocks: int
@@ -370,8 +371,17 @@ class Model:
 
     @property
     def slider_limits(self) -> Array:
-        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]."""
-        return self.slider_ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(self.slider_ends))
+        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]; on switches those of
+        the first tracks."""
+        return self.limits_at(self.s0)
+
+    def limits_at(self, s: Array) -> Array:
+        """The same where sliders on switches stand at s, float64 [S]."""
+        ends = self.slider_ends
+        for k, spans in self.spans.items():
+            off = np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])
+            ends[k] = spans[int(np.argmin(off))]
+        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
 
     @property
     def track(self) -> str:

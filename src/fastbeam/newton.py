@@ -10,7 +10,7 @@ import numpy as np
 
 from ._jit import announce_first_use, begin_background
 from .arguments import count, number
-from .assembly import system_of, terms_of
+from .assembly import put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
@@ -162,6 +162,7 @@ class Stepper:
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
+        put_limits(core, self.terms, self.core_state.s)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -297,6 +298,7 @@ class Stepper:
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
+            put_limits(self.core, fallback.terms, self.core_state.s)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
                                                    increment=fallback.work.increment._replace(theta=self.work.theta))
             self._fallback = fallback
@@ -320,6 +322,9 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
+        for of in (self, self._fallback):
+            if of is not None:
+                put_limits(self.core, of.terms, self.core_state.s)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or

@@ -70,7 +70,8 @@ def own_state(model: Model, state: State) -> State:
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    of_sliders = own.s, model.slider_lengths, model.slider_ends, model.slider_limits, model.names["sliders"]
+    ends, limits = (model.slider_ends, model.slider_limits) if not model.spans else (model.limits_at(own.s),) * 2
+    of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
     for s, length, (begin, end), (low, high), name in zip(*of_sliders):
         if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
@@ -302,7 +303,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
         for _ in range(20):
             gap, tangent, _ = contact(model, k, s[k], q, q)
             way = float(gap @ tangent / (tangent @ tangent))
-            s[k] = np.clip(s[k] + way, *model.slider_ends[k])
+            s[k] = np.clip(s[k] + way, *(model.limits_at(s) if k in model.spans else model.slider_ends)[k])
             if abs(way) <= 1e-15 * model.slider_lengths[k]:
                 break
         gap, tangent, _ = contact(model, k, s[k], q, q)

@@ -61,7 +61,7 @@ class StaticAlong:
         self.start, self.end = s.copy(), s.copy()
         for k in np.flatnonzero(table.drive == POSITION).tolist():
             self.end[k] = self.forces.place_given(k, at_time)
-            low, high = model.slider_limits[k]
+            low, high = model.limits_at(s)[k]
             if not low <= self.end[k] <= high:
                 raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
                                  f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
@@ -71,7 +71,7 @@ class StaticAlong:
         # at rest smoothed friction is none
         self.friction = np.where(self.rubs, table.friction, 0.0)
         self.driven = np.flatnonzero((table.drive != NO_DRIVE) & ~self.held)
-        self.lengths, limits = model.slider_lengths, model.slider_limits
+        self.lengths, limits = model.slider_lengths, model.limits_at(s)
         self.rigid = self.forces.restitutions >= 0.0
         self.stops = np.where(self.rigid, limits, (-np.inf, np.inf))
         at_stop = (np.abs(s - self.stops[:, 1]) <= 1e-9 * self.lengths).astype(int)

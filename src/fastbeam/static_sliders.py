@@ -87,7 +87,7 @@ class SlidingSolver(StaticSolver):
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.held = held
-        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_limits
+        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.limits_at(self.stepper.core_state.s)
         self.along = None
         if uneliminated.slider_forces is not None:
             self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held)

@@ -31,6 +31,8 @@ BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=
 RAIL = fb.Beam.straight("rail", (0, 1, 0), (2, 1, 0), section=SECTION, elements=2, degree=2)
 MASS = fb.PointMass("bead", mass=0.1)
 AROUND = fb.Path("around", [BEAM], closed=True)
+ACROSS = fb.Beam.straight("across", (1, -1, 0), (1, 1, 0), section=SECTION, elements=2, degree=2)
+POINTS = fb.Switch("points", [BEAM, RAIL])
 BODY = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
 NET = fb.Net("roof", [(0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1), (1, 2)], section=SECTION, clamps=[0])
 SCENE = fb.Scene(BEAM, RAIL, MASS, BODY, NET, fb.Clamp(BEAM.start), fb.Clamp(RAIL.start), fb.RigidConnection(BEAM.end, BODY),
@@ -340,6 +342,18 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.locate": Call(AROUND.locate, dict(s=0.5), dict(s=is_real)),
         "Path.places": Call(AROUND.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Crossing": Call(fb.Crossing, dict(name="x", beam_a=BEAM, beam_b=ACROSS, at=(1.0, 1.0)), dict(
+            name=is_text, beam_a=A_TRACK, beam_b=A_TRACK, at=VECTOR, curve=is_text,
+            friction=either(is_real, is_list_of(is_real)))),
+        "Switch": Call(fb.Switch, dict(name="w", tracks=[BEAM, RAIL]), dict(
+            name=is_text, tracks=is_list_of(A_TRACK),
+            choose=either(is_function, is_a(Mapping), is_list_of(is_list_of(is_text))))),
+        "Switch.where": Call(POINTS.where, dict(s=0.5), dict(s=is_real)),
+        "Switch.offset": Call(POINTS.offset, dict(track=BEAM), dict(track=either(A_TRACK, is_text))),
+        "Switch.options": Call(POINTS.options, dict(track=BEAM, end="end"), dict(track=either(A_TRACK, is_text), end=is_text)),
+        "Switch.places": Call(POINTS.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Switch.locate": Call(POINTS.locate, dict(s=0.5), dict(s=is_real)),
+        "Switch.reference": Call(POINTS.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),
