@@ -11,7 +11,8 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
+              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path",
+              "Pin",
               "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
               "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
               "Switch", "UniversalJoint", "UserForce"],

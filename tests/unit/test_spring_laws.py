@@ -305,7 +305,8 @@ def net(condense: bool, threads: int = 1) -> fb.Result:
                      fb.Spring(grid.node(10), arm, "rope", stiffness=20.0, tension_only=True, length=0.9, damping=0.1),
                      fb.RevoluteJoint(grid.node(9), hinged.point((-0.5, 0, 0)), "hinge", axis=(0, 1, 0), stiffness=2.0, rest=0.3,
                                       friction=0.05),
-                     fb.RevoluteJoint(grid.node(10), turned.point((-0.5, 0, 0)), "drive", axis=(0, 1, 0), angle=lambda t: 5.0 * t * t),
+                     fb.RevoluteJoint(grid.node(10), turned.point((-0.5, 0, 0)), "drive", axis=(0, 1, 0),
+                                      angle=lambda t: 5.0 * t * t),
                      fb.UserForce("wind", grid.node(6), push, parameters=(3.0,)), gravity=(0, 0, -9.81))
     return fb.simulate(fb.compile_scene(scene, condense=condense), t_end=0.015, step=0.005, threads=threads, progress=False)
 
