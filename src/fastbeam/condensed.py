@@ -160,9 +160,9 @@ class CondensedIteration(Iteration):
         self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (MovedRows, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
-        # links, drag, user forces, what joints leave free: all that is not treated apart
-        apart = Beams, Inner, Sliding, Bodies, PlanarBodies, Ties, PlanarTies, MovedRows, Held
-        others = tuple(x for x in owner.terms if assemble.covers(type(x)) and not isinstance(x, apart))
+        # links, drag, user forces, what joints leave free: all that has no pass of its own
+        own_passes = Beams, Inner, Sliding, Bodies, PlanarBodies, Ties, PlanarTies, MovedRows, Held
+        others = tuple(x for x in owner.terms if assemble.covers(type(x)) and not isinstance(x, own_passes))
         self._ties = model.ties
         self._carriers: list[Group] = []
         if model.carriers is not None:
