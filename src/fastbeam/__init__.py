@@ -11,10 +11,10 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
-              "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
-              "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
-              "Switch", "UniversalJoint", "UserForce"],
+              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef",
+              "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
+              "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
+              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],

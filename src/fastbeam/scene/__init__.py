@@ -27,8 +27,9 @@ from fastbeam.scene.user_force import UserForce
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef",
-    "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint",
-    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
+    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net",
+    "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
+    "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring",
+    "Stops",
     "StraightLine", "Switch", "UniversalJoint", "UserForce",
 ]
