@@ -40,6 +40,7 @@ from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
+from .prescribed import released_of
 from .report import describe
 from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
@@ -181,9 +182,11 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
+        load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
+        released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
@@ -308,13 +311,15 @@ def _spans(scene: Scene) -> dict[int, Array]:
 
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
     """Supports, and joints that are eliminated."""
-    names, supports, turning = [], [], []
+    names, supports, masks, turning = [], [], [], []
     for support in [*scene.pins, *scene.clamps]:
+        masks.append(support.mask)
         owner = support.at.owner
         names.append(str(support.name))
         supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
     names += [str(motion.name) for motion in scene.prescribed]
     supports += [nodes.number(motion.at) for motion in scene.prescribed]
+    masks += [motion.mask for motion in scene.prescribed]
     for net in scene.nets:
         at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
         for kind, held in (("pin", net.pins), ("clamp", net.clamps)):
@@ -322,14 +327,15 @@ def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
                 if kind == "clamp" and net.ball[i]:
                     turning += [(len(names), k) for k in at[node == i].tolist() if k != nodes.start(net) + net.junction[i]]
                 names.append(f"{kind} of {net.label} node {i}")
+                masks.append(63 if kind == "clamp" else 7)
                 supports.append(int(nodes.start(net) + net.junction[i]))
     named = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     closing = set(joints.loops.tolist())
     named += [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for k, j in enumerate(scene.balls) if k not in closing]
     pairs = np.array([x[:2] for x in named] + list(nodes.arm_owner), np.int64).reshape(-1, 2)
     place = np.array(supports, np.int64)
-    return Holding(names, place, np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named], pairs[:len(named)],
-                   *trees(len(nodes), pairs, place))
+    return Holding(names, place, np.array(masks, np.int64), np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named],
+                   pairs[:len(named)], *trees(len(nodes), pairs, place))
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Refusal
+from .arguments import Refusal, real, shown
 from .errors import SceneError
 from .impacts import along, jump
 from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, SIGN, STICKS, STOP_LOSS, TURNS
@@ -21,7 +21,7 @@ from .starting import AT_STOP
 from .workspace import contact_of
 
 Array = np.ndarray
-LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER = "lock", "unlock", "release", "lift", "land", "transfer"
+LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER, LET_GO = "lock", "unlock", "release", "lift", "land", "transfer", "let go"
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
 # of a slider that is away: 1 where its point was beyond the ends or on the other side
 PASSED = STICKS
@@ -34,7 +34,7 @@ MOST_HITS = 100
 @dataclass(frozen=True)
 class Awaited:
     """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length; or
-    that its point comes back. rests: it came back with no flight between."""
+    that its point comes back. rests: it came back with no flight between. LET_GO: the support of this number does."""
 
     slider: int
     action: str
@@ -60,7 +60,7 @@ class Locking:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.sliders = [] if model.slider_forces is None else model.slider_forces.sliders
-        self.is_present = bool(model.spans) or any(
+        self.is_present = model.released is not None or bool(model.spans) or any(
             x.lock is not None or x.release is not None or x.one_sided is not None for x in self.sliders)
         self.sided = [k for k, x in enumerate(self.sliders) if x.one_sided is not None]
         # sliders that lift off at the end of the last step
@@ -68,7 +68,7 @@ class Locking:
         self.hits = 0
         # where points away from their beams are, at one time
         self._places: dict[tuple[int, float], Place] = {}
-        self._contact = contact_of(model) if self.is_present else None
+        self._contact = contact_of(model) if self.is_present and self.sliders else None
         self._finder = Finder(model, self._contact) if self.sided and self._contact is not None else None
         # what `reached` compares with: the awaited that are watched, and their values in the state before the step
         self._watched: list[Awaited] = []
@@ -79,6 +79,9 @@ class Locking:
         if not self.is_present:
             return []
         out = []
+        if self.model.released is not None:
+            gone = state.history[self.model.release_place:self.model.motion_place] != 0.0
+            out = [Awaited(k, LET_GO, self.model.released.until[k]) for k in np.flatnonzero(~gone).tolist()]
         own = state.history[:self.model.work_place].reshape(-1, HISTORY)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
@@ -130,9 +133,19 @@ class Locking:
             return np.zeros(0)
         model = self.model
         rates = np.zeros(model.n_sliders)
-        slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
-        return np.array([state.s[x.slider] - x.at if x.at is not None else self._nearness(x, state, t) if x.action == LAND else
-                         self._asked(x, t, float(state.s[x.slider]), float(rates[x.slider])) for x in self._watched])
+        if self._contact is not None:
+            slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders),
+                          rates)
+        return np.array([self._value(x, state, t, rates) for x in self._watched])
+
+    def _value(self, x: Awaited, state: State, t: float, rates: Array) -> float:
+        """Of one that is watched; rates: of all sliders [S]."""
+        if x.action == LET_GO:
+            return self._support_asked(x, state, t)
+        s = float(state.s[x.slider])
+        if x.at is not None:
+            return s - x.at
+        return self._nearness(x, state, t) if x.action == LAND else self._asked(x, t, s, float(rates[x.slider]))
 
     def _place(self, state: State, t: float, k: int) -> Place:
         """Of the point of slider k in the state at time t, the one that was looked at last there."""
@@ -196,6 +209,19 @@ class Locking:
                              f"t = {t:.6g} s, s = {s:.6g} m, rate = {rate:.6g} m/s it does not")
         return found
 
+    def _support_asked(self, awaited: Awaited, state: State, t: float) -> float:
+        name = self.model.released.names[awaited.slider]
+        try:
+            found = awaited.when(t, State(*(x.copy() for x in state)))
+        except Exception as error:
+            text = f"until must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+            raise SceneError(f"{name}: {text}") from error
+        value = (1.0 if found else -1.0) if isinstance(found, (bool, np.bool_)) else real(found)
+        if value is None or not np.isfinite(value):
+            raise SceneError(f"{name}: until must return a finite number, or True or False; at t = {t:.6g} s it returns "
+                             f"{shown(found)}")
+        return value
+
     # --- what happens -------------------------------------------------------------------------------------------------
     def behind(self, state: State, t: float, slack: float, found: Sequence[Awaited] = ()) -> tuple[State, list[dict[str, Any]]]:
         """The state behind all that is due at time t, and events.
@@ -258,6 +284,8 @@ class Locking:
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """The state behind one of them, and its event."""
+        if awaited.action == LET_GO:
+            return self._let_go(awaited.slider, state, t)
         if awaited.action == TRANSFER:
             return self._transferred(awaited, state, t)
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
@@ -283,6 +311,13 @@ class Locking:
             text = f"slider {name!r} {verb} its {self.model.track} at s = {s:.6g} m at t = {t:.6g} s"
         own[k, TURNS] += awaited.action in (LOCK, UNLOCK)
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
+
+    def _let_go(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
+        """The state behind support k."""
+        name = self.model.released.names[k]
+        state = State(*(x.copy() for x in state))
+        state.history[self.model.release_place + k] = 1.0
+        return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
 
     def _let_go_of_stop(self, state: State, k: int) -> float:
         """What an elastic stop keeps of its energy, J, that a slider leaves as it lifts off: it swings back by itself."""

@@ -30,6 +30,7 @@ from .linsolve import LinearSystem
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
+from .released import own_supports
 from .starting import own_state
 from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
 
@@ -125,12 +126,12 @@ class Stepper:
         flat = model.plane is not None and not compared
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
-        self.core: Model = model if self.plane is None else self.plane.model
-        core = self.core
+        core: Model = model if self.plane is None else self.plane.model
         if not static:
             check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
-        self.weights = np.ascontiguousarray(weights, dtype=float)
+        core, self.supports = own_supports(core, self.core_state, static)
+        self.core, self.weights = core, np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
         self.work = work_of(core, keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
@@ -149,7 +150,7 @@ class Stepper:
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self.prescribed = None
         if core.prescribed is not None and not static:
-            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, len(core.dofs))
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
@@ -390,8 +391,7 @@ class Stepper:
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
-            axes = None if self.plane is None else self.plane.axes
-            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, axes)))
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
         if self.model.user_forces:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
@@ -421,7 +421,8 @@ class Stepper:
         return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
-        """Settings of the augmented Lagrangian for steps of size h."""
+        """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
+        self.supports.follow(self)
         if self.contact is None:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2
@@ -430,8 +431,7 @@ class Stepper:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, state.force.size))
-        iterations = 0
-        sizes = np.zeros(0)
+        iterations, sizes = 0, np.zeros(0)
         for k in range(n):
             parts.keep()
             last = np.zeros(state.force.size)

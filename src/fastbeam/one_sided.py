@@ -8,7 +8,7 @@ import numpy as np
 
 from .impacts import jump
 from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
-from .kernels.nearest_place import Sides, place_beside
+from .kernels.nearest_place import Sides, nearest_place_of
 from .kernels.slider import Contact
 from .kernels.work import State
 from .mapping import contact
@@ -57,7 +57,7 @@ class Finder:
         """Where the point of slider k is, from the s of the state on; search: steps of it, 0 for the place at s itself."""
         model, out = self.model, self._out
         length, (low, high) = float(model.slider_lengths[k]), self.ends[k]
-        place_beside(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length,
+        nearest_place_of(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length,
                      search, out)
         return Place(float(out[0]), float(out[1]), abs(float(out[2])) <= ON_AXIS * length, out[4:].copy(), float(out[3]))
 

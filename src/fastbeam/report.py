@@ -70,7 +70,8 @@ def describe(scene: Scene, model: Model) -> str:
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
-    for what, names in (("energy taken", model.losses), ("supports that move", model.works)):
+    for what, names in (("energy taken", model.losses), ("supports that move", model.works),
+                        ("let go", () if model.released is None else model.released.names)):
         if names:
             lines.append(f"  {what:18} {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
     if model.projected:

@@ -77,8 +77,8 @@ class StaticAlong:
         at_stop = (np.abs(s - self.stops[:, 1]) <= 1e-9 * self.lengths).astype(int)
         at_stop -= np.abs(s - self.stops[:, 0]) <= 1e-9 * self.lengths
         self.modes = Modes(np.zeros(s.size, np.int64), np.where(self.held, 0, at_stop), np.zeros(s.size, np.int64))
-        # the load factor
-        self.share = 0.0
+        # share of the way to prescribed places, and the load factor
+        self.share = self.factor = 0.0
         self.in_circles = False
         self.reserve = RESERVE
 
@@ -110,7 +110,7 @@ class StaticAlong:
         force, slope = stiff * beyond, -stiff * (beyond != 0.0)
         for k in self.driven.tolist():
             step = 1e-6 * (1e-3 * abs(s[k]) + 1e-3 * self.lengths[k])
-            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.share) for x in (-step, 0.0, step))
+            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor) for x in (-step, 0.0, step))
             force[k] += here
             slope[k] += (ahead - back) / (2.0 * step)
         return force, slope

@@ -233,9 +233,10 @@ class _Together:
         graph = coo_matrix((np.ones(len(rigid), np.int8), (rigid[:, 0], rigid[:, 1])), shape=(n, n))
         self.set = connected_components(graph, directed=False)[1]
         self.still = np.zeros(n, bool)
-        clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in scene.clamps]
+        whole = [x for x in (*scene.clamps, *scene.pins) if x.mask & 7 == 7]
+        clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in whole if x.holds_triad]
         self.still |= np.isin(self.set, self.set[np.array(clamped, np.int64)])
-        self.still[np.array([nodes.number(pin.at) for pin in scene.pins], np.int64)] = True
+        self.still[np.array([nodes.number(x.at) for x in whole if not x.holds_triad], np.int64)] = True
         for net in scene.nets:
             self.still[nodes.span(net)] |= net.held() & 7 == 7
         self.phi = nodes.phi

@@ -39,7 +39,7 @@ def shapes_at_place(curves, c, s, hint, contact):
 
 
 @kernel
-def place_beside(curves, sliders, contact, sides, k, q, s, low, high, length, steps, out):
+def nearest_place_of(curves, sliders, contact, sides, k, q, s, low, high, length, steps, out):
     """The place next to the point of slider k, from s on in at most so many steps, between arc lengths low and high."""
     c = sliders.curve[k]
     nodes = nodes_of.call(curves, c)

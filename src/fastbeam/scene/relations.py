@@ -10,11 +10,12 @@ from fastbeam.scene.checks import Array
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import Path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 

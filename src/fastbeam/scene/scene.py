@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
@@ -21,15 +21,19 @@ from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
         | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce)
@@ -98,7 +102,7 @@ class Scene(notebook.Parts):
 
     kind: ClassVar[str] = "scene"
 
-    def __init__(self, *parts: Part, name: str = "scene", gravity: Any = (0.0, 0.0, 0.0),
+    def __init__(self, *parts: Part, name: str = "scene", gravity: ArrayLike = (0.0, 0.0, 0.0),
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:
         self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
@@ -376,7 +380,8 @@ class Scene(notebook.Parts):
                 continue
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
-            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part) and first.at == part.at):
+            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part)
+                                 and (first.at, first.mask) == (part.at, part.mask)):
                 continue
             raise SceneError(f"{self.label}: the name {name!r} is used twice, by a {first.kind} and a {part.kind}; "
                              "give every part its own name")
