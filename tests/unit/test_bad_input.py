@@ -31,6 +31,8 @@ BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=
 RAIL = fb.Beam.straight("rail", (0, 1, 0), (2, 1, 0), section=SECTION, elements=2, degree=2)
 MASS = fb.PointMass("bead", mass=0.1)
 AROUND = fb.Path("around", [BEAM], closed=True)
+ACROSS = fb.Beam.straight("across", (1, -1, 0), (1, 1, 0), section=SECTION, elements=2, degree=2)
+POINTS = fb.Switch("points", [BEAM, RAIL])
 BODY = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
 NET = fb.Net("roof", [(0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1), (1, 2)], section=SECTION, clamps=[0])
 SCENE = fb.Scene(BEAM, RAIL, MASS, BODY, NET, fb.Clamp(BEAM.start), fb.Clamp(RAIL.start), fb.RigidConnection(BEAM.end, BODY),
@@ -237,6 +239,7 @@ class Call:
     takes: dict[str, Callable[[Any], bool]]
 
 
+SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text, prestrain=is_real, prestress=is_real)
 BAR = dict(section=SECTION, elements=2)
@@ -286,13 +289,14 @@ def calls(folder: Path) -> dict[str, Call]:
                           dict(name=is_text, mass=is_real, inertia=is_array(1, 2), position=VECTOR, directors=is_array(2),
                                velocity=VECTOR, spin=VECTOR)),
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
-        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
-        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), SUPPORT),
+        "Pin": Call(fb.Pin, dict(at=BEAM.start), SUPPORT),
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
             linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
-            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
+            until=either(is_real, is_function))),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
@@ -338,6 +342,18 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.locate": Call(AROUND.locate, dict(s=0.5), dict(s=is_real)),
         "Path.places": Call(AROUND.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Crossing": Call(fb.Crossing, dict(name="x", beam_a=BEAM, beam_b=ACROSS, at=(1.0, 1.0)), dict(
+            name=is_text, beam_a=A_TRACK, beam_b=A_TRACK, at=VECTOR, curve=is_text,
+            friction=either(is_real, is_list_of(is_real)))),
+        "Switch": Call(fb.Switch, dict(name="w", tracks=[BEAM, RAIL]), dict(
+            name=is_text, tracks=is_list_of(A_TRACK),
+            choose=either(is_function, is_a(Mapping), is_list_of(is_list_of(is_text))))),
+        "Switch.where": Call(POINTS.where, dict(s=0.5), dict(s=is_real)),
+        "Switch.offset": Call(POINTS.offset, dict(track=BEAM), dict(track=either(A_TRACK, is_text))),
+        "Switch.options": Call(POINTS.options, dict(track=BEAM, end="end"), dict(track=either(A_TRACK, is_text), end=is_text)),
+        "Switch.places": Call(POINTS.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Switch.locate": Call(POINTS.locate, dict(s=0.5), dict(s=is_real)),
+        "Switch.reference": Call(POINTS.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),
@@ -378,7 +394,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag)),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
@@ -415,8 +431,8 @@ def calls(folder: Path) -> dict[str, Call]:
                 build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), load_factor=is_real,
                 at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
         "adjoint_run": Call(fb.adjoint_run, dict(model=held(), t_end=2e-3, step=1e-3), dict(
-            model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping), max_iterations=is_count,
-            backend=is_text)),
+            model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping),
+            max_iterations=is_count, backend=is_text)),
         "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(

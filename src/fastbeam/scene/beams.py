@@ -19,6 +19,7 @@ from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, 
 from fastbeam.scene.sections import Section
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from fastbeam.basis import Basis
 
 DEGREES = {"lagrange": (1, 8), "bspline": (2, 5)}
@@ -72,7 +73,7 @@ class ArcLengths:
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS),
           "prestrain": Number(least=-10.0, most=0.99), "prestress": Number(unit="N")}
-OWNERS = ("beam", "body", "point mass", "ground")
+OWNERS = ("beam", "body", "point mass", "crossing", "ground")
 
 
 class BeamOptions(TypedDict, total=False):
@@ -222,7 +223,7 @@ class Beam:
     # --- ways to make one ---------------------------------------------------------------------------------------------
     @classmethod
     @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number(), **COMMON)
-    def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0,
+    def straight(cls, name: str, start: ArrayLike, end: ArrayLike, *, d2: ArrayLike | None = None, twist: float = 0.0,
                  **common: Unpack[BeamOptions]) -> Beam:
         """Straight beam from `start` to `end` (3,), m.
 
@@ -255,7 +256,7 @@ class Beam:
     @classmethod
     @checked(name=Name(), start=Vector, tangent=Vector, normal=Vector, radius=Number(above=0.0, unit="m"),
              angle=Number(above=0.0, unit="rad"), **COMMON)
-    def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float,
+    def arc(cls, name: str, start: ArrayLike, tangent: ArrayLike, normal: ArrayLike, *, radius: float, angle: float,
             **common: Unpack[BeamOptions]) -> Beam:
         """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
 
@@ -277,8 +278,9 @@ class Beam:
     @classmethod
     @checked(name=Name(), radius=Number(above=0.0, unit="m"), pitch=Number(), turns=Number(above=0.0), center=Vector, axis=Vector,
              start_direction=Vector, **COMMON)
-    def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: Any = (0.0, 0.0, 0.0),
-              axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Unpack[BeamOptions]) -> Beam:
+    def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: ArrayLike = (0.0, 0.0, 0.0),
+              axis: ArrayLike = (0.0, 0.0, 1.0), start_direction: ArrayLike = (1.0, 0.0, 0.0),
+              **common: Unpack[BeamOptions]) -> Beam:
         """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
 
         `pitch` (m) is the rise per turn; negative gives a left-handed helix. Frenet frame: d1 tangent, d2 towards the axis.
@@ -297,8 +299,9 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), curve=Anything(), frame=Anything(), d2=Vector, **COMMON)
-    def from_curve(cls, name: str, curve: Callable[[float], Any], *, frame: Callable[[float], Any] | None = None,
-                   d2: Any = None, **common: Unpack[BeamOptions]) -> Beam:
+    def from_curve(cls, name: str, curve: Callable[[float], ArrayLike], *,
+                   frame: Callable[[float], ArrayLike] | None = None,
+                   d2: ArrayLike | None = None, **common: Unpack[BeamOptions]) -> Beam:
         """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
 
         `frame`: t -> d2 (3,), or rows d1, d2, d3 (3, 3) with d1 the tangent. Without it the frame has no rotation about
@@ -313,7 +316,7 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector, **COMMON)
-    def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Unpack[BeamOptions]) -> Beam:
+    def through_points(cls, name: str, points: ArrayLike, *, d2: ArrayLike | None = None, **common: Unpack[BeamOptions]) -> Beam:
         """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
 
         The frame is rotation minimising and starts from the hint `d2` or the rule of `straight`.
@@ -337,7 +340,7 @@ class Beam:
         return float(self.curve.length)
 
     @checked(s=ArcLengths())
-    def reference(self, s: Any) -> tuple[Array, Array]:
+    def reference(self, s: ArrayLike) -> tuple[Array, Array]:
         """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
 
         Raises
