@@ -51,9 +51,9 @@ def convergence(degrees: tuple[int, ...] = (1, 2, 3, 4), meshes: tuple[int, ...]
 
 def convergence_text(table: Errors) -> str:
     """Errors over the meshes, and the order between neighbouring meshes in brackets, where the error is above round-off."""
-    lines = []
+    lines: list[str] = []
     for p, row in table.items():
-        cells = []
+        cells: list[str] = []
         for k, (nodes, error) in enumerate(row):
             order = ""
             if k and error > 1e-12:

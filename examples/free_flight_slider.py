@@ -64,7 +64,7 @@ def main(out: str = "out", elements: int = 12, step: float = 0.02, t_end: float 
     model = fb.compile_scene(scene)
     print(model)
     rod = scene.beams[0]
-    runs = {}
+    runs: dict[tuple[int, float], fb.Result] = {}
     for order in (2, 4):
         for h in (step, step / 2, step / 4):
             runs[order, h] = fb.simulate(model, t_end=t_end, step=h, order=order, points={"tip": rod.end})

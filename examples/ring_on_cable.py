@@ -45,7 +45,8 @@ def compare(result: fb.Result) -> np.ndarray:
     ring, tip = result.slider("contact"), result.point("tip")
     series = (ring["s"], ring["position"][:, 0], ring["position"][:, 1], tip[:, 0], tip[:, 1])
     t = PUBLISHED[PUBLISHED[:, 0] <= result.t[-1] + 1e-9, 0]
-    return np.column_stack((t, *(np.interp(t, result.t, x) for x in series)))
+    columns: list[np.ndarray] = [np.interp(t, result.t, x) for x in series]
+    return np.column_stack([t, *columns])
 
 
 def comparison_text(rows: np.ndarray) -> str:

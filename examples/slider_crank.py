@@ -1,8 +1,8 @@
 """A motor turns a crank, a flexible rod moves a piston: joints with axes, a motor, a damper, and the books of the energy.
 
-The crank of 0.15 m turns about its shaft with a motor of constant torque; a damper in the guide of the piston takes energy away. Where
-the piston is follows for a rigid rod from the angle alone: x = r cos a + sqrt(l^2 - r^2 sin^2 a). The rod here bends and stretches,
-by very little, so the difference from that is the flexibility of the rod, and nothing else.
+The crank of 0.15 m turns about its shaft with a motor of constant torque; a damper in the guide of the piston takes energy
+away. Where the piston is follows for a rigid rod from the angle alone: x = r cos a + sqrt(l^2 - r^2 sin^2 a). The rod here
+bends and stretches, by very little, so the difference from that is the flexibility of the rod, and nothing else.
 """
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def build(torque: float = 3.0, elements: int = 4) -> fb.Scene:
 
 def rigid_piston(angle: np.ndarray) -> np.ndarray:
     """Place of the piston for a rigid rod, m, less that at the start."""
-    return CRANK * np.cos(angle) + np.sqrt(ROD**2 - CRANK**2 * np.sin(angle) ** 2) - CRANK - ROD
+    return np.asarray(CRANK * np.cos(angle) + np.sqrt(ROD**2 - CRANK**2 * np.sin(angle) ** 2) - CRANK - ROD)
 
 
 def main(out: str = "out", step: float = 1e-3, t_end: float = 1.5) -> fb.Result:
@@ -47,8 +47,8 @@ def main(out: str = "out", step: float = 1e-3, t_end: float = 1.5) -> fb.Result:
     folder.mkdir(parents=True, exist_ok=True)
     run = fb.simulate(fb.compile_scene(build()), t_end=t_end, step=step, every=5)
     angle, work, place = *(run.joint("shaft")[key] for key in ("angle", "work")), run.joint("guide")["distance"]
-    print(f"{angle[-1] / (2 * np.pi):.2f} turns; the piston is at most {np.abs(place - rigid_piston(angle)).max():.1e} m from where a "
-          "rigid rod has it")
+    print(f"{angle[-1] / (2 * np.pi):.2f} turns; the piston is at most {np.abs(place - rigid_piston(angle)).max():.1e} m "
+          "from where a rigid rod has it")
     for name, energy in run.balance().items():
         print(f"{name:28} {energy[0]:12.6f} J at the start {energy[-1]:12.6f} J at the end")
     print(f"work of the motor / torque times angle: {work[-1] / (3.0 * angle[-1]):.12f}")

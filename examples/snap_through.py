@@ -1,9 +1,9 @@
 """Two bars that lean against each other snap through: the path of equilibria past its limit points, against the exact one.
 
-The von Mises truss: two bars from the supports at (-1, 0) and (1, 0) to a joint at (0, h), where a load presses down. The load that the
-joint carries grows to a limit point, falls through zero where both bars lie in line, and grows again when they hang. Newton's method at
-a given load jumps over all that; `solve_path` goes along it. With bars that stay straight, N = EA (l/L - 1) tells the path:
-P = 2 EA (l/L - 1) y/l with l^2 = 1 + y^2.
+The von Mises truss: two bars from the supports at (-1, 0) and (1, 0) to a joint at (0, h), where a load presses down. The
+load that the joint carries grows to a limit point, falls through zero where both bars lie in line, and grows again when they
+hang. Newton's method at a given load jumps over all that; `solve_path` goes along it. With bars that stay straight, N = EA
+(l/L - 1) tells the path: P = 2 EA (l/L - 1) y/l with l^2 = 1 + y^2.
 """
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def build() -> fb.Scene:
 def load_at(y: np.ndarray) -> np.ndarray:
     """Exact load, N, that presses the joint to the height y, m."""
     length, at_rest = np.hypot(1.0, y), np.hypot(1.0, HEIGHT)
-    return -2.0 * EA * (length / at_rest - 1.0) * y / length
+    return np.asarray(-2.0 * EA * (length / at_rest - 1.0) * y / length)
 
 
 def limit_load() -> float:
@@ -48,7 +48,7 @@ def picture(path: fb.Result) -> Figure:
     figure = Figure(figsize=(6.5, 4.2), layout="constrained")
     axes = figure.subplots()
     y, load = path.point("joint")[:, 1], 200.0 * path.series["load_factor"]
-    fine = np.linspace(y.min(), y.max(), 400)
+    fine = np.linspace(float(y.min()), float(y.max()), 400)
     axes.plot(fine, load_at(fine), color="0.7", lw=4.0, label="exact")
     stable = path.series["unstable_directions"] == 0
     axes.plot(y[stable], load[stable], "o", color="#0072B2", ms=4, label="stable")
@@ -76,7 +76,8 @@ def main(out: str = "out") -> fb.Result:
     y, load = path.point("joint")[:, 1], 200.0 * path.series["load_factor"]
     print(f"{len(path.t)} equilibria; largest distance from the exact path {np.abs(load - load_at(y)).max():.1e} N")
     for point in path.info["critical_points"]:
-        print(f"{point['kind']}: load {200.0 * point['load_factor']:.9f} N, exact {np.copysign(limit_load(), point['load_factor']):.9f} N")
+        exact = np.copysign(limit_load(), point["load_factor"])
+        print(f"{point['kind']}: load {200.0 * point['load_factor']:.9f} N, exact {exact:.9f} N")
     picture(path).savefig(folder / "snap_through.png", dpi=110)
     print(f"written: {folder / 'snap_through.png'}")
     return path

@@ -36,8 +36,12 @@ from numba.core.compiler_lock import global_compiler_lock
 from . import _background
 from ._outside import is_outside
 
-# s; compilation that takes no longer shows nothing
+# s; compilation that takes no longer shows nothing on a terminal, elsewhere five times as long
 QUIET_TIME = 1.0
+# kernels that take long: what they do in words, and how many parts they had in common scenes, between 80 and 110
+STAGES = {"run": ("the time steps", 95), "solve_equilibrium": ("equilibria", 107), "assemble_all": ("the equations", 63)}
+# time that machine code of a whole kernel takes, as a share of that of its parts
+MACHINE_CODE = 0.5
 # versions of numba before these have another interface to the passes of LLVM
 PASS_BUILDERS = version_info.short >= (0, 62)
 
@@ -50,6 +54,7 @@ class _WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
         ll_module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
+        PROGRESS.machine_code()
         if not PASS_BUILDERS:
             super()._optimize_final_module()
             return
@@ -126,36 +131,73 @@ def memoized_typing() -> Iterator[None]:
 
 class _Progress:
     """What the user sees while a kernel is compiled with all its parts: on a terminal one line that is kept up to date, else,
-    after the announcement of a first use, a line at the end."""
+    after the announcement of a first use, a line at the end of the first kernel that took long.
+
+    Of kernels in `STAGES` the line says what they are for, how many parts about there are, and how long about it takes still.
+    """
 
     def __init__(self) -> None:
         self.announced = False
         self.count = 0
+        self._name = ""
         self._begin = 0.0
-        self._shown = False
+        # characters of the line that stands on the terminal
+        self._shown = 0
+
+    def of(self, name: str) -> _Progress:
+        """To be used as a context while the kernel of this name is compiled."""
+        self._name = name
+        return self
 
     def __enter__(self) -> None:
-        self.count, self._begin, self._shown = 0, time.perf_counter(), False
+        self.count, self._begin, self._shown = 0, time.perf_counter(), 0
 
     def __exit__(self, *failed: object) -> None:
-        if self._shown or (self.announced and self._seconds() > QUIET_TIME):
-            self._write("\r" if self._shown else "", "\n")
+        if self._shown or (self.announced and self._seconds() > 5.0 * QUIET_TIME):
+            self._write(self._done(), "\n")
             self.announced = False
+        self._name = ""
 
     def step(self) -> None:
         """One part more is ready."""
         self.count += 1
-        if (self._seconds() > QUIET_TIME and os.environ.get("FASTBEAM_PROGRESS") != "0" and sys.stderr is not None
-                and sys.stderr.isatty()):
-            self._shown = True
-            self._write("\r", "")
+        self._show(self._parts())
+
+    def machine_code(self) -> None:
+        """All parts are ready: they are optimised together and become machine code."""
+        if self._name in STAGES:
+            self._show(f"compiling {STAGES[self._name][0]}: machine code of {self.count} kernels"
+                       f"{_about(MACHINE_CODE * self._seconds())}")
+
+    def _parts(self) -> str:
+        purpose, many = STAGES.get(self._name, ("", 0))
+        if self.count >= many:
+            return self._done()
+        left = self._seconds() * ((1.0 + MACHINE_CODE) * many / self.count - 1.0)
+        return f"compiling {purpose}: {self.count} of about {many} kernels{_about(left)}"
+
+    def _done(self) -> str:
+        purpose = f" for {STAGES[self._name][0]}" if self._name in STAGES else ""
+        return f"compiling kernels{purpose}, {self.count} in {self._seconds():.0f} s"
 
     def _seconds(self) -> float:
         return time.perf_counter() - self._begin
 
-    def _write(self, before: str, after: str) -> None:
-        sys.stderr.write(f"{before}fastbeam: compiling kernels, {self.count} in {self._seconds():.0f} s{after}")
+    def _show(self, text: str) -> None:
+        if (self._seconds() > QUIET_TIME and os.environ.get("FASTBEAM_PROGRESS") != "0" and sys.stderr is not None
+                and sys.stderr.isatty()):
+            self._write(text, "")
+
+    def _write(self, text: str, after: str) -> None:
+        # blanks over what is left of a longer line
+        sys.stderr.write(("\r" if self._shown or not after else "") + f"fastbeam: {text}".ljust(self._shown) + after)
         sys.stderr.flush()
+        self._shown = len(text) + 10
+
+
+def _about(seconds: float) -> str:
+    """', about so many s left', rounded so that it does not flicker; nothing below a second."""
+    return f", about {seconds:.0f} s left" if 1.0 <= seconds < 600.0 else ""
 
 
 PROGRESS = _Progress()
@@ -198,7 +240,7 @@ class WholeCompiler(_ShortCompiler):
         self.state.library = _WholeLibrary(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
         _background.start(function, tuple(self.state.args), self.folder)
-        with memoized_typing(), PROGRESS:
+        with memoized_typing(), PROGRESS.of(function.__name__):
             return super().compile_extra(function)
 
 

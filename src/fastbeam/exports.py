@@ -40,11 +40,11 @@ class Exports:
 
         Beams are lines, bodies, masses and points of sliders are points. Point data: `kind` (0 beam, 1 body, 2 mass, 3 slider),
         `radius` (m; of sections that are no circle sqrt of the product of both half sizes), triads `d1`, `d2`, `d3`, `s` (arc
-        length of beams, m; not in nets), `force` on sliders (N). `velocity` of nodes (m/s, of axes where beams are skins) from runs
-        with `observe=("velocity", ...)`, else `velocity_from_shapes`: the slope of the parabola through three snapshots, as good as
-        these are dense. Where `sections` are given `section_force` (N, Q2, Q3) and `section_moment` (T, M2, M3), linear between the
-        arc lengths given, NaN elsewhere. Cell data: `kind`, and `part`, the number of the part among those of its kind, whose
-        names stand in the file at names/beam and so on.
+        length of beams, m; not in nets), `force` on sliders (N). `velocity` of nodes (m/s, of axes where beams are skins) from
+        runs with `observe=("velocity", ...)`, else `velocity_from_shapes`: the slope of the parabola through three snapshots, as
+        good as these are dense. Where `sections` are given `section_force` (N, Q2, Q3) and `section_moment` (T, M2, M3), linear
+        between the arc lengths given, NaN elsewhere. Cell data: `kind`, and `part`, the number of the part among those of its
+        kind, whose names stand in the file at names/beam and so on.
 
         Parameters
         ----------

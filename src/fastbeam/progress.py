@@ -21,8 +21,9 @@ LONGEST_FORETOLD, LEAST_SHARE = 24 * 3600.0, 1e-3
 class Progress:
     """Bar on stderr that appears only after `QUIET_TIME`; silent when tqdm is missing.
 
-    Where stderr is no terminal, in a log file for instance, it is a line after `LINE_TIME` instead, and others after pauses that
-    double. What happens before the first update, compilation of kernels above all, tells nothing about the time that is left.
+    Where stderr is no terminal, in a log file for instance, it is a line `LINE_TIME` after the first update instead, and others
+    after pauses that double. What happens before the first update, compilation of kernels above all, tells nothing about the time
+    that is left.
 
     Parameters
     ----------
@@ -60,6 +61,9 @@ class Progress:
         elapsed = time.perf_counter() - self._start
         if self._mark is None:
             self._mark = elapsed, self.done
+            if self._lines:
+                # what came before is told by itself
+                self._next += elapsed
         if self._notebook:
             if elapsed > self._next:
                 self._draw(elapsed)

@@ -232,7 +232,8 @@ def _parse_header(raw: Any) -> ResultHeader:
             raise ValueError(f"header: {size!r:.60} is no size")
     _expect("velocities", raw.get("velocities", False), bool)
     return ResultHeader(raw["model_text"], raw["info"], raw["names"], raw["n_nodes"],
-                        {name: tuple(shape) for name, shape in series.items()}, tuple(map(str, raw["integer"])), raw.get("velocities", False))
+                        {name: tuple(shape) for name, shape in series.items()}, tuple(map(str, raw["integer"])),
+                        raw.get("velocities", False))
 
 
 def _checked_info(info: dict[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from .exchanged import balance_of, joint_of
 from .exports import Exports
 from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, Readings
 from .rows import RowBuffer, Rows, listing
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
@@ -207,10 +210,11 @@ class Result(Readings, Exports):
     0.0
     """
 
-    def __init__(self, *, t: Any, series: Mapping[str, Any] | None = None, model_text: str = "",
-                 info: Mapping[str, Any] | None = None, names: Mapping[str, list[Any]] | None = None,
-                 t_snap: Any = None, phi: Any = None, directors: Any = None, velocities: Any = None,
-                 events: Iterable[Mapping[str, Any]] = ()) -> None:
+    def __init__(self, *, t: ArrayLike, series: Mapping[str, ArrayLike] | None = None, model_text: str = "",
+                 info: Mapping[str, object] | None = None, names: Mapping[str, Iterable[object]] | None = None,
+                 t_snap: ArrayLike | None = None, phi: ArrayLike | None = None, directors: ArrayLike | None = None,
+                 velocities: ArrayLike | None = None,
+                 events: Iterable[Mapping[str, object]] = ()) -> None:
         self.model_text = model_text
         self.info: dict[str, Any] = dict(info or {})
         self.names: dict[str, list[Any]] = {key: list(value) for key, value in (names or {}).items()}

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from .result import Result
 from .scene import Beam
 from .starting import own_state
 from .tables import elements_of, strains_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 NEED = "must be arc lengths within the beam, m"
@@ -168,7 +171,7 @@ def _lengths(beam: Beam, s: Any) -> Array:
 
 
 @checked(model=Anything(), shapes=Anything(), beam=Anything(), s=Anything())
-def section_forces(model: Model, shapes: Result | State, beam: Beam, s: Any = None) -> SectionForces:
+def section_forces(model: Model, shapes: Result | State, beam: Beam, s: ArrayLike | None = None) -> SectionForces:
     """Normal force, shear forces, torsion and bending moments along a beam.
 
     Parameters

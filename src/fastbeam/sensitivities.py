@@ -379,6 +379,9 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     if model.user_forces:
         raise SceneError(f"sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are not known; "
                          "use loads, or differences of equilibria")
+    if model.prescribed is not None and at_time is not None:
+        raise SceneError(f"sensitivity: {model.prescribed.motions[0].label} has a place at that time that may depend on them, "
+                         "which is not known; leave at_time out, then supports stand still, or use differences of equilibria")
     result = None
     if state is None:
         if load_factor != 1.0:

@@ -188,8 +188,8 @@ def _forces(result: Result, n: int, where: Array) -> Callable[[int], Array]:
 
 
 def _velocities(result: Result) -> tuple[str, Callable[[int], Array]] | None:
-    """Name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of the parabola
-    through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
+    """Name and values [N, 3] (m/s) of the velocities of all nodes at snapshot k: those that the run kept, else slopes of the
+    parabola through three shapes, at the first and last the nearest three; None where shapes are not those of a motion."""
     if result.velocities is not None:
         kept = result.velocities
         return "velocity", lambda k: kept[k]
@@ -222,7 +222,8 @@ def _section_arrays(result: Result, lines: Lines, sections: Any) -> dict[str, Ca
         raise SceneError(f"{need}, got {shown(sections)}")
     found = []
     for name, forces in sections.items():
-        points = np.flatnonzero(lines.parts[lines.beam_of] == lines.labels.index(name)) if name in lines.labels else np.zeros(0, int)
+        at = lines.labels.index(name) if name in lines.labels else -1
+        points = np.flatnonzero(lines.parts[lines.beam_of] == at)
         if not points.size or np.isnan(lines.s[points]).any():
             raise SceneError(f"to_vtk: sections: {shown(name)} is no beam of this result; choose from {listing(lines.labels)}")
         if not all(hasattr(forces, x) for x in ("t", "s", *RESULTANTS)):

@@ -144,3 +144,44 @@ def test_compilation_shows_a_line(fresh_kernel: Any, monkeypatch: pytest.MonkeyP
     assert fresh_kernel(1.5) == 3.0
     assert stream.getvalue() == "".join(text) + ("\n" if text else "")
     assert _parts.PROGRESS.announced is False
+
+
+def test_long_compilation_says_what_it_is_for_and_how_long_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setenv("FASTBEAM_PROGRESS", "1")
+    monkeypatch.setattr(_parts, "time", type("Clock", (), {"perf_counter": staticmethod(lambda: now[0])}))
+    monkeypatch.setitem(_parts.STAGES, "run", ("the time steps", 4))
+    progress = _parts._Progress()
+    with progress.of("run"):
+        for _ in range(6):
+            now[0] += 0.8
+            progress.step()
+        progress.machine_code()
+        now[0] += 3.0
+    shown = [line.rstrip() for line in stream.getvalue().replace("\n", "").split("\r")[1:]]
+    assert shown == ["fastbeam: compiling the time steps: 2 of about 4 kernels, about 3 s left",
+                     "fastbeam: compiling the time steps: 3 of about 4 kernels, about 2 s left",
+                     # more than expected: nothing is foretold
+                     *(f"fastbeam: compiling kernels for the time steps, {k} in {s} s" for k, s in ((4, 3), (5, 4), (6, 5))),
+                     "fastbeam: compiling the time steps: machine code of 6 kernels, about 2 s left",
+                     "fastbeam: compiling kernels for the time steps, 6 in 8 s"]
+    assert stream.getvalue().endswith("\n")
+    # every line covers the one before it
+    lines = stream.getvalue().rstrip("\n").split("\r")[1:]
+    assert all(len(after) >= len(before.rstrip()) for before, after in zip(lines, lines[1:]))
+
+
+def test_in_log_files_short_kernels_do_not_take_the_line_of_the_long_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, stream = [0.0], io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(_parts, "time", type("Clock", (), {"perf_counter": staticmethod(lambda: now[0])}))
+    progress = _parts._Progress()
+    progress.announced = True
+    for name, seconds in (("motion", 2.0), ("run", 12.0), ("strain_energy", 7.0)):
+        with progress.of(name):
+            progress.step()
+            progress.machine_code()
+            now[0] += seconds
+    assert stream.getvalue() == "fastbeam: compiling kernels for the time steps, 1 in 12 s\n"

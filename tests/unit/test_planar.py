@@ -197,12 +197,14 @@ def crank(**drive: Any) -> fb.Scene:
     rod = fb.Beam.straight("rod", (0.2, 0, 0), (1, 0, 0), section=SECTION, elements=2)
     crank, piston = (fb.RigidBody(name, mass=1.0, inertia=(0.1, 0.1, 0.1), position=(x, 0, 0)) for name, x in
                      (("crank", 0.0), ("piston", 1.0)))
-    return fb.Scene(crank, rod, piston, fb.RevoluteJoint(fb.GROUND, crank, "shaft", axis=(0, 1, 0), **drive),
-                    fb.RevoluteJoint(crank.point((0.2, 0, 0)), rod.start, axis=(0, 1, 0)),
-                    fb.RevoluteJoint(rod.end, piston, axis=(0, 1, 0)), fb.PrismaticJoint(fb.GROUND, piston, "guide", axis=(1, 0, 0)))
+    y = (0, 1, 0)
+    return fb.Scene(crank, rod, piston, fb.RevoluteJoint(fb.GROUND, crank, "shaft", axis=y, **drive),
+                    fb.RevoluteJoint(crank.point((0.2, 0, 0)), rod.start, axis=y), fb.RevoluteJoint(rod.end, piston, axis=y),
+                    fb.PrismaticJoint(fb.GROUND, piston, "guide", axis=(1, 0, 0)))
 
 
-@pytest.mark.parametrize("drive", [{"torque": 2.0}, {"torque": lambda t: 2.0}, {"stiffness": 2.0, "rest": 1.0}])
+@pytest.mark.parametrize("drive", [{"torque": 2.0}, {"torque": lambda t: 2.0}, {"stiffness": 2.0, "rest": 1.0},
+                                   {"angle": lambda t: 2.0 * t**2}, {"speed": lambda t: 4.0 * t}])
 def test_motors_and_wound_springs_of_joints_choose_the_plane(drive: dict[str, Any]) -> None:
     # all points lie on a line at the start: with another plane through it nothing would move
     model = fb.compile_scene(crank(**drive))

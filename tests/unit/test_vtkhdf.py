@@ -143,7 +143,7 @@ def test_section_forces_stand_at_the_points_of_their_beam(surface: bool, tmp_pat
         expected = np.stack([getattr(sections, x)[:, ::-1] for x in parts.split()], axis=-1)
         along = found[:, 2:].reshape(len(run.t_snap), 19, -1, 3)
         np.testing.assert_array_equal(along, np.broadcast_to(expected[:, :, None], along.shape))
-    for wrong, message in (({"rial": sections}, "'rial' is no beam"), ({"rail": 3}, "must be a dict of names"), ([1], "must be a dict"),
+    for wrong, message in (({"rial": sections}, "'rial' is no beam"), ({"rail": 3}, "must be a dict of names"), ([1], "a dict"),
                            ({"rail": fb.section_forces(model, run.state, rail)}, "1 other shapes than the 5")):
         with pytest.raises(fb.SceneError, match=message):
             run.to_vtk(tmp_path / "wrong.vtkhdf", sections=wrong)

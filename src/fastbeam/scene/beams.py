@@ -19,6 +19,7 @@ from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, 
 from fastbeam.scene.sections import Section
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
     from fastbeam.basis import Basis
 
 DEGREES = {"lagrange": (1, 8), "bspline": (2, 5)}
@@ -70,8 +71,9 @@ class ArcLengths:
 
 # degree and interpolation belong together
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
-          "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
-OWNERS = ("beam", "body", "point mass", "ground")
+          "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS),
+          "prestrain": Number(least=-10.0, most=0.99), "prestress": Number(unit="N")}
+OWNERS = ("beam", "body", "point mass", "crossing", "ground")
 
 
 class BeamOptions(TypedDict, total=False):
@@ -83,6 +85,8 @@ class BeamOptions(TypedDict, total=False):
     interpolation: str
     directors: str
     strain: str
+    prestrain: float
+    prestress: float
 
 
 @checked(owner=Anything(), index=Anything(), offset=Vector)
@@ -157,7 +161,8 @@ class NodeRef:
 @checked(name=Name(), curve=CurveOf(), **COMMON)
 @dataclass(frozen=True, eq=False)
 class Beam:
-    """One beam: a reference curve with triads, a section and an interpolation. The stress-free state is the reference.
+    """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
+    given a prestrain or a prestress.
 
     Parameters
     ----------
@@ -175,6 +180,10 @@ class Beam:
         Where the triads of a 'bspline' are orthonormal (theory.md 3.1); without meaning for 'lagrange'.
     strain : {'simo_reissner', 'green_lagrange'}
         Strain measure, theory.md (2.2) or (2.1).
+    prestrain : float
+        Axial strain in the reference (theory.md (2.8)): without stress the beam is 1 - prestrain times as long; > 0: taut.
+    prestress : float
+        Instead of it the normal force in the reference, N; > 0: tension.
 
     Raises
     ------
@@ -193,9 +202,12 @@ class Beam:
     interpolation: str = "lagrange"
     directors: str = "greville"
     strain: str = "simo_reissner"
+    prestrain: float = 0.0
+    prestress: float = 0.0
 
     def __post_init__(self) -> None:
         who = checks.label("beam", self.name)
+        strained(who, self.section, self.prestrain, self.prestress)
         if not isinstance(self.interpolation, str) or self.interpolation not in DEGREES:
             raise SceneError(f"{who}: interpolation {shown(self.interpolation)} does not exist: choose 'lagrange' (degree 1 to "
                              "8) or 'bspline' (degree 2 to 5)")
@@ -211,7 +223,7 @@ class Beam:
     # --- ways to make one ---------------------------------------------------------------------------------------------
     @classmethod
     @checked(name=Name(), start=Vector, end=Vector, d2=Vector, twist=Number(), **COMMON)
-    def straight(cls, name: str, start: Any, end: Any, *, d2: Any = None, twist: float = 0.0,
+    def straight(cls, name: str, start: ArrayLike, end: ArrayLike, *, d2: ArrayLike | None = None, twist: float = 0.0,
                  **common: Unpack[BeamOptions]) -> Beam:
         """Straight beam from `start` to `end` (3,), m.
 
@@ -244,7 +256,7 @@ class Beam:
     @classmethod
     @checked(name=Name(), start=Vector, tangent=Vector, normal=Vector, radius=Number(above=0.0, unit="m"),
              angle=Number(above=0.0, unit="rad"), **COMMON)
-    def arc(cls, name: str, start: Any, tangent: Any, normal: Any, *, radius: float, angle: float,
+    def arc(cls, name: str, start: ArrayLike, tangent: ArrayLike, normal: ArrayLike, *, radius: float, angle: float,
             **common: Unpack[BeamOptions]) -> Beam:
         """Circular arc from `start` along `tangent`, bent towards `normal`, the direction from start to the centre.
 
@@ -266,8 +278,9 @@ class Beam:
     @classmethod
     @checked(name=Name(), radius=Number(above=0.0, unit="m"), pitch=Number(), turns=Number(above=0.0), center=Vector, axis=Vector,
              start_direction=Vector, **COMMON)
-    def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: Any = (0.0, 0.0, 0.0),
-              axis: Any = (0.0, 0.0, 1.0), start_direction: Any = (1.0, 0.0, 0.0), **common: Unpack[BeamOptions]) -> Beam:
+    def helix(cls, name: str, *, radius: float, pitch: float, turns: float, center: ArrayLike = (0.0, 0.0, 0.0),
+              axis: ArrayLike = (0.0, 0.0, 1.0), start_direction: ArrayLike = (1.0, 0.0, 0.0),
+              **common: Unpack[BeamOptions]) -> Beam:
         """Helix about `axis` through `center`, starting from center + radius * start_direction (its part across the axis).
 
         `pitch` (m) is the rise per turn; negative gives a left-handed helix. Frenet frame: d1 tangent, d2 towards the axis.
@@ -286,8 +299,9 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), curve=Anything(), frame=Anything(), d2=Vector, **COMMON)
-    def from_curve(cls, name: str, curve: Callable[[float], Any], *, frame: Callable[[float], Any] | None = None,
-                   d2: Any = None, **common: Unpack[BeamOptions]) -> Beam:
+    def from_curve(cls, name: str, curve: Callable[[float], ArrayLike], *,
+                   frame: Callable[[float], ArrayLike] | None = None,
+                   d2: ArrayLike | None = None, **common: Unpack[BeamOptions]) -> Beam:
         """Beam along any curve t in [0, 1] -> position (3,), m; arc length is found numerically (1e-12 where smooth).
 
         `frame`: t -> d2 (3,), or rows d1, d2, d3 (3, 3) with d1 the tangent. Without it the frame has no rotation about
@@ -302,7 +316,7 @@ class Beam:
 
     @classmethod
     @checked(name=Name(), points=Numbers((None, 3), "finite numbers of shape [m, 3]"), d2=Vector, **COMMON)
-    def through_points(cls, name: str, points: Any, *, d2: Any = None, **common: Unpack[BeamOptions]) -> Beam:
+    def through_points(cls, name: str, points: ArrayLike, *, d2: ArrayLike | None = None, **common: Unpack[BeamOptions]) -> Beam:
         """Beam along the C2 cubic spline through points [m, 3], m >= 2 (chord-length parameter, open, not-a-knot ends).
 
         The frame is rotation minimising and starts from the hint `d2` or the rule of `straight`.
@@ -326,7 +340,7 @@ class Beam:
         return float(self.curve.length)
 
     @checked(s=ArcLengths())
-    def reference(self, s: Any) -> tuple[Array, Array]:
+    def reference(self, s: ArrayLike) -> tuple[Array, Array]:
         """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 the unit tangent) at arc lengths s[n].
 
         Raises
@@ -347,6 +361,11 @@ class Beam:
         from fastbeam.basis import build_basis
 
         return build_basis(self.interpolation, self.degree, self.elements, self.length, self.directors)
+
+    @property
+    def start_strain(self) -> Array:
+        """The six strains in the reference, without those of its own shape."""
+        return strained(self.label, self.section, self.prestrain, self.prestress)
 
     @property
     def n_elements(self) -> int:
@@ -412,6 +431,27 @@ class Beam:
 
 for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
     spell_out(vars(Beam)[_way].__func__, Beam)
+
+
+def strained(who: str, section: Section, prestrain: float, prestress: float) -> Array:
+    """The six strains that a prestrain, or the normal force prestress, is.
+
+    Raises
+    ------
+    SceneError
+        Both are given, or the beam would have no length without stress.
+    """
+    if prestrain != 0.0 and prestress != 0.0:
+        raise SceneError(f"{who}: give prestrain or prestress, not both")
+    out = np.zeros(6)
+    out[0] = prestrain
+    if prestress != 0.0:
+        out = np.linalg.solve(section.C, np.array([prestress, 0, 0, 0, 0, 0]))
+        if not out[0] <= 0.99:
+            raise SceneError(f"{who}: prestress={prestress:.6g} N strains it by {out[0]:.3g}, so that without stress it would "
+                             f"have no "
+                             f"length; at most 0.99, here {0.99 * prestress / out[0]:.6g} N")
+    return out
 
 
 def _element_ends(who: str, elements: Any, length: float) -> int | Array:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from fastbeam.arguments import Name, Number, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import ArrayField
 from fastbeam.scene.nets import Net
 from fastbeam.scene.parts import ZERO, PointMass, RigidBody
 
@@ -61,7 +61,7 @@ class Drag:
     normal: float = 0.0
     tangential: float = 0.0
     linear: float = 0.0
-    air: Array = ZERO
+    air: ArrayField = ZERO
 
     def __post_init__(self) -> None:
         if self.normal == self.tangential == self.linear == 0.0:

@@ -1,6 +1,7 @@
 """Joints with axes between two of body, point of a body, beam node and ground: lists of conditions on points and directions."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ from fastbeam.arguments import Name, Number, Numbers, Refusal, Vector, checked, 
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import Array, ArrayField
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
@@ -158,7 +159,7 @@ class OneAxisJoint(AxisJoint):
     """A joint with one axis, which both parts carry."""
 
     _: KW_ONLY
-    axis: Array
+    axis: ArrayField
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -225,9 +226,9 @@ class RevoluteJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    torque: Any = None
-    angle: Any = None
-    speed: Any = None
+    torque: float | Callable[[float], float] | None = None
+    angle: float | Callable[[float], float] | None = None
+    speed: float | Callable[[float], float] | None = None
     friction: float = 0.0
     stops: Stops | None = None
 
@@ -317,9 +318,9 @@ class PrismaticJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    force: Any = None
-    distance: Any = None
-    speed: Any = None
+    force: float | Callable[[float], float] | None = None
+    distance: float | Callable[[float], float] | None = None
+    speed: float | Callable[[float], float] | None = None
     friction: float = 0.0
     stops: Stops | None = None
 
@@ -360,7 +361,7 @@ class PlanarJoint(AxisJoint):
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, -1),), ONE_AXIS)
 
     _: KW_ONLY
-    normal: Array
+    normal: ArrayField
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -395,8 +396,8 @@ class UniversalJoint(AxisJoint):
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, 1),),)
 
     _: KW_ONLY
-    axis_a: Array
-    axis_b: Array
+    axis_a: ArrayField
+    axis_b: ArrayField
 
     def __post_init__(self) -> None:
         super().__post_init__()

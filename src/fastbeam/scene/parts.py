@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
 from itertools import islice
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array, ArrayField, Factor, Field, FieldLike, NodeField, Rotation, TimeFactor
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 ZERO = (0.0, 0.0, 0.0)
 MASS, FIELD, FACTOR = Number(above=0.0, unit="kg"), Field(), Factor()
@@ -156,7 +159,7 @@ class RigidBody:
         return NodeRef(self)
 
     @checked(offset=Vector)
-    def point(self, offset: Any) -> NodeRef:
+    def point(self, offset: ArrayLike) -> NodeRef:
         """The point at `offset` (3,) m from the centre of mass, in the body triad.
 
         Raises
@@ -188,51 +191,6 @@ def _inertia(who: str, value: Any) -> Array:
         raise SceneError(f"{who}: principal moments {checks.shown(moments)} kg m^2 belong to no body: the largest exceeds the "
                          "sum of the other two (triangle inequality)")
     return checks.constant(0.5 * (tensor + tensor.T))
-
-
-@checked(at=Node(), name=Name("each support holds one node, write one for every node"))
-@dataclass(frozen=True, eq=False)
-class _Support:
-    """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
-
-    kind: ClassVar[str] = "support"
-
-    at: NodeField
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.name is None:
-            checks.fill(self, name=f"{self.kind} of {self.at.label}")
-
-
-class Clamp(_Support):
-    """Holds position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
-
-    Raises
-    ------
-    SceneError
-        `at` is no node, body or mass.
-    """
-
-    kind: ClassVar[str] = "clamp"
-
-
-class Pin(_Support):
-    """Holds the position of a node, rotation stays free: `Pin(beam.end)`.
-
-    Raises
-    ------
-    SceneError
-        `at` is no node, body or mass, or a body point away from the centre.
-    """
-
-    kind: ClassVar[str] = "pin"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.at.is_center:
-            raise SceneError(f"{self.name}: a pin holds the centre of a body; for another point clamp a PointMass there and "
-                             "join it with BallJoint(body.point(...), mass)")
 
 
 @checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))

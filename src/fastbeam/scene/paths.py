@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import islice
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import Array
 from fastbeam.scene.nets import Net
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 MOST_BEAMS = 10**5
 # times around a closed path that a slider may begin with
@@ -138,7 +141,7 @@ class Path:
         return float(self.starts[-1])
 
     @checked(s=ArcLengths())
-    def places(self, s: Any) -> tuple[Array, Array]:
+    def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """Which of the beams, int [n], and where on it, arc length of the beam [n] in m, at arc lengths s[n] of the path.
 
         Raises
@@ -169,7 +172,7 @@ class Path:
         return self.beams[int(k[0])], float(local[0])
 
     @checked(s=ArcLengths())
-    def reference(self, s: Any) -> tuple[Array, Array]:
+    def reference(self, s: ArrayLike) -> tuple[Array, Array]:
         """Reference positions [n, 3] (m) and triads [n, 3, 3] (rows d1, d2, d3; d1 along the path) at arc lengths s[n]. On a beam
         that runs backwards d1 and d2 point against its own.
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from fastbeam.arguments import LARGEST, SMALLEST, Number, Numbers, Refusal, Word
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.checks import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 STIFFNESS = ("EA", "GA2", "GA3", "GJ", "EI2", "EI3")
 # 31/32 zeta(5) = sum of 1/n^5 over odd n
@@ -230,7 +233,7 @@ class Section:
 
     @classmethod
     @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
-    def from_matrix(cls, C: Any, *, rhoA: float, rhoI2: float, rhoI3: float, damping: float | Array = 0.0,
+    def from_matrix(cls, C: ArrayLike, *, rhoA: float, rhoI2: float, rhoI3: float, damping: float | Array = 0.0,
                     name: str = "") -> Section:
         """Section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
 

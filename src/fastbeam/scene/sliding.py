@@ -119,9 +119,9 @@ class Drive:
     kind: ClassVar[str] = "drive"
 
     _: KW_ONLY
-    position: Any = None
-    speed: Any = None
-    force: Any = None
+    position: float | Callable[[float], float] | None = None
+    speed: float | Callable[[float], float] | None = None
+    force: float | Callable[[float], float] | Callable[[float, float, float], float] | None = None
     stiffness: float = 0.0
     damping: float = 0.0
     limit: float | None = None

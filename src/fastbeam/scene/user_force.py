@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.parts import Node
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"
@@ -72,7 +75,7 @@ class UserForce:
     at: NodeRef | Beam
     law: Callable[..., None]
     _: KW_ONLY
-    parameters: Any = ()
+    parameters: ArrayLike = ()
     dissipates: bool = True
 
     def __post_init__(self) -> None:
