@@ -15,7 +15,7 @@ from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
-from .kernels.joint_motion import MOTION, VALUE
+from .kernels.joint_motion import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .load_times import load_factors_at
@@ -108,6 +108,9 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     if model.motions is not None and model.motions.driven:
         raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
+    if model.motions is not None and model.motions.holds.held.size:
+        raise SceneError(f"relax: {model.motions.labels[model.motions.holds.held[0]]} is given as a function of time, or rubs, "
+                         "which rests anywhere; leave that out, or use solve_static for what is given")
     check_still_air(model)
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
@@ -191,7 +194,7 @@ class _Motion:
         now, history = self.stepper.state, self.model.state().history
         if self.model.motions is not None:
             # angles count turns
-            own, theirs = (x[self.model.motion_place:].reshape(-1, MOTION) for x in (history, now.history))
+            own, theirs = (self.model.motions.own(x, self.model.motion_place) for x in (history, now.history))
             own[:, VALUE] = theirs[:, VALUE]
         return State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
 
