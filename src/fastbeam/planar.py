@@ -124,10 +124,10 @@ def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
     """Of every joint with a motor or a given motion, or with a spring that is not free of force at t = 0: what it is, and for all
     n nodes the directions [n, 3] in which it pushes and about which it turns."""
     for part, nodes in links.with_axes:
-        wound = getattr(part, "stiffness", 0.0) and getattr(part, "rest", 0.0)
-        if not wound and all(getattr(part, name, None) is None for name in ("motor", "place", "speed")):
-            continue
-        for is_angle in part.coordinates:
+        moved = part.motor is not None or part.is_given
+        for k, is_angle in enumerate(part.coordinates):
+            if not moved and part.of("stiffness", k) * part.of("rest", k) == 0.0:
+                continue
             pushes, turns = np.zeros((n, 3)), np.zeros((n, 3))
             (turns if is_angle else pushes)[nodes[1]] = part.axes[0] / np.linalg.norm(part.axes[0])
             yield part.label, pushes, turns

@@ -15,7 +15,6 @@ from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
-from .joint_motion import check_motions
 from .kernels.joint_motion import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -107,11 +106,11 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-    check_motions(model.motions, None, 1, True)
-    if model.motions is not None and model.motions.holds.given.size:
-        holds = model.motions.holds
-        raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
-                         "with rest=, or use solve_static")
+    if model.motions is not None and model.motions.driven:
+        raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
+    if model.motions is not None and model.motions.holds.held.size:
+        raise SceneError(f"relax: {model.motions.labels[model.motions.holds.held[0]]} is given as a function of time, or rubs, "
+                         "which rests anywhere; leave that out, or use solve_static for what is given")
     check_still_air(model)
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "

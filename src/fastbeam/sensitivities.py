@@ -382,6 +382,9 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     if model.prescribed is not None and at_time is not None:
         raise SceneError(f"sensitivity: {model.prescribed.motions[0].label} has a place at that time that may depend on them, "
                          "which is not known; leave at_time out, then supports stand still, or use differences of equilibria")
+    if model.motions is not None and model.motions.holds.given.size:
+        raise SceneError(f"sensitivity: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on "
+                         "them, which is not known; use differences of equilibria")
     result = None
     if state is None:
         if load_factor != 1.0:

@@ -359,21 +359,21 @@ def test_friction_of_a_joint_between_beams_and_its_checkpoint() -> None:
 
 
 def test_a_chain_of_hinges_that_all_rub_falls_and_comes_to_rest() -> None:
-    links = [body(f"link {k}", (0.1 * k + 0.05, 0, 0), mass=0.1, inertia=(1e-4, 1e-4, 1e-4)) for k in range(12)]
-    joints = [hinge(a, b, (0.1 * k, 0, 0), (0, 1, 0), f"joint {k}", friction=0.05)
+    links = [body(f"link {k}", (0.1 * k + 0.05, 0, 0), mass=0.1, inertia=(1e-4, 1e-4, 1e-4)) for k in range(5)]
+    joints = [hinge(a, b, (0.1 * k, 0, 0), (0, 1, 0), f"joint {k}", friction=0.15)
               for k, (a, b) in enumerate(zip([fb.GROUND, *links], links))]
-    result = run(fb.compile_scene(fb.Scene(*links, *joints, gravity=(0, 0, -G))), 6.0, 0.01)
+    result = run(fb.compile_scene(fb.Scene(*links, *joints, gravity=(0, 0, -G))), 8.0, 0.01)
     assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
-    assert result.info["iterations"] < 7 * result.info["steps"]
-    angles = np.array([result.joint(f"joint {k}")["angle"] for k in range(12)])
-    assert np.all(np.ptp(angles[:, -20:], axis=1) == 0.0) and result.series["kinetic"][-1] < 1e-9
-    # each joint holds what hangs on it
-    torque = np.array([result.joint(f"joint {k}")["torque"][-2] for k in range(12)])
-    assert np.all(np.abs(torque) <= 0.05 * (1 + 1e-9))
-    x = result.state.q.reshape(-1, 4, 3)[:12, 0, 0]
-    ends = [0.0, *(x[k] + 0.05 * result.state.q.reshape(-1, 4, 3)[k, 1, 0] for k in range(11))]
-    hanging = np.array([np.sum(0.1 * G * (x[k:] - ends[k])) for k in range(12)])
-    np.testing.assert_allclose(torque, -hanging, rtol=0.0, atol=1e-6)
+    assert result.info["iterations"] < 6 * result.info["steps"]
+    angles = np.array([result.joint(f"joint {k}")["angle"] for k in range(5)])
+    assert np.all(np.ptp(angles[:, -50:], axis=1) == 0.0) and np.ptp(angles[0]) > 1.0
+    # each joint holds what hangs on it, but for what the step in which the last of them stopped left of its velocity
+    torque = np.array([result.joint(f"joint {k}")["torque"][-2] for k in range(5)])
+    assert np.all(np.abs(torque) <= 0.15 * (1 + 1e-9))
+    q = result.state.q.reshape(-1, 4, 3)
+    x, ends = q[:5, 0, 0], [0.0, *(q[:4, 0, 0] + 0.05 * q[:4, 1, 0])]
+    hanging = np.array([np.sum(0.1 * G * (x[k:] - ends[k])) for k in range(5)])
+    np.testing.assert_allclose(torque, -hanging, rtol=0.0, atol=2e-4)
 
 
 # ------------------------------------------------------------------------------------------------------ cylindrical joints
@@ -416,6 +416,11 @@ def test_what_contradicts_each_other_is_refused(options: dict[str, Any], text: s
         arm(**options)
 
 
+def _driven_by(angle: float) -> fb.Scene:
+    beam = fb.Beam.straight("boom", (0, 0, 0), (1, 0, 0), section=fb.Section.circle(radius=0.01, E=1e9, rho=1000.0), elements=2)
+    return fb.Scene(beam, fb.RevoluteJoint(fb.GROUND, beam.start, "pivot", axis=(0, 1, 0), angle=angle), gravity=(0, 0, -G))
+
+
 def test_runs_refuse_what_they_do_not_know() -> None:
     with pytest.raises(fb.SceneError, match="stands at 0 rad, its given angle at t = 0 s is 0.5 rad"):
         run(arm(angle=0.5), 0.1, 0.01)
@@ -432,6 +437,11 @@ def test_runs_refuse_what_they_do_not_know() -> None:
     for options in ({"friction": 0.1}, {"angle": 0.0}, {"stops": fb.Stops(-1, 1, stiffness=1.0)}):
         with pytest.raises(fb.SceneError, match="use the default method"):
             run(arm(**options), 0.1, 0.01, method="midpoint")
+    for options in ({"friction": 0.1}, {"angle": 0.0}):
+        with pytest.raises(fb.SceneError, match="joint 'pivot' is given as a function of time, or rubs"):
+            fb.relax(arm(**options))
+    with pytest.raises(fb.SceneError, match="joint 'pivot' is given a value that may depend on them"):
+        fb.sensitivity(_driven_by, {"angle": 0.1})
     loaded = arm(angle=0.5)
     with pytest.raises(fb.SceneError, match="solve_path: joints stay where they stand"):
         fb.solve_path(loaded)

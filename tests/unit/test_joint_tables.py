@@ -104,7 +104,7 @@ def test_what_a_plane_keeps_from_moving_does_not_rub_there_and_what_is_given_lea
     slide = fb.PrismaticJoint(fb.GROUND, a, "lift", axis=(0, 0, 1), distance=lambda t: t**2)
     model = fb.compile_scene(fb.Scene(a, slide))
     assert model.plane is None or abs(model.plane.axes[2] @ (0, 0, 1)) < 0.5
-    with pytest.raises(fb.SceneError, match=r"prismatic joint 'lift' \(drive\) leads out of the plane"):
+    with pytest.raises(fb.SceneError, match="prismatic joint 'lift' pushes body 'a' out of the plane"):
         fb.compile_scene(fb.Scene(a, slide, fb.Load("push", a, force=(1, 1, 0), moment=(0, 0, 1))), planar=True)
 
 

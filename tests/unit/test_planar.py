@@ -215,6 +215,16 @@ def test_motors_and_wound_springs_of_joints_choose_the_plane(drive: dict[str, An
     assert angle[-1] > 0.01
 
 
+@pytest.mark.parametrize(("stiffness", "rest", "normal"), [((2.0, 0.0), (1.0, 0.0), True), ((0.0, 2.0), (0.0, 1.0), False),
+                                                           ((2.0, 2.0), (0.0, 0.0), None), ((0.0, 0.0), (1.0, 1.0), None)])
+def test_springs_of_a_cylindrical_joint_choose_the_plane_where_they_are_wound(stiffness: Any, rest: Any, normal: Any) -> None:
+    a, b = (fb.RigidBody(name, mass=1.0, inertia=(0.1, 0.1, 0.1), position=(x, 0, 0)) for name, x in (("a", 0.0), ("b", 1.0)))
+    joint = fb.CylindricalJoint(fb.GROUND, a, "guide", axis=(0, 1, 0), stiffness=stiffness, rest=rest)
+    plane = fb.compile_scene(fb.Scene(a, b, joint)).plane
+    # about the axis the plane is at a right angle to it, along it the axis lies in the plane; at rest any plane will do
+    assert plane is not None and (normal is None or (abs(plane.axes[2][1]) == 1.0) == normal)
+
+
 def test_motors_of_joints_may_lead_out_of_the_plane_and_say_so() -> None:
     scene = crank(torque=2.0)
     scene.add(fb.Load("across", scene.beams[0].node(2), force=(0, 1.0, 0)))
