@@ -42,8 +42,8 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[i
     contacts = np.array([(nodes.number(s.point), nodes.start(s.beams[0])) for s in scene.sliders], np.int64).reshape(-1, 2)
     linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
     # a hinge joins what lies together; a spring across a distance leaves its ends as they are
-    apart = np.linalg.norm(nodes.phi[linked[:, 0]] - nodes.phi[linked[:, 1]], axis=1)
-    joined = _components(n, np.concatenate((*joints, linked[apart <= TOUCHING * length])))
+    distance = np.linalg.norm(nodes.phi[linked[:, 0]] - nodes.phi[linked[:, 1]], axis=1)
+    joined = _components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))
     count = int(_components(n, np.concatenate((*joints, np.stack((chain, chain + 1), axis=1), contacts, linked))).max()) + 1
     alone = np.bincount(joined, minlength=n)[joined] == 1
     alone[contacts[:, 0]] = False
