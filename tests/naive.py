@@ -325,9 +325,10 @@ class Twin:
             free[self.number(mass), 3:] = False
         for clamp in self.scene.clamps:
             node = clamp.at.owner if isinstance(clamp.at.owner, RigidBody) else clamp.at
-            free[self.spin_root[self.number(node)]] = False
+            held = ["xyz".index(letter) for letter in clamp.axes]
+            free[self.spin_root[self.number(node)], [*held, 3, 4, 5]] = False
         for pin in self.scene.pins:
-            free[self.number(pin.at), :3] = False
+            free[self.number(pin.at), ["xyz".index(letter) for letter in pin.axes]] = False
         free[tied, :3] = False
         free[[k for k in tied if self.spin_root[k] != k], 3:] = False
         return free

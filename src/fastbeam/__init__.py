@@ -10,27 +10,30 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "CylindricalJoint", "Damper", "DistanceJoint", "DistributedLoad", "Drag",
-              "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin",
-              "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody",
-              "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
-              "UniversalJoint", "UserForce"],
+    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef",
+              "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
+              "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
+              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
+    "harmonic": ["frequency_response"],
+    "relaxing": ["relax"],
+    "form_finding": ["force_density"],
     "equilibrium_paths": ["solve_path"],
-    "sensitivity": ["sensitivity"],
+    "sensitivities": ["sensitivity"],
     "critical_slopes": ["critical_sensitivity"],
-    "adjoint_run": ["adjoint_run"],
+    "adjoint": ["adjoint_run"],
     "result": ["Result"],
     "resultants": ["section_forces"],
     "reading": ["load_result"],
     "sweeping": ["Sweep", "load_sweep", "sweep"],
     "animation": ["animate"],
-    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_shapes", "plot_slider"],
+    "plot": ["plot_balance", "plot_invariants", "plot_modes", "plot_overview", "plot_response", "plot_shapes", "plot_slider"],
 }
 _HOME = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME)]
@@ -38,14 +41,15 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
-        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, CylindricalJoint as CylindricalJoint,
+        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Crossing as Crossing,
+        CylindricalJoint as CylindricalJoint,
         Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
         Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net,
         NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
         Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,
-        Stops as Stops, UniversalJoint as UniversalJoint, UserForce as UserForce,
+        Stops as Stops, Switch as Switch, UniversalJoint as UniversalJoint, UserForce as UserForce,
     )
     from .errors import (
         BackendError as BackendError, ConvergenceError as ConvergenceError, Interrupted as Interrupted,
@@ -56,10 +60,13 @@ if TYPE_CHECKING:
     from .run import simulate as simulate
     from .statics import solve_static as solve_static
     from .vibration import modes as modes
+    from .harmonic import frequency_response as frequency_response
+    from .relaxing import relax as relax
+    from .form_finding import force_density as force_density
     from .equilibrium_paths import solve_path as solve_path
-    from .sensitivity import sensitivity as sensitivity
+    from .sensitivities import sensitivity as sensitivity
     from .critical_slopes import critical_sensitivity as critical_sensitivity
-    from .adjoint_run import adjoint_run as adjoint_run
+    from .adjoint import adjoint_run as adjoint_run
     from .result import Result as Result
     from .resultants import section_forces as section_forces
     from .reading import load_result as load_result
@@ -67,7 +74,7 @@ if TYPE_CHECKING:
     from .animation import animate as animate
     from .plot import (
         plot_balance as plot_balance, plot_invariants as plot_invariants, plot_modes as plot_modes,
-        plot_overview as plot_overview, plot_shapes as plot_shapes, plot_slider as plot_slider,
+        plot_overview as plot_overview, plot_response as plot_response, plot_shapes as plot_shapes, plot_slider as plot_slider,
     )
 
 if not TYPE_CHECKING:

@@ -78,6 +78,14 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     return (*terms, *losses, *(x for x in others if x is not None))
 
 
+def put_limits(model: Model, terms: tuple[Any, ...], s: Array) -> None:
+    """Let sliders on switches move on the tracks on which they are."""
+    if model.spans:
+        for term in terms:
+            if isinstance(term, Sliding):
+                term.limits[:] = model.limits_at(s)
+
+
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:
     """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
     compiled code calls, or None."""

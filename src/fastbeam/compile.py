@@ -28,6 +28,7 @@ from .holding import Holding, trees
 from .joint_motion import motions_of
 from .joint_trees import softness_of
 from .kernels.bushing import Bushings
+from .kernels.knots import Knots
 from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
@@ -39,18 +40,22 @@ from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
 from .pattern import Pattern
 from .planar import find_plane, pack_plane
+from .prescribed import released_of
 from .report import describe
-from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring
+from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring, Switch
+from .scene.crossings import Knot
 from .sleeves import sleeves_of
 from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
-from .tables import pack_curves, pack_inner, pack_paths, pack_substructures
+from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import track_of
 from .unpacked import Unpacked, unpack
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
 CHOICE = Flag(("auto",))
+# mass of a point without mass in the tangent, as a share of that of an element beside it (kernels/knots.py)
+KNOT_SHARE = 1e-6
 
 
 @checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
@@ -173,16 +178,20 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
         gravity_time=scene.gravity_time, gravity_weight=unpacked.loads.weight, constant_load=unpacked.loads.constant,
         q0=state.q, v0=state.v, s0=state.s,
-        slider_lengths=np.array([s.beam.length for s in scene.sliders]), length=length,
+        slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
+        load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
+        released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(force.name for force in laws),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
+    if scene.knots:
+        model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
     return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
 
 
@@ -206,6 +215,20 @@ def _bodies(unpacked: Unpacked, blocks: Blocks) -> Bodies | None:
     if not node.size:
         return None
     return Bodies(node, blocks.pattern.row_of[node], blocks.diagonal(node), unpacked.inertia.reshape(-1))
+
+
+def _knots(scene: Scene, nodes: NodeList, blocks: Blocks, elements: list[Elements]) -> Knots:
+    """Points without mass; what holds them in the tangent is a share of the mass of the heaviest element that they slide on."""
+    node = np.array([nodes.start(knot) for knot in scene.knots], np.int64)
+    heaviest = np.zeros(node.size)
+    for slider in scene.sliders:
+        if isinstance(slider.point.owner, Knot):
+            k = scene.knots.index(slider.point.owner)
+            masses = [beam.section.inertia[0] * beam.length / beam.n_elements for beam in slider.beams]
+            heaviest[k] = max(heaviest[k], *masses)
+    total = sum(float(np.sum(x.inertia[x.section, :1] * x.mass_phi.sum(axis=2))) for x in elements)
+    heaviest[heaviest == 0.0] = total if total > 0.0 else 1.0
+    return Knots(node, blocks.pattern.row_of[node], blocks.diagonal(node), KNOT_SHARE * heaviest)
 
 
 def _loads(unpacked: Unpacked, row_of: Array) -> Array:
@@ -281,15 +304,22 @@ def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, S
     return pack(list({id(track): track for track in tracks}.values())), Sliders(curve, point, joints.spin_root.astype(np.int64))
 
 
+def _spans(scene: Scene) -> dict[int, Array]:
+    """Of sliders on switches where their tracks begin and end."""
+    return {k: slider.beam.spans for k, slider in enumerate(scene.sliders) if isinstance(slider.beam, Switch)}
+
+
 def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
     """Supports, and joints that are eliminated."""
-    names, supports, turning = [], [], []
+    names, supports, masks, turning = [], [], [], []
     for support in [*scene.pins, *scene.clamps]:
+        masks.append(support.mask)
         owner = support.at.owner
         names.append(str(support.name))
         supports.append(nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at))
     names += [str(motion.name) for motion in scene.prescribed]
     supports += [nodes.number(motion.at) for motion in scene.prescribed]
+    masks += [motion.mask for motion in scene.prescribed]
     for net in scene.nets:
         at, node = nodes.start(net) + net.end_node.reshape(-1), net.edges.reshape(-1)
         for kind, held in (("pin", net.pins), ("clamp", net.clamps)):
@@ -297,14 +327,15 @@ def _holding(scene: Scene, nodes: NodeList, joints: Connections) -> Holding:
                 if kind == "clamp" and net.ball[i]:
                     turning += [(len(names), k) for k in at[node == i].tolist() if k != nodes.start(net) + net.junction[i]]
                 names.append(f"{kind} of {net.label} node {i}")
+                masks.append(63 if kind == "clamp" else 7)
                 supports.append(int(nodes.start(net) + net.junction[i]))
     named = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     closing = set(joints.loops.tolist())
     named += [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for k, j in enumerate(scene.balls) if k not in closing]
     pairs = np.array([x[:2] for x in named] + list(nodes.arm_owner), np.int64).reshape(-1, 2)
     place = np.array(supports, np.int64)
-    return Holding(names, place, np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named], pairs[:len(named)],
-                   *trees(len(nodes), pairs, place))
+    return Holding(names, place, np.array(masks, np.int64), np.array(turning, np.int64).reshape(-1, 2), [x[2] for x in named],
+                   pairs[:len(named)], *trees(len(nodes), pairs, place))
 
 
 def _joint_names(scene: Scene, nodes: NodeList) -> dict[int, list[str]]:

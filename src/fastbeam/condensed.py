@@ -22,14 +22,13 @@ from .kernels import substructures as beams
 from .kernels.beam import ElementTables
 from .kernels.beams import Beams
 from .kernels.inner import Inner, NoInner
-from .kernels.joint_motion import JointForces
 from .kernels.motions import motion
 from .kernels.nodes import Bodies, Held, extrapolation
-from .kernels.planar_nodes import PlanarBodies
+from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.prescribed import MovedRows
 from .kernels.slider import Sliding
-from .kernels.terms import Equilibrium, advance_nodes, apply_ties, predict_nodes
-from .kernels.user_force import UserForces
+from .kernels.terms import Equilibrium, advance_nodes, apply_ties, assemble, predict_nodes
+from .kernels.ties import Ties
 from .kernels.work import follow_increment, start_increment
 from .workspace import condensed_of, scratch_of
 
@@ -127,6 +126,15 @@ class CondensedIteration(Iteration):
     threads : int
     """
 
+    def _held_by_solver(self) -> tuple[Any, ...]:
+        """Of a model with carriers."""
+        return tuple(_held_of_solver(x, self.owner.core.pattern.n) if isinstance(x, Held) else x
+                     for x in self.owner.terms if isinstance(x, (MovedRows, Held)))
+
+    def hold(self) -> None:
+        if self._carriers:
+            self._held = self._held_by_solver()
+
     def __init__(self, owner: Owner, threads: int) -> None:
         super().__init__(owner)
         self.team = Team(threads)
@@ -152,16 +160,16 @@ class CondensedIteration(Iteration):
         self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (MovedRows, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
-        # user forces and joints have work arrays of this run: they are not the tables of the model
-        others = tuple(x for x in owner.terms if isinstance(x, (UserForces, JointForces)) or any(
-            x is y for y in (*model.links, model.drag)))
+        # links, drag, user forces, what joints leave free: all that has no pass of its own
+        own_passes = Beams, Inner, Sliding, Bodies, PlanarBodies, Ties, PlanarTies, MovedRows, Held
+        others = tuple(x for x in owner.terms if assemble.covers(type(x)) and not isinstance(x, own_passes))
         self._ties = model.ties
         self._carriers: list[Group] = []
         if model.carriers is not None:
             shared = Shared(model)
             self._carriers = [Group(owner, shared, g) for g in range(len(shared.groups))]
             self._spaces = [Workspace(scratch) for scratch in self._scratch]
-            self._held = tuple(_held_of_solver(x, model.pattern.n) if isinstance(x, Held) else x for x in self._held)
+            self._held = self._held_by_solver()
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
         self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others)

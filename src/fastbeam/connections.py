@@ -16,6 +16,9 @@ from .errors import SceneError
 Array = np.ndarray
 POSITION, ARM, TRIAD = 0, 1, 2
 HOLD_POSITION, HOLD_TRIAD = 7, 56
+AXES = "xyz"
+# components of an axis of a plane below this are none
+OBLIQUE = 1e-9
 NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
@@ -106,7 +109,7 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
         Reference positions and triads.
     rigid, balls : list of (node, node, name)
     held : int [N]
-        Masks of supports: 63 clamped, 7 pinned, 56 the inert triad of a point mass.
+        Masks of supports: 63 clamped, 7 pinned, some of its bits where single axes are held, 56 the inert triad of a point mass.
     rank : int [N]
         Which node of a rigid set becomes its root: the lowest; 9 for nodes without rotation.
     labels : sequence of str
@@ -138,10 +141,10 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     c = (directors[root] @ (phi[touched] - phi[root])[:, :, None])[:, :, 0]
     offset[touched] = np.where(np.abs(c) > tolerance, c, 0.0)
     pinned = touched[(touched != root) & (held[touched] & 7 != 0) & (held[touched] != 63) & (held[root] != 63)]
-    for k in pinned[np.any(offset[pinned], axis=1)]:
+    np.bitwise_or.at(out.held, root_of[pinned], held[pinned])
+    for k in pinned[np.any(offset[pinned], axis=1) & (out.held[root_of[pinned]] & HOLD_TRIAD == 0)]:
         raise SceneError(f"pin of {labels[k]}: it is rigidly connected to {labels[root_of[k]]} at a distance, together they are "
                          "more than one pin; clamp it, or pin only one of them")
-    out.held[root_of[pinned]] |= HOLD_POSITION
 
     def name(j: int) -> str:
         return balls[j][2] if j < len(balls) else f"ball joint of {labels[ball[j, 0]]} and {labels[ball[j, 1]]}"
@@ -149,17 +152,19 @@ def connect(phi: Array, directors: Array, rigid: list[tuple[int, int, str]], bal
     out.loops = _loops(root_of, ball, offset, out.held, name)
     base, arms = _ball_trees(root_of, np.delete(ball, out.loops, axis=0), offset, out.held, rank)
 
-    def is_fixed(node: int) -> bool:
-        """Whether nothing can move the place of a node."""
+    def fixed_axes(node: int) -> int:
+        """Axes along which nothing can move a node, bit by bit."""
         top = root_of[node]
         turns = np.any(offset[node]) or int(top) in arms
-        return bool(out.held[top] == 63 or (out.held[base[top]] & HOLD_POSITION != 0 and not turns))
+        return HOLD_POSITION if out.held[top] == 63 else 0 if turns else int(out.held[base[top]]) & HOLD_POSITION
 
     for j in out.loops.tolist():
         a, b = ball[j].tolist()
-        if is_fixed(a) and is_fixed(b):
-            raise SceneError(f"{name(j)}: both sides are held ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint does "
-                             "nothing; remove it or one of the supports")
+        both = fixed_axes(a) & fixed_axes(b)
+        if both:
+            along = "" if both == HOLD_POSITION else " along " + "".join(x for i, x in enumerate(AXES) if both >> i & 1)
+            raise SceneError(f"{name(j)}: both sides are held{along} ({labels[root_of[a]]}, {labels[root_of[b]]}), the joint "
+                             f"does nothing{along and ' there'}; remove {'' if along else 'it or '}one of the supports")
 
     # entries: position, arms, triad of every tied node
     slave = touched[(touched != root) | (base[root] != root)]
@@ -207,13 +212,34 @@ def _pairs(joints: list[tuple[int, int, str]]) -> Array:
     return np.array([joint[:2] for joint in joints], np.int64).reshape(-1, 2)
 
 
+def held_axes(held: Array) -> Array:
+    """Of masks [n] the components of positions that are held, bool [n, 3]."""
+    return (held[:, None] >> np.arange(3)) & 1 != 0
+
+
+def held_in_plane(held: Array, axes: Array) -> Array:
+    """Masks of the three unknowns in a plane from those of six, int [*]: the turn where all three spins are held, a position
+    along an axis of the plane where all its components are. axes: of the plane, [3, 3]."""
+    out = np.where(held & HOLD_TRIAD == HOLD_TRIAD, 4, 0)
+    for c in range(2):
+        parts = sum(1 << i for i in range(3) if abs(axes[c, i]) > OBLIQUE)
+        out |= np.where(held & parts == parts, 1 << c, 0)
+    return out
+
+
+def _freedom(held: Array) -> Array:
+    """0 where a position is held, 1 where some of its components are, 2 where none is, [n]."""
+    some = held & HOLD_POSITION
+    return np.where(some == HOLD_POSITION, 0, np.where(some != 0, 1, 2))
+
+
 def _rigid_roots(n: int, fixed: Array, touched: Array, held: Array, rank: Array, labels: Sequence[str]) -> Array:
     """The root of the rigid set of every touched node, int [n]."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
     graph = coo_matrix((np.ones(len(fixed), np.int8), (fixed[:, 0], fixed[:, 1])), shape=(n, n))
     group = connected_components(graph, directed=False)[1][touched]
-    rate = np.where(held[touched] == 63, 0, np.where(held[touched] & 7 != 0, 1, 2))
+    rate = np.where(held[touched] == 63, 0, 1 + _freedom(held[touched]))
     order = np.lexsort((touched, rank[touched], rate))
     _, first, of, count = np.unique(group[order], return_index=True, return_inverse=True, return_counts=True)
     root = touched[order[first]]
@@ -292,7 +318,7 @@ def _ball_trees(root_of: Array, ball: Array, offset: Array, held: Array,
     m = roots.size
     graph = coo_matrix((np.ones(len(ball), np.int8), (local[:, 0], local[:, 1])), shape=(m, m))
     n_trees, tree = connected_components(graph, directed=False)
-    order = np.lexsort((roots, rank[roots], held[roots] & 7 != 7))
+    order = np.lexsort((roots, rank[roots], _freedom(held[roots])))
     top = np.full(n_trees, -1)
     top[tree[order[::-1]]] = order[::-1]
     base[roots] = roots[top[tree]]

@@ -15,7 +15,7 @@ from .newton import BACKENDS
 from .parameters import CHANGES, SHARE, SIXTH, Family
 from .response import OutOfPlane, Response, at_shape
 from .saddle import Saddle
-from .sensitivity import which_build
+from .sensitivities import which_build
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 

@@ -18,6 +18,8 @@ SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
 WEIGHTS = {2: np.ones(1), 4: np.array([SUZUKI, SUZUKI, 1.0 - 4.0 * SUZUKI, SUZUKI, SUZUKI])}
 # a located end of a beam is met within this share of its length
 END_TOLERANCE = 1e-10
+# of those that go on to another track there
+TRANSFER_TOLERANCE = 1e-15
 # the time at which a condition begins to hold is met within this share of the step, round-off
 CONDITION = 1e-15
 # the error of a step to such an end is judged within this share of it, so that its halves stay inside
@@ -85,12 +87,12 @@ def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
     return MEANING.get(outcome.status, "failed"), smaller
 
 
-def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Outcome, int]:
+def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = END_TOLERANCE) -> tuple[float, Outcome, int]:
     """Shorten a step in which sliders leave their beams, or pass rigid stops, so that it ends where the first of them meets its
     end. The step size is free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where
-    it stands at the end already."""
+    it stands at the end already. tolerance: way that may be left, as a share of the length."""
     start = stepper.save()
-    lengths, (low_end, high_end) = stepper.model.slider_lengths, stepper.model.slider_limits.T
+    lengths, (low_end, high_end) = stepper.model.slider_lengths, stepper.model.limits_at(stepper.state.s).T
     slack = END_SLACK * np.where(high_end < np.inf, high_end, np.abs(low_end))
     leaving: dict[int, float] = {}
 
@@ -111,7 +113,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float) -> tuple[float, Out
     halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
         f_low = way(reached[0].s)[0]
-        if f_low <= END_TOLERANCE or high - low < 1e-13:
+        if f_low <= tolerance or high - low < 1e-13:
             break
         # secant, with bisection as a guard and where a secant has led next to nowhere, as where the slider starts from rest; aim
         # a little inside

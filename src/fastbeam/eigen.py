@@ -81,9 +81,9 @@ class Shifted:
         self.columns = BLOCK
         matrix = pencil.stiffness
         if shift:
-            matrix = (matrix - shift * _grown(pencil.mass, n)).tocsr()
+            matrix = (matrix - shift * grown(pencil.mass, n)).tocsr()
         bordered = bool(pencil.multiplier.any()) or k < n
-        self.scale = _scales(matrix, bordered)
+        self.scale = scales(matrix, bordered)
         unit = sparse.diags(self.scale)
         matrix = unit @ matrix @ unit
         diagonal = np.where(pencil.multiplier, -GIVE, 0.0)
@@ -111,7 +111,7 @@ class Shifted:
         if mkl is not None:
             threads = 1 if n < SMALL else mkl.MKL_Get_Max_Threads()
             factors = Factors(mkl, self.pencil.is_symmetric, bordered, BLOCK, threads)
-            if factors.factor(_upper(self.matrix) if self.pencil.is_symmetric else self.matrix):
+            if factors.factor(upper(self.matrix) if self.pencil.is_symmetric else self.matrix):
                 self._solve = factors.solve
                 if self._is_good(test):
                     if self.pencil.is_symmetric and not factors.perturbed:
@@ -177,7 +177,7 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
     SingularError
         K - shift M is singular for every shift, or Krylov vectors do not converge.
     """
-    shift = -LEAST_SHIFT * _stiffest(pencil)
+    shift = -LEAST_SHIFT * stiffest(pencil)
     for moves in range(MOVES + 1):
         factors = Shifted(pencil, shift, backend)
         values, vectors, better = _krylov(factors, n, moves < MOVES)
@@ -395,7 +395,7 @@ def _counted(found: Eigen, backend: str) -> bool:
     return between.below == last + 1 + (pencil.still.shape[1] if shift > 0.0 else 0)
 
 
-def _stiffest(pencil: Pencil) -> float:
+def stiffest(pencil: Pencil) -> float:
     """Largest stiffness over mass of a coordinate; 1 where there is none."""
     mass = pencil.mass.diagonal()
     stiffness = np.abs(pencil.stiffness.diagonal()[:mass.size])
@@ -404,14 +404,14 @@ def _stiffest(pencil: Pencil) -> float:
     return float(np.median(stiffness[heavy] / mass[heavy])) if heavy.any() else 1.0
 
 
-def _grown(matrix: Any, n: int) -> Any:
+def grown(matrix: Any, n: int) -> Any:
     """With rows and columns of zeros behind the others, [n, n]."""
     grown = matrix.copy()
     grown.resize((n, n))
     return grown
 
 
-def _scales(matrix: Any, bordered: bool) -> Array:
+def scales(matrix: Any, bordered: bool) -> Array:
     """Factors of rows and columns."""
     if bordered:
         row, column = equilibrated(matrix)
@@ -421,7 +421,7 @@ def _scales(matrix: Any, bordered: bool) -> Array:
     return 1.0 / np.sqrt(np.maximum(diagonal, 1e-20 * largest))
 
 
-def _upper(matrix: Any) -> Any:
+def upper(matrix: Any) -> Any:
     """Entries on and above the diagonal, by rows."""
     from scipy import sparse
     upper = sparse.triu(matrix, format="csr")

@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from .checkpoint import Clock
-from .dynamics import StepControl, failure, run_to_condition, run_to_end_of_beam
+from .dynamics import END_TOLERANCE, TRANSFER_TOLERANCE, StepControl, failure, run_to_condition, run_to_end_of_beam
 from .impacts import Impacts
 from .interrupt import Calls
 from .kernels.step import NOT_CONVERGED, OK
+from .kernels.work import State
 from .locking import Locking
 from .model import Model
 from .newton import Outcome, Stepper
@@ -67,23 +68,27 @@ class Encounters:
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """As `Calls.advance`, one step at a time where conditions are watched: CONDITION where one holds behind the last, and no
         more steps where sliders lift off."""
-        if not (self.locking.is_present and self.locking.watch(self.stepper.state, t + done * h)):
+        if not self.locking.is_present:
+            return self.calls.advance(t, h, n, done)
+        # made in space once a step
+        here = self.stepper.copy_state()
+        if not self.locking.watch(here, t + done * h):
             return self.calls.advance(t, h, n, done)
         whole: Outcome | None = None
         before = self.clock.before
         for k in range(done, done + n):
-            saved = self.stepper.save()
+            saved = here, self.stepper.memory
             try:
                 part = self.calls.advance(t, h, 1, k)
             except KeyboardInterrupt:
                 self.calls.intact &= k == done
                 raise
-            part = self.looked_at(saved, part, t + (k + 1) * h, before)
+            part, here = self.looked_at(saved, part, t + (k + 1) * h, before)
             before = part.force[1]
             whole = part if whole is None else part.after(whole)
             if part.status != OK or not part.steps or self.locking.lifting:
                 break
-            self.locking.watch(self.stepper.state, t + (k + 1) * h)
+            self.locking.watch(here, t + (k + 1) * h)
         assert whole is not None
         return whole
 
@@ -94,22 +99,23 @@ class Encounters:
         saved = self.stepper.save() if watches else None
         size, proposed, outcome = self.calls.controlled(self.control, t, h, self.steps)
         if saved is not None:
-            outcome = self.looked_at(saved, outcome, t + size, self.clock.before)
+            outcome, _ = self.looked_at(saved, outcome, t + size, self.clock.before)
         return size, proposed, outcome
 
-    def looked_at(self, saved: Any, outcome: Outcome, t: float, before: Any) -> Outcome:
-        """A step that led to time t: back to its saved start, with CONDITION, where a condition holds behind it. before: mean
-        contact force of the step before, N."""
+    def looked_at(self, saved: Any, outcome: Outcome, t: float, before: Any) -> tuple[Outcome, State]:
+        """A step that led to time t, and the state behind it: back to its saved start, with CONDITION, where a condition holds
+        behind it. before: mean contact force of the step before, N."""
         if not outcome.steps:
-            return outcome
-        state = self.stepper.state
+            return outcome, saved[0]
+        state = self.stepper.copy_state()
         if self.locking.reached(state, t)[0] >= 0.0:
             self.stepper.load(saved)
-            return replace(outcome, status=CONDITION, steps=0)
+            return replace(outcome, status=CONDITION, steps=0), saved[0]
         if self.locking.sided:
-            self.locking.follow(state, t, self.stepper.core_state)
+            for into in (self.stepper.core_state, state):
+                self.locking.follow(state, t, into)
             self.locking.find_lifting(state, before, outcome.force[1])
-        return outcome
+        return outcome, state
 
     def to_condition(self, t: float, outcome: Outcome, h: float) -> Any:
         """A step to where a condition of a lock or release begins to hold."""
@@ -150,12 +156,13 @@ class Encounters:
         self.between, self.calls.intact = True, False
         start = self.stepper.save()
         watched = self.locking.is_present and self.locking.watch(self.stepper.state, t)
-        last, final, slider = run_to_end_of_beam(self.stepper, t, h)
+        way = TRANSFER_TOLERANCE if self.model.spans else END_TOLERANCE
+        last, final, slider = run_to_end_of_beam(self.stepper, t, h, way)
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))
         s = float(self.stepper.state.s[slider])
-        low, high = self.model.slider_limits[slider]
+        low, high = self.model.limits_at(self.stepper.state.s)[slider]
         end = "end" if s >= 0.5 * (low + high) else "start"
         is_impact = self.impacts.is_rigid(slider, end == "end")
         found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact)

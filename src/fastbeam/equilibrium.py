@@ -7,10 +7,11 @@ import numpy as np
 
 from .interrupt import Interrupts
 from .kernels import step as kernels
-from .kernels.step import OK, SINGULAR
+from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.work import State
 from .model import Model
 from .newton import Stepper
+from .static_motion import StaticMotion, assemble_moved
 
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
@@ -33,6 +34,8 @@ class StaticSolver:
         # iterations of the last equilibrium, or of the hardest part of it
         self.longest = 0
         self.interrupts = Interrupts()
+        # supports on their way to where they are at the time of the loads
+        self.motion: StaticMotion | None = None
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 
@@ -49,6 +52,11 @@ class StaticSolver:
     def set_time(self, t: float, factor: float) -> None:
         """At which time, and with which load factor, user forces and drives are evaluated."""
         self.stepper.law_work[:2] = t, factor
+
+    def move_to(self, share: float) -> None:
+        """How much of their way supports and prescribed places of sliders have gone at the next equilibrium."""
+        if self.motion is not None:
+            self.motion.share = share
 
     def _load(self, factors: Array) -> None:
         self.work.f_ext[:] = 0.0
@@ -72,6 +80,10 @@ class StaticSolver:
         model, state = self.core, self.stepper.core_state
         self._load(factors)
         before = state.q.copy()
+        status = self._carry(factors)
+        if status != OK:
+            state.q[:] = before
+            return status, []
         if self.linear.is_compiled and model.substructures is None:
             buffer = np.zeros(self.max_iterations)
             with self.linear.threads():
@@ -90,6 +102,26 @@ class StaticSolver:
             state.q[:] = before
         self.longest = len(sizes)
         return status, sizes
+
+    def _carry(self, factors: Array) -> int:
+        """Where supports move, one iteration that takes the scene along with them."""
+        given = None if self.motion is None else self.motion.pending(self.state.q)
+        if given is None:
+            return OK
+        if np.isnan(given).any():
+            return NOT_CONVERGED
+        at = self if self.stepper.pivots_everywhere else self.fallback
+        at.set_time(*self.stepper.law_work[:2])
+        stepper = at.stepper
+        at._load(factors)
+        x = self.motion.rows(given, stepper.core, None if stepper.plane is None else stepper.plane.axes)
+        stepper.parts.start(0.0)
+        assemble_moved(stepper, x)
+        # increments are minus half the solution
+        stepper.work.r[:8 * len(x)].reshape(-1, 8)[:, :x.shape[1]] -= 2.0 * x
+        if not stepper.parts.solve():
+            return SINGULAR
+        return OK if stepper.parts.update() < LARGEST_INCREMENT else NOT_FINITE
 
     def _uneliminated(self, planar: bool) -> StaticSolver:
         uneliminated = self.stepper.model.uneliminated

@@ -137,7 +137,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor)
     check_supports(model, solver.stepper.plane is not None)
     if model.motions is not None:
-        model.motions.check_stays("solve_path", solver.state, model.motion_place, at_time or 0.0)
+        for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
+            model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
     return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to, stop_at, side)
 
 

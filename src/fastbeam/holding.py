@@ -17,6 +17,8 @@ class Holding:
     support_names : list of str
     supports : int64 [R]
         Their nodes.
+    masks : int64 [R]
+        What each holds of the six unknowns of its node, bit by bit.
     turning : int64 [R', 2]
         Further nodes whose rotation a support holds: (support, node).
     joint_names : list of str
@@ -31,6 +33,7 @@ class Holding:
 
     support_names: list[str]
     supports: Array
+    masks: Array
     turning: Array
     joint_names: list[str]
     joints: Array

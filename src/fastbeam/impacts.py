@@ -142,7 +142,7 @@ def jump(model: Model, state: State, k: int, lead: Array, change: Array) -> tupl
     for others in (matrix[3 * len(tangents):], *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
         rows.append(others)
         right.append(np.zeros(others.shape[0]))
-    free = free_unknowns(model)
+    free = free_unknowns(model, state)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
     mass = (lift.T @ inertia @ lift).tocsr()

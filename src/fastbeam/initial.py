@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .connections import ARM, TRIAD, Connections
+from .connections import ARM, TRIAD, Connections, held_axes
 from .errors import SceneError
 from .kernels.work import State
 from .multipliers import KeptLink
@@ -37,7 +37,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     moving = support_rates(scene, nodes, joints)
     for motion in scene.prescribed:
         at = nodes.number(motion.at)
-        v[at], omega[at] = moving[0][at], moving[1][at] if motion.mask == 63 else omega[at]
+        v[at] = np.where(held_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
+        omega[at] = moving[1][at] if motion.mask & 56 else omega[at]
     _follow_sliders(scene, nodes, v, lines)
     for x in (v, omega):
         # squares of smaller numbers are lost
@@ -49,7 +50,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     held = held_at_start(scene, nodes, joints, lines)
     wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
     if wrong:
-        scale = max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
+        scale = max([_speed(nodes, v, omega), *(abs(slider.rate or 0.0) for slider in scene.sliders)])
         size, text = max(wrong)
         if size > 1e-10 * scale + NO_VELOCITY:
             if not scene.project_velocities:
@@ -58,16 +59,14 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
-            # from rest what is given sets in motion
-            found = float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes)
-            scale = max(scale, *found)
-            if size > 1e-7 * scale:
+            if size > 1e-7 * max(scale, _speed(nodes, v, omega)):
                 raise SceneError(f"{text}: no initial velocities agree with all connections, supports and sliders, {size:.6g} "
                                  "m/s remain; change the rate of a slider or leave a support out")
             changed = _change(nodes, given, (v, omega), energies)
     # what is held stands still exactly, or moves as prescribed, also after a projection: no step would correct it
-    for x, of, bits, own in ((v, moving[0], 7, ~tied), (omega, moving[1], 56, joints.spin_root == np.arange(n))):
-        x[own & (joints.held & bits != 0)] = of[own & (joints.held & bits != 0)]
+    for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
+                         (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
+        x[which] = of[which]
     follows = _tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
@@ -92,6 +91,11 @@ def _change(nodes: NodeList, given: tuple[Array, Array], found: tuple[Array, Arr
     before, after = energies
     return (f"the initial velocities were projected: they change by up to {what}, the kinetic energy from {before:.6g} to "
             f"{after:.6g} J")
+
+
+def _speed(nodes: NodeList, v: Array, omega: Array) -> float:
+    """The largest velocity, that of spins over the size of the scene included, m/s."""
+    return max(float(np.max(np.linalg.norm(v, axis=1))), float(np.max(np.linalg.norm(omega, axis=1))) * _size(nodes))
 
 
 def _size(nodes: NodeList) -> float:
@@ -186,6 +190,13 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
             if slider.rate is not None or not moved:
                 v[point] = values @ v[number] + along
             # with a rigid motion and no rate the mass keeps the motion it was given
+    for knot in scene.knots:
+        # the velocity with which it stays on both curves
+        sides = [line for slider, line in zip(scene.sliders, lines) if slider.point.owner is knot]
+        moving = [values @ v[number] for number, values, _, _ in sides]
+        tangents = [slopes @ nodes.phi[number] for number, _, slopes, _ in sides]
+        rates = np.linalg.lstsq(np.stack((tangents[0], -tangents[1]), axis=1), moving[1] - moving[0], rcond=None)[0]
+        v[sides[0][3]] = 0.5 * (moving[0] + moving[1] + rates[0] * tangents[0] + rates[1] * tangents[1])
 
 
 def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:
@@ -214,7 +225,7 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     for what, error, where in (
             ("connection of {}", v - velocity, tied),
             ("connection of {} (rotation)", (omega - spin) * size, tied & turning),
-            ("support of {}", v - moving[0], ~tied & (joints.held & 7 != 0)),
+            ("support of {}", np.where(held_axes(joints.held), v - moving[0], 0.0), ~tied & (joints.held & 7 != 0)),
             ("support of {} (rotation)", (omega - moving[1]) * size, alone & (joints.held & 56 != 0) & turning)):
         k = np.flatnonzero(where)
         if k.size:

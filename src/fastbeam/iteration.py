@@ -42,6 +42,9 @@ class Iteration:
     def __init__(self, owner: Owner) -> None:
         self.owner = owner
 
+    def hold(self) -> None:
+        """Supports have changed what they hold."""
+
     def keep(self) -> None:
         """Remember the state before a step."""
         kernels.keep_now(self.owner.system)

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from .damping_matrix import damping_map, material_map
 from .eigen import Pencil
 from .errors import SceneError
 from .kernels import step as kernels
+from .kernels.nodes import Held
 from .kernels.work import State
 from .maps import mass_map, velocity_map
 from .mapping import follow
@@ -36,6 +38,8 @@ class Linearisation:
         Of the loads.
     flat : bool
         Motions in the plane of the scene alone.
+    moved : int64 [N], optional
+        Bits of unknowns of nodes that supports hold and that move here, 7 for positions, 56 for spins.
 
     Attributes
     ----------
@@ -46,16 +50,17 @@ class Linearisation:
     mass : sparse [k, k]
     """
 
-    def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool) -> None:
+    def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool,
+                 moved: Array | None = None) -> None:
         assert model.uneliminated is not None
         self.model = model
         # spins that statics may hold are motions here
-        own = _released(model.uneliminated(planar=flat))
+        self.own = own = _released(model.uneliminated(planar=flat), moved)
         self.stepper = Stepper(own, np.ones(1), state, backend="superlu", static=True)
         plane = self.stepper.plane
         if flat and plane is None:
             raise SceneError("planar=True: the state leaves the plane of the scene; leave planar out")
-        self.core, self.sliding = self.stepper.core, sliding
+        self.core, self.sliding, self.factors = self.stepper.core, sliding, factors
         self.size = len(self.core.dofs)
         self.contacts = StaticContacts(own, None if plane is None else plane.axes)
         self.free = np.flatnonzero(self.contacts.free(self.size))
@@ -149,11 +154,35 @@ class Linearisation:
         """Add to the contact forces [F]."""
         self.stepper.core_state.force[:] += change
 
+    def damping(self) -> Any:
+        """What resists velocities, sparse [k, k].
+
+        Raises
+        ------
+        SceneError
+            Nothing is at rest in moving air.
+        """
+        return self._on_unknowns(damping_map(self.own, self.q, *self.stepper.law_work[:2].tolist()))
+
+    def material(self) -> Any:
+        """Stiffness of the material of beams alone, sparse [k, k]."""
+        return self._on_unknowns(material_map(self.own, self.q))
+
+    def _on_unknowns(self, matrix: Any) -> Any:
+        return (self.lift.T @ (matrix @ self.lift)).tocsr()
+
+    def on_rows(self, of_nodes: Array) -> Array:
+        """Forces and moments on nodes [N, 6] as forces on the unknowns [k]."""
+        # what ties hand on from positions and directors; moments of followers act on the spin that they share
+        rates = np.zeros((len(of_nodes), 4, 3))
+        rates[:, 0] = of_nodes[:, :3]
+        # sum d_i x f_i is the moment m with f_i = 1/2 m x d_i
+        rates[:, 1:] = 0.5 * np.cross(of_nodes[:, None, 3:], self.q[:, 1:])
+        return np.asarray(self.lift.T @ rates.reshape(-1))
+
     # --- shapes ---------------------------------------------------------------------------------------------------------
     def spread(self, vectors: Array) -> tuple[Array, Array]:
         """Unknowns [k, m] as displacements and spins of all nodes [m, N, 3] each."""
-        whole = np.zeros((self.core.pattern.n * self.size, vectors.shape[1]))
-        whole[self.free] = vectors
         rates = (self.lift @ vectors).T.reshape(vectors.shape[1], -1, 4, 3)
         spins = 0.5 * np.cross(self.q[:, 1:], rates[:, :, 1:]).sum(axis=2)
         return rates[:, :, 0].copy(), spins
@@ -195,9 +224,34 @@ class Linearisation:
         return 1e-13 * self.core.length * float(np.max(np.abs(pencil.stiffness.diagonal()), initial=0.0))
 
 
-def _released(model: Model) -> Model:
-    """The same without the spins that statics holds."""
+def standing_supports(model: Model) -> Array:
+    """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
+    held = model.held_mask
+    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
+    held[first[of] != np.arange(model.n_nodes)] = 0
+    if model.ties is not None:
+        held[model.ties.slave] = 0
+    return held
+
+
+def _released(model: Model, moved: Array | None) -> Model:
+    """The same without the spins that statics holds, and with these unknowns of nodes free."""
     plane = model.plane
     if plane is not None:
-        plane = replace(plane, model=replace(plane.model, static_held=plane.model.held))
-    return replace(model, static_held=model.held, plane=plane)
+        plane = replace(plane, model=replace(plane.model, static_held=_without(plane.model, moved)))
+    return replace(model, static_held=_without(model, moved), plane=plane)
+
+
+def _without(model: Model, moved: Array | None) -> Held | None:
+    """What supports hold but for these unknowns of nodes."""
+    held = model.held
+    if moved is None or held is None:
+        return held
+    bits = moved if model.dim == 3 else np.where(moved & 7 != 0, 3, 0) | np.where(moved & 56 != 0, 4, 0)
+    off = np.zeros(model.n_nodes, np.int64)
+    np.bitwise_or.at(off, model.pattern.row_of, bits)
+    mask = held.mask & ~off[held.row]
+    of_row = np.zeros(model.n_nodes, np.int64)
+    of_row[held.row] = mask
+    return held._replace(mask=mask, row_mask=of_row[model.pattern.rows[held.block]],
+                         column_mask=of_row[model.pattern.columns[held.block]])

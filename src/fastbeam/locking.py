@@ -7,21 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Refusal
+from .arguments import Refusal, real, shown
 from .errors import SceneError
 from .impacts import along, jump
-from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, SIGN, STICKS, TURNS
+from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, SIGN, STICKS, STOP_LOSS, TURNS
 from .kernels.observe import slider_motion
 from .kernels.work import State
 from .model import Model
-from .one_sided import ON_AXIS, Place, land, place_of, pull
+from .one_sided import ON_AXIS, Finder, Place, land
 from .scene.locks import END, START, STOP, truth
+from .scene.switches import chosen, span_of
 from .starting import AT_STOP
 from .workspace import contact_of
 
 Array = np.ndarray
-LOCK, UNLOCK, RELEASE, LIFT, LAND = "lock", "unlock", "release", "lift", "land"
+LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER, LET_GO = "lock", "unlock", "release", "lift", "land", "transfer", "let go"
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
+# of a slider that is away: 1 where its point was beyond the ends or on the other side
+PASSED = STICKS
 # distance, as a share of the length of the beam
 TOUCHING = 1e-12
 # events of points that come back, in a run
@@ -31,7 +34,7 @@ MOST_HITS = 100
 @dataclass(frozen=True)
 class Awaited:
     """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length; or
-    that its point comes back. rests: it came back with no flight between."""
+    that its point comes back. rests: it came back with no flight between. LET_GO: the support of this number does."""
 
     slider: int
     action: str
@@ -57,14 +60,16 @@ class Locking:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.sliders = [] if model.slider_forces is None else model.slider_forces.sliders
-        self.is_present = any(x.lock is not None or x.release is not None or x.one_sided is not None for x in self.sliders)
+        self.is_present = model.released is not None or bool(model.spans) or any(
+            x.lock is not None or x.release is not None or x.one_sided is not None for x in self.sliders)
         self.sided = [k for k, x in enumerate(self.sliders) if x.one_sided is not None]
         # sliders that lift off at the end of the last step
         self.lifting: list[Awaited] = []
         self.hits = 0
         # where points away from their beams are, at one time
         self._places: dict[tuple[int, float], Place] = {}
-        self._contact = contact_of(model) if self.is_present else None
+        self._contact = contact_of(model) if self.is_present and self.sliders else None
+        self._finder = Finder(model, self._contact) if self.sided and self._contact is not None else None
         # what `reached` compares with: the awaited that are watched, and their values in the state before the step
         self._watched: list[Awaited] = []
         self._before = np.zeros(0)
@@ -74,6 +79,9 @@ class Locking:
         if not self.is_present:
             return []
         out = []
+        if self.model.released is not None:
+            gone = state.history[self.model.release_place:self.model.motion_place] != 0.0
+            out = [Awaited(k, LET_GO, self.model.released.until[k]) for k in np.flatnonzero(~gone).tolist()]
         own = state.history[:self.model.work_place].reshape(-1, HISTORY)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
@@ -125,22 +133,32 @@ class Locking:
             return np.zeros(0)
         model = self.model
         rates = np.zeros(model.n_sliders)
-        slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders), rates)
-        return np.array([state.s[x.slider] - x.at if x.at is not None else self._nearness(x, state, t) if x.action == LAND else
-                         self._asked(x, t, float(state.s[x.slider]), float(rates[x.slider])) for x in self._watched])
+        if self._contact is not None:
+            slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, np.zeros(3 * model.n_sliders),
+                          rates)
+        return np.array([self._value(x, state, t, rates) for x in self._watched])
+
+    def _value(self, x: Awaited, state: State, t: float, rates: Array) -> float:
+        """Of one that is watched; rates: of all sliders [S]."""
+        if x.action == LET_GO:
+            return self._support_asked(x, state, t)
+        s = float(state.s[x.slider])
+        if x.at is not None:
+            return s - x.at
+        return self._nearness(x, state, t) if x.action == LAND else self._asked(x, t, s, float(rates[x.slider]))
 
     def _place(self, state: State, t: float, k: int) -> Place:
         """Of the point of slider k in the state at time t, the one that was looked at last there."""
         if (k, t) not in self._places:
             self._places = {at: place for at, place in self._places.items() if at[1] == t}
-            self._places[k, t] = place_of(self.model, state, k)
+            self._places[k, t] = self._finder.place(state, k)
         return self._places[k, t]
 
     def _nearness(self, awaited: Awaited, state: State, t: float) -> float:
         """Minus the distance of a point from its beam, m; of one that was beyond the ends or on the other side a length."""
         k = awaited.slider
         place = self._place(state, t, k)
-        is_between_ends = place.is_between_ends and state.history[HISTORY * k + TURNS] == 0.0
+        is_between_ends = place.is_between_ends and state.history[HISTORY * k + PASSED] == 0.0
         return -place.distance if is_between_ends else -float(self.model.slider_lengths[k])
 
     # --- one-sided contact --------------------------------------------------------------------------------------------
@@ -152,28 +170,28 @@ class Locking:
                 place = self._place(state, t, k)
                 into.s[k] = place.s
                 if not place.is_between_ends or place.distance > 0.0:
-                    into.history[HISTORY * k + TURNS] = 0.0 if place.is_between_ends else 1.0
+                    into.history[HISTORY * k + PASSED] = 0.0 if place.is_between_ends else 1.0
 
     def find_lifting(self, state: State, before: Array | None, force: Array) -> bool:
         """Whether sliders lift off at the end of a step, as the contact force pulls: the mean of the step and the one before, [F]
         each."""
         self.lifting = [Awaited(k, LIFT, None) for k in self.sided if before is not None
                         and not self.sliders[k].one_sided.catch and state.history[HISTORY * k + HELD] == FREE
-                        and pull(self.model, state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
+                        and self._finder.pull(state, k, 0.5 * (before + force)[3 * k:3 * k + 3]) > 0.0]
         return bool(self.lifting)
 
     def _comes_back(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """A point that meets its beam again, or passes beside it."""
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
-        place = place_of(self.model, state, k)
+        place = self._finder.place(state, k)
         event = {"time": t, "slider": name, "s": place.s}
         if place.off > ON_AXIS * float(self.model.slider_lengths[k]):
             state = State(*(x.copy() for x in state))
-            state.history[HISTORY * k + TURNS] = 1.0
+            state.history[HISTORY * k + PASSED] = 1.0
             return state, {"kind": "missed", **event, "text": f"slider {name!r} passes {place.off:.3g} m beside its beam at t = "
                                                               f"{t:.6g} s"}
         restitution = 0.0 if awaited.rests else self.sliders[k].one_sided.restitution
-        state, loss, stays = land(self.model, state, k, place, restitution)
+        state, loss, stays = land(self.model, state, k, place, restitution, t)
         kind, what = ("landed", "is back on") if stays else ("impact", "bounces off")
         return state, {"kind": kind, **event, "loss": loss, "text": f"slider {name!r} {what} its beam at s = {place.s:.6g} m, "
                                                                     f"t = {t:.6g} s, {loss:.3g} J are lost"}
@@ -190,6 +208,19 @@ class Locking:
             raise SceneError(f"{slider.kind} {slider.name!r}: {noun}: {what} must return a finite number, or True or False; at "
                              f"t = {t:.6g} s, s = {s:.6g} m, rate = {rate:.6g} m/s it does not")
         return found
+
+    def _support_asked(self, awaited: Awaited, state: State, t: float) -> float:
+        name = self.model.released.names[awaited.slider]
+        try:
+            found = awaited.when(t, State(*(x.copy() for x in state)))
+        except Exception as error:
+            text = f"until must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+            raise SceneError(f"{name}: {text}") from error
+        value = (1.0 if found else -1.0) if isinstance(found, (bool, np.bool_)) else real(found)
+        if value is None or not np.isfinite(value):
+            raise SceneError(f"{name}: until must return a finite number, or True or False; at t = {t:.6g} s it returns "
+                             f"{shown(found)}")
+        return value
 
     # --- what happens -------------------------------------------------------------------------------------------------
     def behind(self, state: State, t: float, slack: float, found: Sequence[Awaited] = ()) -> tuple[State, list[dict[str, Any]]]:
@@ -226,12 +257,37 @@ class Locking:
 
     def at_end(self, state: State, k: int, at_end: bool, is_stop: bool) -> list[Awaited]:
         """What slider k waits for at a rigid stop, or an end of its beam."""
+        if k in self.model.spans and not is_stop:
+            end = END if at_end else START
+            return [Awaited(k, TRANSFER, end)] if self._options(state, k, end) else []
         words = (END if at_end else START, STOP) if is_stop else (END if at_end else START,)
         return [x for x in self.awaited(state) if x.slider == k and isinstance(x.when, str) and x.when in words
                 and (x.action == LOCK) == is_stop]
 
+    def _options(self, state: State, k: int, end: str) -> tuple[str, ...]:
+        """Names of the tracks on which slider k may go on from the end or start of its own."""
+        switch = self.sliders[k].beam
+        return switch.options(switch.where(float(state.s[k]))[0], end)
+
+    def _transferred(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
+        """A slider at the end of its track goes on to another: nothing changes but its arc length."""
+        k, name, switch = awaited.slider, self.model.names["sliders"][awaited.slider], self.sliders[awaited.slider].beam
+        state = State(*(x.copy() for x in state))
+        number = span_of(switch, float(state.s[k]))
+        track = chosen(switch, self._options(state, k, awaited.when), t, state, name)
+        at_end = awaited.when == END
+        target = switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)]
+        # what is left of the way is left on the other track, too
+        state.s[k] = target + (state.s[k] - switch.spans[number, int(at_end)])
+        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]), "track": track, "loss": 0.0,
+                       "text": f"slider {name!r} goes on from {switch.tracks[number].name!r} to {track!r} at t = {t:.6g} s"}
+
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """The state behind one of them, and its event."""
+        if awaited.action == LET_GO:
+            return self._let_go(awaited.slider, state, t)
+        if awaited.action == TRANSFER:
+            return self._transferred(awaited, state, t)
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
         s, loss = float(state.s[k]), 0.0
         state = State(*(x.copy() for x in state))
@@ -249,10 +305,28 @@ class Locking:
             text = f"slider {name!r} is let go at s = {s:.6g} m at t = {t:.6g} s"
         else:
             own[k, HELD] = OFF
+            if awaited.action == LIFT:
+                own[k, STOP_LOSS] += self._let_go_of_stop(state, k)
             verb = "leaves" if awaited.action == RELEASE else "lifts off"
             text = f"slider {name!r} {verb} its {self.model.track} at s = {s:.6g} m at t = {t:.6g} s"
         own[k, TURNS] += awaited.action in (LOCK, UNLOCK)
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
+
+    def _let_go(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
+        """The state behind support k."""
+        name = self.model.released.names[k]
+        state = State(*(x.copy() for x in state))
+        state.history[self.model.release_place + k] = 1.0
+        return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
+
+    def _let_go_of_stop(self, state: State, k: int) -> float:
+        """What an elastic stop keeps of its energy, J, that a slider leaves as it lifts off: it swings back by itself."""
+        def stored() -> float:
+            return float(self.model.slider_forces.stop_energy(state.s)[k])
+
+        before = stored()
+        state.s[k] = np.clip(state.s[k], *self._finder.ends[k])
+        return before - stored()
 
     def _begin_at_rest(self, own: Array, k: int, s: float) -> None:
         """A slider that is let go stands still: held by friction, or against its stop, until more pulls at it."""

@@ -73,9 +73,9 @@ def spin_map(model: Model) -> Any:
     return sparse.kron(pick, sparse.eye(3), format="csr")
 
 
-def free_unknowns(model: Model) -> Array:
+def free_unknowns(model: Model, state: State | None = None) -> Array:
     """Numbers 6 node + c of the unknowns that are free; of nodes that share a row those of the first."""
-    free = (model.held_mask[:, None] >> np.arange(6)) & 1 == 0
+    free = (model.held_in(state)[:, None] >> np.arange(6)) & 1 == 0
     first = np.unique(model.pattern.row_of, return_index=True)[1]
     free[np.setdiff1d(np.arange(model.n_nodes), first)] = False
     return np.flatnonzero(free.reshape(-1))

@@ -11,6 +11,7 @@ from .errors import ConvergenceError, SceneError
 from .kernels import alpha as kernels
 from .kernels.alpha import Alpha
 from .kernels.bushing import Bushings
+from .kernels.knots import Knots
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, spin_map, tie_map, velocity_map
 from .model import Model
@@ -66,6 +67,8 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
         raise SceneError(f"rho_inf: belongs to method='generalized_alpha', not to {name!r}; leave it out")
     if model.sleeves is not None and name != "energy_momentum":
         raise SceneError(f"method={name!r}: sleeves are held by conserving steps alone; leave method out")
+    if any(isinstance(table, Knots) for table in model.links) and name != "energy_momentum":
+        raise SceneError(f"method={name!r}: crossings, which have no mass, are known to conserving steps alone; leave method out")
     if name in ("energy_momentum", "midpoint"):
         return Method(name, 1 if name == "midpoint" else None)
     if order != 2:
@@ -100,7 +103,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     """
     compared = method.middle is not None or method.parameters is not None
     laws = [f"user force {name!r}" for name in model.user_forces]
-    absent = [*(["supports that move"] if core.prescribed is not None else []), *laws, *core.losses,
+    absent = [*(["supports that move"] if core.prescribed is not None else []),
+              *(["supports that let go"] if core.released is not None else []), *laws, *core.losses,
               *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
     if compared and absent:
@@ -108,6 +112,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     backward = [*core.losses, *(f"user force {name!r}" for name in model.needs_forward_steps)]
     if core.slider_forces is not None and core.slider_forces.dissipates:
         backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
+    if composed and core.released is not None:
+        raise SceneError("order=4: where a support lets go, velocities are of second order, and so is what follows; use order=2")
     if composed and core.slider_forces is not None and core.slider_forces.lets_go:
         raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
                          "follows; use order=2")

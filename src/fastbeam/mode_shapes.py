@@ -1,4 +1,4 @@
-"""Natural modes of a scene about an equilibrium: what `modes` returns."""
+"""Modes of a scene about an equilibrium, without and with damping: what `modes` returns."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from . import notebook
 from .arguments import Count, Number, checked
 from .errors import SceneError
 
@@ -126,6 +127,92 @@ class Modes:
     def __str__(self) -> str:
         return self.table()
 
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Modes of {self.info['scene']}", self.table())
+
     def _check(self, k: int) -> None:
         if k >= len(self):
             raise SceneError(f"mode {k} does not exist: there are {len(self)}, counted from 0")
+
+
+class DampedModes:
+    """Motions Re(x e^(r t)) of a scene with damping about an equilibrium, by |r| (theory.md 14).
+
+    Of a vibration the motion with positive Im r is listed. One with more than critical damping is two motions without vibration,
+    each with a rate of its own.
+
+    Attributes
+    ----------
+    rates : complex128 [n]
+        r, 1/s.
+    decay : float64 [n]
+        -Re r, 1/s; negative where the motion grows.
+    angular, frequencies : float64 [n]
+        Im r, rad/s, and Im r/2 pi, Hz: of the damped vibration; 0 of what does not swing.
+    undamped : float64 [n]
+        |r|, rad/s: where damping does not couple modes the angular frequency without it.
+    damping_ratios : float64 [n]
+        -Re r/|r|: 1 or -1 of what does not swing; 0 of a free motion.
+    displacements, spins : complex128 [n, N, 3]
+        Of all nodes. The largest displacement is 1 m, or, where nothing but triads turns, the largest spin 1 rad.
+    slides : complex128 [n, S]
+        Of the sliding coordinates, m.
+    residuals : float64 [n]
+        Of (K + r C + r^2 M) x - B^T m, next to the sum of the sizes of its terms.
+    info, names : dict
+        Facts; names of parts as in a `Result`.
+    positions, directors : float64 [N, 3], [N, 3, 3]
+        Of the equilibrium.
+    """
+
+    def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
+                 info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
+        self.rates = rates
+        self.decay, self.angular, self.undamped = -np.real(rates), np.imag(rates), np.abs(rates)
+        self.frequencies = self.angular / (2.0 * np.pi)
+        self.damping_ratios = np.divide(self.decay, self.undamped, out=np.zeros(rates.size), where=self.undamped > 0.0)
+        self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals
+        self.info, self.names, self.positions, self.directors = info, dict(names), positions, directors
+        self._source = source
+
+    def __len__(self) -> int:
+        return self.rates.size
+
+    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+        """A state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the motion.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
+        phase : float
+            rad.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode.
+        """
+        if k >= len(self):
+            raise SceneError(f"mode {k} does not exist: there are {len(self)}, counted from 0")
+        a = amplitude * np.exp(1j * phase)
+        x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
+        return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
+                                  np.real(a * rate * turn))
+
+    def table(self) -> str:
+        """Text: damped and undamped frequency, damping ratio, decay and residual of every mode."""
+        rows = [f"{'mode':>4} {'Hz':>14} {'undamped Hz':>14} {'damping ratio':>14} {'decay 1/s':>12} {'residual':>9}"]
+        for k in range(len(self)):
+            rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.undamped[k] / (2.0 * np.pi):14.8g} "
+                        f"{self.damping_ratios[k]:14.7g} {self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
+        return "\n".join(rows)
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Damped modes of {self.info['scene']}", self.table())

@@ -88,6 +88,8 @@ class Model:
         Names of the joints at a node.
     load_names : list of str
         What each time function belongs to.
+    load_parts : dict
+        Loads of the scene by their names.
     slider_forces : slider_forces.SliderForces or None
         Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
@@ -102,6 +104,8 @@ class Model:
         Nodes with drag; `drag` its tables.
     prescribed : prescribed.PrescribedMotions or None
         Supports that move.
+    released : released.Released or None
+        Supports that let go.
     motions : joint_motion.Motions or None
         What joints with axes leave free.
     accounts_loads : bool
@@ -142,6 +146,7 @@ class Model:
     v0: Array
     s0: Array
     slider_lengths: Array
+    spans: dict[int, Array]
     length: float
     softest: float
     n_blocks: int
@@ -159,6 +164,7 @@ class Model:
     projected: str = ""
     joints: dict[int, list[str]] = field(default_factory=dict)
     load_names: list[str] = field(default_factory=list)
+    load_parts: dict[str, Any] = field(default_factory=dict)
     slider_forces: Any = None
     sleeves: Sleeves | None = None
     damped: Any = None
@@ -167,6 +173,7 @@ class Model:
     dragged: Any = None
     drag: Any = None
     prescribed: Any = None
+    released: Any = None
     accounts_loads: bool = False
     user_forces: tuple[str, ...] = ()
     needs_forward_steps: tuple[str, ...] = ()
@@ -182,9 +189,16 @@ class Model:
     @property
     def held_mask(self) -> Array:
         """Of every node which of its six unknowns are held, bit by bit, int64 [N]; tied coordinates count as held."""
+        return self.held_in(None)
+
+    def held_in(self, state: State | None) -> Array:
+        """The same where some supports have let go in a state."""
         of_row = np.zeros(self.n_nodes, np.int64)
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
+        if self.released is not None and state is not None:
+            rows, masks = self.released.masks(state.history[self.release_place:self.motion_place] != 0.0)
+            of_row[rows] = masks
         return of_row[self.pattern.row_of]
 
     @property
@@ -319,6 +333,9 @@ class Model:
                       self.slider_forces.restitutions, self.slider_forces.plan]
         if self.prescribed is not None:
             parts += [self.prescribed.own]
+        if self.released is not None:
+            times = np.array([x if isinstance(x, float) else np.nan for x in self.released.until])
+            parts += [self.released.node, self.released.mask, times]
         if self.motions is not None:
             holds = self.motions.holds
             parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
@@ -354,8 +371,17 @@ class Model:
 
     @property
     def slider_limits(self) -> Array:
-        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]."""
-        return self.slider_ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(self.slider_ends))
+        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]; on switches those of
+        the first tracks."""
+        return self.limits_at(self.s0)
+
+    def limits_at(self, s: Array) -> Array:
+        """The same where sliders on switches stand at s, float64 [S]."""
+        ends = self.slider_ends
+        for k, spans in self.spans.items():
+            off = np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])
+            ends[k] = spans[int(np.argmin(off))]
+        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
 
     @property
     def track(self) -> str:
@@ -378,6 +404,11 @@ class Model:
     @property
     def motion_place(self) -> int:
         """Where the numbers of free coordinates of joints begin."""
+        return self.release_place + (0 if self.released is None else int(self.released.size))
+
+    @property
+    def release_place(self) -> int:
+        """Where it stands which supports have let go."""
         return self.drive_place + len(self.works)
 
     @property
@@ -404,7 +435,7 @@ class Model:
     @property
     def balances(self) -> bool:
         """Whether the energy has a balance: something takes energy away or puts some in."""
-        return self.motion_place > 0 or (self.motions is not None and self.motions.exchanges)
+        return self.release_place > 0 or (self.motions is not None and self.motions.exchanges)
 
     @property
     def work_place(self) -> int:

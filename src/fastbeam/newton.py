@@ -10,7 +10,7 @@ import numpy as np
 
 from ._jit import announce_first_use, begin_background
 from .arguments import count, number
-from .assembly import system_of, terms_of
+from .assembly import put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
@@ -30,6 +30,7 @@ from .linsolve import LinearSystem
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
+from .released import own_supports
 from .starting import own_state
 from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
 
@@ -125,12 +126,12 @@ class Stepper:
         flat = model.plane is not None and not compared
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
         self.plane = model.plane if flat and not from_space and (start is None or model.plane.holds(start)) else None
-        self.core: Model = model if self.plane is None else self.plane.model
-        core = self.core
+        core: Model = model if self.plane is None else self.plane.model
         if not static:
             check_border(core)
         self.core_state = core.state() if start is None else start if self.plane is None else self.plane.reduce(start)
-        self.weights = np.ascontiguousarray(weights, dtype=float)
+        core, self.supports = own_supports(core, self.core_state, static)
+        self.core, self.weights = core, np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
         self.work = work_of(core, keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
@@ -149,7 +150,7 @@ class Stepper:
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
         self.prescribed = None
         if core.prescribed is not None and not static:
-            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, len(core.dofs))
+            self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
@@ -161,6 +162,7 @@ class Stepper:
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
+        put_limits(core, self.terms, self.core_state.s)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -296,6 +298,7 @@ class Stepper:
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
+            put_limits(self.core, fallback.terms, self.core_state.s)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
                                                    increment=fallback.work.increment._replace(theta=self.work.theta))
             self._fallback = fallback
@@ -319,6 +322,9 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
+        for of in (self, self._fallback):
+            if of is not None:
+                put_limits(self.core, of.terms, self.core_state.s)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
@@ -389,8 +395,7 @@ class Stepper:
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
-            axes = None if self.plane is None else self.plane.axes
-            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, axes)))
+            out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
         if self.model.user_forces:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
@@ -420,7 +425,8 @@ class Stepper:
         return force if self.plane is None else np.stack([self.plane.forces(x) for x in force])
 
     def _augment(self, h: float) -> None:
-        """Settings of the augmented Lagrangian for steps of size h."""
+        """Settings of the augmented Lagrangian for steps of size h, and supports as the state has them."""
+        self.supports.follow(self)
         if self.contact is None:
             return
         self.contact.augmented[:2] = 1.0 / self.augmentation if self.augmentation else 0.0, self._least * h**2

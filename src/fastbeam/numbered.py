@@ -30,6 +30,8 @@ class Numbered:
         Springs and joints with multipliers.
     dragged : int64 [*]
         Nodes with drag.
+    always : int64 [N]
+        What supports that do not let go hold of the unknowns of every node.
     """
 
     nodes: NodeList
@@ -37,6 +39,7 @@ class Numbered:
     joints: Connections
     links: Links
     dragged: Array
+    always: Array
 
     @property
     def touched(self) -> Array:
@@ -56,14 +59,14 @@ def number(scene: Scene) -> Numbered:
     place_points(scene, nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
-    joints, hinges = _connections(scene, nodes, length)
+    joints, hinges, always = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
     dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(drag.on)] for drag in scene.drags)])
-    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged)
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always)
 
 
-def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array]:
-    """How nodes are tied, and the ball joints of nets, int [*, 2]."""
+def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array]:
+    """How nodes are tied, the ball joints of nets, int [*, 2], and what supports that do not let go hold, int64 [N]."""
     held = np.zeros(len(nodes), np.int64)
     welds, hinges = [NO_PAIRS], [NO_PAIRS]
     for net in scene.nets:
@@ -72,15 +75,14 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
             found.append(nodes.start(net) + pairs)
     for mass in scene.masses:
         held[nodes.start(mass)] = 56
-    for pin in scene.pins:
-        held[nodes.number(pin.at)] |= 7
-    for motion in scene.prescribed:
-        held[nodes.number(motion.at)] |= motion.mask
-    for clamp in scene.clamps:
-        held[nodes.start(clamp.at.owner) if isinstance(clamp.at.owner, RigidBody) else nodes.number(clamp.at)] = 63
     held[nodes.ground] = 63
+    always = held.copy()
+    for support in [*scene.pins, *scene.prescribed, *scene.clamps]:
+        node = nodes.start(support.at.owner) if isinstance(support.at.owner, RigidBody) else nodes.number(support.at)
+        held[node] |= support.mask
+        always[node] |= support.mask if support.until is None else 0
     rigid = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]
     balls = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.balls]
     return connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
-                   np.concatenate(welds), np.concatenate(hinges)), np.concatenate(hinges)
+                   np.concatenate(welds), np.concatenate(hinges)), np.concatenate(hinges), always

@@ -54,7 +54,7 @@ class Observer:
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
-        self.points = {name: _point(model, name, what) for name, what in (points or {}).items()}
+        self.points = {name: place_of(model, name, what) for name, what in (points or {}).items()}
         self.of_nodes = "velocity" in kinds
         self.velocity = self.of_nodes and bool(self.points)
         self.sections = [_section(model, name, what) for name, what in (points or {}).items()] if "section" in kinds else []
@@ -356,7 +356,7 @@ def _section(model: Model, name: str, what: Any) -> Sections | None:
     return Sections(model, *what) if isinstance(what, tuple) else None
 
 
-def _point(model: Model, name: str, what: Any) -> tuple[Array, Array]:
+def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from .impacts import jump
-from .kernels.along import FREE, HELD, HISTORY, SIGN, STICKS, STOP_LOSS
+from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
+from .kernels.nearest_place import Sides, nearest_place_of
+from .kernels.slider import Contact
 from .kernels.work import State
-from .mapping import contact, shapes_at
+from .mapping import contact
 from .model import Model
 
 Array = np.ndarray
 # a point is beside the beam, not beyond its ends, and meets it, within this share of its length
 ON_AXIS = 1e-9
-# the last step of the search for the nearest point is as short, as a share of the length
-NEAR = 1e-8
+# steps of the search for the nearest place
+SEARCH = 20
 
 
 @dataclass
@@ -31,46 +33,41 @@ class Place:
     off: float
 
 
-def place_of(model: Model, state: State, k: int) -> Place:
-    """Where the point of slider k is, from the s of the state on."""
-    q = state.q.reshape(-1, 4, 3)
-    length, (low, high) = float(model.slider_lengths[k]), model.slider_ends[k]
-    s = float(state.s[k])
-    point = q[int(model.sliders.point[k]), 0]  # type: ignore[union-attr]
-    for _ in range(20):
-        nodes, shapes = shapes_at(model, k, s)
-        at, tangent, bend = shapes @ q[nodes, 0]
-        gap = point - at
-        slope = tangent @ tangent - gap @ bend
-        way = float(gap @ tangent / (slope if slope > 0.5 * (tangent @ tangent) else tangent @ tangent))
-        before, s = s, float(np.clip(s + way, low, high))
-        # Newton's method squares what is left
-        if abs(s - before) <= NEAR * length:
-            break
-    at, tangent, normal = frame_at(model, q, k, s)
-    gap = point - at
-    distance, beyond = float(normal @ gap), float(gap @ tangent)
-    rest = gap - distance * normal - beyond * tangent
-    return Place(s, distance, abs(beyond) <= ON_AXIS * length, normal, float(np.linalg.norm(rest)))
+class Finder:
+    """Finds the places of points beside their beams.
+
+    Parameters
+    ----------
+    model : Model
+        With tables in space.
+    work : Contact
+        Work arrays.
+    """
+
+    def __init__(self, model: Model, work: Contact) -> None:
+        assert model.slider_forces is not None
+        self.model, self._work = model, work
+        sides = model.slider_forces.sides
+        self._sides = Sides(np.cumsum([0, *map(len, sides)]), np.concatenate(sides).reshape(-1))
+        # between which arc lengths there is a contact: the ends of the beam, or the places where stops begin
+        self.ends = model.slider_forces.free_way(model.limits_at(model.s0))
+        self._out = np.zeros(7)
+
+    def place(self, state: State, k: int, search: int = SEARCH) -> Place:
+        """Where the point of slider k is, from the s of the state on; search: steps of it, 0 for the place at s itself."""
+        model, out = self.model, self._out
+        length, (low, high) = float(model.slider_lengths[k]), self.ends[k]
+        nearest_place_of(model.curves, model.sliders, self._work, self._sides, k, state.q, float(state.s[k]), low, high, length,
+                     search, out)
+        return Place(float(out[0]), float(out[1]), abs(float(out[2])) <= ON_AXIS * length, out[4:].copy(), float(out[3]))
+
+    def pull(self, state: State, k: int, force: Array) -> float:
+        """How much the contact force [3] on the point of slider k pulls it towards the beam, N."""
+        return -float(self.place(state, k, 0).normal @ force)
 
 
-def frame_at(model: Model, q: Array, k: int, s: float) -> tuple[Array, Array, Array]:
-    """Place, unit tangent and normal of the curve of slider k at s, on the side where it may lift off; q [N, 4, 3]."""
-    nodes, shapes = shapes_at(model, k, s)
-    at, tangent, _ = shapes @ q[nodes, 0]
-    tangent = tangent / np.linalg.norm(tangent)
-    side = model.slider_forces.sides[k] @ np.einsum("n,nic->ic", shapes[0], q[nodes, 1:])
-    normal = side - (side @ tangent) * tangent
-    return at, tangent, normal / np.linalg.norm(normal)
-
-
-def pull(model: Model, state: State, k: int, force: Array) -> float:
-    """How much the contact force [3] on the point of slider k pulls it towards the beam, N."""
-    return -float(frame_at(model, state.q.reshape(-1, 4, 3), k, float(state.s[k]))[2] @ force)
-
-
-def land(model: Model, state: State, k: int, place: Place, restitution: float) -> tuple[State, float, bool]:
-    """The state behind a hit of slider k on its beam, the energy lost, J, and whether it stays on the beam."""
+def land(model: Model, state: State, k: int, place: Place, restitution: float, t: float) -> tuple[State, float, bool]:
+    """The state behind a hit of slider k on its beam at time t, the energy lost, J, and whether it stays on the beam."""
     state = State(*(x.copy() for x in state))
     state.s[k] = place.s
     _, tangent, relative = contact(model, k, place.s, *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
@@ -86,4 +83,16 @@ def land(model: Model, state: State, k: int, place: Place, restitution: float) -
     if stays:
         own[k, HELD], own[k, STICKS] = FREE, 0.0
         own[k, SIGN] = np.sign(relative @ tangent)
+        if model.slider_forces.tables.drive[k] == INCREMENT:
+            state = _driven(model, state, k, model.slider_forces.speed_given(k, t))
     return state, loss, stays
+
+
+def _driven(model: Model, state: State, k: int, speed: float) -> State:
+    """The state behind the blow of a drive that gives slider k its velocity along the beam, whose work counts as the drive's."""
+    _, tangent, relative = contact(model, k, float(state.s[k]), *(x.reshape(-1, 4, 3) for x in (state.q, state.v)))
+    state, loss = jump(model, state, k, np.eye(3), speed * tangent - relative)
+    own = state.history[:model.work_place].reshape(-1, HISTORY)
+    own[k, DRIVE_WORK] -= loss
+    own[k, SIGN] = np.sign(speed)
+    return state

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .bushings import bushings_in_plane, check_plane
-from .connections import TRIAD
+from .connections import TRIAD, held_axes, held_in_plane
 from .joint_motion import motions_in_plane
 from .joint_tables import conditions_in_plane, kept_in_plane
 from .kernels.beam import ElementTables
@@ -90,12 +90,18 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
         within.append((pushes, f"{on} pushes {{}} out of the plane"))
         across.append((turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
-    normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:])
+    masks = unpacked.joints.held & 7
+    partly = np.flatnonzero((masks != 0) & (masks != 7))
+    some_axes = held_axes(masks[partly]).astype(float)
+    normal = _normal([x for x, _ in within], [x for x, _ in across], q[0, 1:], some_axes)
     axes = _axes(normal)
     normal = axes[2]
     check_plane(unpacked.numbered.links.of(Bushing)[0], normal)
     for x, why in within:
         _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
+    along = some_axes * normal
+    _refuse(np.linalg.norm(along - (along @ normal)[:, None] * normal, axis=1), TOLERANCE,
+            "the support of {} holds axes that are oblique to the plane", unpacked, partly)
     for x, why in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
@@ -147,8 +153,9 @@ def _snapped(x: Array) -> Array:
     return np.where(np.abs(x - near) < 1e-14, near, x)
 
 
-def _normal(within: list[Array], across: list[Array], triad: Array) -> Array:
-    """Of the plane that holds the vectors `within`, whose normal has the direction of those `across`."""
+def _normal(within: list[Array], across: list[Array], triad: Array, some_axes: Array) -> Array:
+    """Of the plane that holds the vectors `within`, whose normal has the direction of those `across`; some_axes: axes that
+    supports hold, 1 or 0, [*, 3]: where any plane would do, that in which most of them lie."""
     for x in across:
         size = np.linalg.norm(x, axis=1)
         if np.any(size > 0.0):
@@ -167,7 +174,7 @@ def _normal(within: list[Array], across: list[Array], triad: Array) -> Array:
     if not size[0] > 0.0:
         raise NotPlanar("a single point at rest has no plane")
     # everything on one line: any plane through it that the first triad allows
-    for d in triad[::-1]:
+    for d in sorted(triad[::-1], key=lambda d: round(float(np.sum((some_axes * d)**2)), 9)):
         if abs(d @ directions[0]) < TOLERANCE:
             return d
     raise NotPlanar("everything lies on one line, and the triads are oblique to it")
@@ -276,18 +283,20 @@ def pack_plane(model: Model, found: Found, packers: dict[str, ElementPacker]) ->
     if bodies is not None:
         bodies = PlanarBodies(bodies.node, bodies.row, bodies.block, found.inertia.reshape(-1))
     kept = kept_in_plane(model.kept, axes[2])[0]
+    left = {(link.name, link.node) for link in kept}
+    softness = model.kept_softness[[(link.name, link.node) in left for link in model.kept]]
     links = [_link(table, model, plane, ties) for table in model.links]
     sleeves, moments = sleeves_in_plane(model, plane)
     if sleeves is not None:
         sleeves = sleeves._replace(first=sleeves.first - (len(model.kept) - len(kept)))
     return replace(plane, moments=moments, model=replace(
-        model, sleeves=sleeves, kept=kept,
+        model, sleeves=sleeves, kept=kept, kept_softness=softness,
         motions=motions_in_plane(model.motions, model.q0.reshape(-1, 4, 3), plane, model.n_sliders + len(kept)),
         simo=simo, green=green, inner=_inner(model.inner, [simo, green]),
         substructures=None if model.substructures is None else place_stores(model.substructures, 3),
         bodies=bodies, drag=_drag(model.drag, axes), links=tuple(table for table in links if table is not None), ties=ties,
-        held=_held(model.held), static_held=_held(model.static_held), loads=loads, q0=found.state.q, v0=found.state.v,
-        dofs=PLANE))
+        released=None if model.released is None else model.released.in_plane(axes), held=_held(model.held, axes),
+        static_held=_held(model.static_held, axes), loads=loads, q0=found.state.q, v0=found.state.v, dofs=PLANE))
 
 
 def _elements(tables: ElementTables, packer: ElementPacker, plane: Plane) -> ElementTables:
@@ -367,13 +376,9 @@ def _drag(drag: Any, axes: Array) -> Any:
     return None if drag is None else drag._replace(air=(drag.air.reshape(-1, 3) @ axes[:2].T).reshape(-1))
 
 
-def _held(held: Held | None) -> Held | None:
-    """What is held in the plane: a position where all three of its components are held, a turn where all three spins are. A
-    single held spin is that of a beam about its own axis in statics, which does not exist in the plane."""
+def _held(held: Held | None, axes: Array) -> Held | None:
+    """What is held in the plane. A single held spin is that of a beam about its own axis in statics, which is none there."""
     if held is None:
         return None
-
-    def flat(mask: Array) -> Array:
-        return np.where((mask & 7) == 7, 3, 0) | np.where((mask & 56) == 56, 4, 0)
-
-    return Held(held.row, flat(held.mask), held.diagonal, held.block, flat(held.row_mask), flat(held.column_mask))
+    mask, row_mask, column_mask = (held_in_plane(x, axes) for x in (held.mask, held.row_mask, held.column_mask))
+    return Held(held.row, mask, held.diagonal, held.block, row_mask, column_mask)

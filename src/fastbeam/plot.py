@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .arguments import Count, Instance, Number, Word, checked
+from .arguments import Count, Flag, Instance, Number, Word, checked
 from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, bounds, flat_plane, new_figure, put_title, shapes_size,
                       slider_names, slider_path, space_axes, styled, time_bar)
 from .errors import SceneError
-from .mode_shapes import Modes
+from .mode_shapes import DampedModes, Modes
+from .responses import FrequencyResponse
 from .result import Result
 
 if TYPE_CHECKING:
@@ -25,7 +26,8 @@ FLOOR = 1e-17
 ENERGIES = (("kinetic", COLOURS[0]), ("strain", COLOURS[1]), ("gravity", COLOURS[2]), ("potential", COLOURS[3]),
             ("total", "black"))
 SHAPES = Count(most=1000)
-SOME_MODES = Instance(Modes, "Modes", "what modes returns")
+SOME_MODES = Instance((Modes, DampedModes), "Modes", "what modes returns")
+A_RESPONSE = Instance(FrequencyResponse, "a FrequencyResponse", "what frequency_response returns")
 DRIFTS = (("total", "total energy", "black"), ("balance", "energy balance", COLOURS[3]),
           ("lin_mom", "linear momentum", COLOURS[0]),
           ("ang_mom", "angular momentum", COLOURS[1]), ("gap", "gap", COLOURS[2]))
@@ -185,12 +187,13 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
 
 @checked(modes=SOME_MODES, plane=PLANE, n=Count(most=48), first=Count(0), amplitude=Number(above=0.0, most=10.0))
 @styled
-def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
-    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey.
+def plot_modes(modes: Modes | DampedModes, plane: str = "auto", n: int = 6, first: int = 0, amplitude: float = 0.12) -> Figure:
+    """n modes, one in each panel: the shape in colour, the opposite one dashed, the equilibrium in grey. Of damped modes the
+    shape at phase 0.
 
     Parameters
     ----------
-    modes : Modes
+    modes : Modes or DampedModes
     plane : str
         'xy', 'xz', 'yz', '3d', or 'auto': the plane that scene and drawn modes lie in, else '3d'.
     n, first : int
@@ -209,7 +212,7 @@ def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, am
     low, high = bounds(modes.positions)
     size = amplitude * (float(np.max(high - low)) or 1.0)
     positions = [modes.positions]
-    positions += [modes.positions + sign * size * modes.displacements[k] for k in picks for sign in (-1.0, 1.0)]
+    positions += [modes.positions + sign * size * np.real(modes.displacements[k]) for k in picks for sign in (-1.0, 1.0)]
     shapes = Shapes(Result(t=(), names=modes.names, t_snap=np.zeros(len(positions)), phi=positions,
                            directors=np.broadcast_to(modes.directors, (len(positions), *modes.directors.shape))))
     columns = min(3, len(picks))
@@ -218,18 +221,74 @@ def plot_modes(modes: Modes, plane: str = "auto", n: int = 6, first: int = 0, am
     grid = figure.add_gridspec(rows, columns)
     for j, k in enumerate(picks):
         axes = space_axes(figure, grid[j // columns, j % columns], shapes.everything, plane)
+        what, grows = _words_of_mode(modes, k)
         if len(axes.axes_of_space) == 3:
             # panels are small: the numbers of a short axis would lie on each other, and a mode has no size
             for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
                 axis.set_ticklabels([])
                 axis.labelpad = -8.0
-        colour = COLOURS[1] if modes.growth[k] else COLOURS[0]
+        colour = COLOURS[1] if grows else COLOURS[0]
         shapes.draw(axes, 0, "0.75")
         for line in shapes.draw(axes, 1 + 2 * j, colour):
             line.set(linestyle="--" if line.get_marker() == "None" else "none", alpha=0.4)
         shapes.draw(axes, 2 + 2 * j, colour)
-        what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
-        put_title(axes, f"{k}: {what if modes.squared[k] else 'free'}")
+        put_title(axes, f"{k}: {what}")
+    return figure
+
+
+def _words_of_mode(modes: Modes | DampedModes, k: int) -> tuple[str, bool]:
+    """What stands over a mode, and whether it grows."""
+    if isinstance(modes, DampedModes):
+        grows = bool(modes.decay[k] < 0.0)
+        swing = f"{modes.frequencies[k]:.5g} Hz, " if modes.frequencies[k] else ""
+        rate = f"{'grows' if grows else 'decays'}, {abs(modes.decay[k]):.4g} 1/s"
+        rate = f"ratio {modes.damping_ratios[k]:.3g}" if swing else rate
+        return swing + rate if modes.rates[k] else "free", grows
+    what = f"grows, {modes.growth[k]:.4g} 1/s" if modes.growth[k] else f"{modes.frequencies[k]:.5g} Hz"
+    return what if modes.squared[k] else "free", bool(modes.growth[k])
+
+
+@checked(response=A_RESPONSE, component=Word(("x", "y", "z", "size")), log=Flag())
+@styled
+def plot_response(response: FrequencyResponse, component: str = "size", log: bool = True) -> Figure:
+    """Amplitudes of all points over the frequency, and below them the phases of a component.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+        With points.
+    component : {'size', 'x', 'y', 'z'}
+        'size': the length of the vector of amplitudes, without phases.
+    log : bool
+        Amplitudes on a logarithmic axis.
+
+    Raises
+    ------
+    SceneError
+        The response has no points.
+    """
+    names = response.names["points"]
+    if not names:
+        raise SceneError("plot_response: the response has no points; give points= to frequency_response")
+    figure = new_figure((7.5, 4.2 if component == "size" else 6.2))
+    panels = 1 if component == "size" else 2
+    axes = [figure.add_subplot(panels, 1, k + 1) for k in range(panels)]
+    order = np.argsort(response.frequencies)
+    f = response.frequencies[order]
+    for name in names if len(names) <= MOST_NAMES else names[:FEW_NAMES]:
+        x = response.point(name)[order]
+        size = np.linalg.norm(x, axis=1) if component == "size" else np.abs(x[:, "xyz".index(component)])
+        axes[0].plot(f, np.where(size > 0.0, size, np.nan) if log else size, label=name, lw=1.6)
+        if panels == 2:
+            axes[1].plot(f, np.degrees(np.angle(x[:, "xyz".index(component)])), label=name, lw=1.6)
+    axes[0].set_ylabel(f"amplitude{'' if component == 'size' else ' ' + component} [m]")
+    if log:
+        axes[0].set_yscale("log")
+    axes[0].legend()
+    if panels == 2:
+        axes[1].set_ylabel("phase [degrees]")
+    axes[-1].set_xlabel("frequency [Hz]")
+    axes[0].set_title(f"Response to {response.info['excitation']}")
     return figure
 
 

@@ -1,13 +1,16 @@
-"""Supports that move as functions of time: what they are given in every step, and their tables."""
+"""Supports that move as functions of time: what they are given in every step, and their tables; supports that let go."""
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
-from .connections import Connections
+from .connections import Connections, held_axes, held_in_plane
 from .errors import SceneError
 from .kernels.prescribed import Prescribed
 from .numbering import NodeList
-from .scene import PrescribedMotion, Scene
+from .released import Released
+from .scene import PrescribedMotion, RigidBody, Scene
 
 Array = np.ndarray
 # a position may begin so far from the place of its node, of the size of the scene
@@ -42,10 +45,12 @@ class PrescribedMotions:
             leads += [nodes.labels[joints.spin_root[root[k]]]] * bool(motion.mask == 63 and joints.spin_root[root[k]] != root[k])
             if leads:
                 raise SceneError(f"{motion.label}: joints make {motion.at} follow {' and '.join(leads[:3])}; move that instead")
-            if np.any(root[:k] == root[k]):
-                raise SceneError(f"{motion.label}: {motions[int(np.argmax(root[:k] == root[k]))].label} moves the same node")
+            for j in np.flatnonzero(root[:k] == root[k]).tolist():
+                if motions[j].mask & motion.mask:
+                    raise SceneError(f"{motion.label}: {motions[j].label} moves the same node"
+                                     + (" along the same axis" if motion.axes != motions[j].axes else ""))
         shares = joints.row_root[None] == root[:, None]
-        self._motion, self._node = np.nonzero(shares)
+        self.motion_of_node, self.nodes = np.nonzero(shares)
         self._root = root
 
     @property
@@ -53,24 +58,33 @@ class PrescribedMotions:
         """Names in the balance."""
         return tuple(f"motion of {motion.at.label} ({motion.name!r})" for motion in self.motions)
 
-    def tables(self, row_of: Array, place: int, size: int) -> Prescribed:
-        """Tables with the arrays of a run; place: of the first work in the history; size: unknowns of a node."""
-        m = len(self.motions)
-        return Prescribed(self._node, self._motion, np.array([int(x.mask == 63) for x in self.motions]),
-                          row_of[self._root].astype(np.int64), place + np.arange(m), np.zeros((m, size)), np.zeros((m, size)),
-                          np.zeros(1, np.int64))
+    @property
+    def masks(self) -> Array:
+        """What they hold of the six unknowns of a node, bit by bit, int64 [M]."""
+        return np.array([motion.mask for motion in self.motions], np.int64)
 
-    def schedule(self, times: Array, axes: Array | None = None) -> Array:
-        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; axes:
-        plane of a scene, [3, 3], whose increments are [n, M, 3].
+    def tables(self, row_of: Array, place: int, plane: Any) -> Prescribed:
+        """Tables with the arrays of a run; place: of the first work in the history; plane: that of the scene, or None."""
+        m, size = len(self.motions), 6 if plane is None else 3
+        masks = self.masks if plane is None else held_in_plane(self.masks, plane.axes)
+        return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
+                          np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
+
+    def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
+        """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:
+        those of the run, where masks of supports that have let go are 0; plane: that of the scene, whose increments are
+        [n, M, 3], or None.
 
         Raises
         ------
         SceneError
             A function fails, a step turns by half a turn, or a motion leaves the plane.
         """
+        axes = None if plane is None else plane.axes
         out = np.zeros((len(times) - 1, len(self.motions), 6))
         for k, motion in enumerate(self.motions):
+            if not tables.mask[k]:
+                continue
             out[:, k, :3] = np.diff([motion.place(t) for t in times.tolist()], axis=0)
             if motion.rotation is not None:
                 turns = np.array([motion.turn(t) for t in times.tolist()])
@@ -98,10 +112,11 @@ class PrescribedMotions:
                              f"{times[int(np.argmax(off))]:.6g} s; compile the scene with planar=False")
 
     def directions(self, n: int) -> list[tuple[Array, Array]]:
-        """Directions in which supports move and axes about which they turn at some times, up to three of each: [n, 3] each, n
-        nodes."""
-        found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3)]
+        """Directions in which supports move and axes about which they turn at some times, up to three of each motion: [n, 3]
+        each, n nodes."""
+        found = [(np.zeros((n, 3)), np.zeros((n, 3))) for _ in range(3 * int(np.bincount(self.own).max()))]
         for k, motion in enumerate(self.motions):
+            first = 3 * int(np.sum(self.own[:k] == self.own[k]))
             places, turns = [], []
             for t in LOOKS.tolist():
                 try:
@@ -114,7 +129,7 @@ class PrescribedMotions:
             for which, x in enumerate((np.array(places) - places[0], np.array(turns) - turns[0])):
                 _, size, axes = np.linalg.svd(x, full_matrices=False)
                 for i in np.flatnonzero(size > OUT_OF_PLANE * max(float(size[0]), 1e-300)).tolist():
-                    found[i][which][self.own[k]] = size[i] * axes[i]
+                    found[first + i][which][self.own[k]] = size[i] * axes[i]
         return [pair for pair in found if np.any(pair[0]) or np.any(pair[1])]
 
 
@@ -137,7 +152,7 @@ def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: fl
     found = PrescribedMotions(scene.prescribed, nodes, joints)
     for motion, node in zip(found.motions, found.own.tolist()):
         if motion.position is not None:
-            gap = float(np.linalg.norm(motion.place(0.0) - nodes.phi[node]))
+            gap = float(np.linalg.norm((motion.place(0.0) - nodes.phi[node])[held_axes(np.array([motion.mask]))[0]]))
             if gap > AT_START * length:
                 raise SceneError(f"{motion.label}: position(0) lies {gap:.6g} m from {motion.at} at t = 0; begin there, or give "
                                  "displacement")
@@ -149,5 +164,46 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
     v, omega = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
     for motion in scene.prescribed:
         at = joints.row_root[nodes.number(motion.at)]
-        v[at], omega[at] = motion.rates()
+        velocity, spin = motion.rates()
+        v[at] += velocity
+        omega[at] += spin
     return v, omega
+
+
+def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
+    """None where no support lets go; always: what the others hold of every node, int64 [N].
+
+    Raises
+    ------
+    SceneError
+        A support that lets go holds what another node leads, or is one of two of a rigid part.
+    """
+    every = [*scene.pins, *scene.clamps, *scene.prescribed]
+    some = [(k, x) for k, x in enumerate(every) if x.until is not None]
+    if not some:
+        return None
+
+    def number(support: Any) -> int:
+        owner = support.at.owner
+        return nodes.start(owner) if isinstance(owner, RigidBody) else nodes.number(support.at)
+
+    moving = list(scene.prescribed)
+    own = np.array([number(x) for _, x in some])
+    root = joints.row_root[own]
+    others = np.array([number(x) for x in every])
+    for (k, support), node, top in zip(some, own.tolist(), root.tolist()):
+        leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
+        if leads:
+            raise SceneError(f"{support.name}: until: joints make {support.at} follow {' and '.join(leads[:3])}; hold that "
+                             "instead")
+        for j, other in enumerate(others.tolist()):
+            if j != k and other != top and joints.spin_root[other] == top and joints.row_root[other] != top:
+                raise SceneError(f"{support.name}: until: {every[j].name} holds the same rigid part, so that nothing tells what "
+                                 "stays; hold the part at one node")
+    rows = row_of[root]
+    base = np.zeros(row_of.size, np.int64)
+    np.bitwise_or.at(base, row_of[joints.row_root], always)
+    return Released(tuple(str(x.name) if not isinstance(x, PrescribedMotion) else x.label for _, x in some),
+                    tuple(x.until for _, x in some), own, rows.astype(np.int64), np.array([x.mask for _, x in some], np.int64),
+                    base[rows], np.array([moving.index(x) if x in moving else -1 for _, x in some], np.int64),
+                    np.array([k for k, _ in some], np.int64))

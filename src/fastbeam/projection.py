@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .connections import ARM, POSITION, Connections
+from .connections import ARM, POSITION, Connections, held_axes
 from .multipliers import KeptLink
 from .nearest import nearest
 from .numbering import NodeList
@@ -66,9 +66,10 @@ def _constraints(scene: Scene, nodes: NodeList, joints: Connections, lines: list
             elif target != k:
                 add([(k, 1, -eye), (target, 1, eye)], np.zeros(3))
         add(parts, np.zeros(3))
+    axes = held_axes(joints.held)
     for k in np.flatnonzero(joints.held).tolist():
         if joints.held[k] & 7 and k not in joints.entries:
-            add([(k, 0, eye)], moving[0][k])
+            add([(k, 0, eye[axes[k]])], moving[0][k][axes[k]])
         if joints.held[k] & 56 and joints.spin_root[k] == k:
             add([(k, 1, eye)], moving[1][k])
     for link in kept:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .assembly import system_of, terms_of
+from .connections import held_axes
 from .equilibrium import StaticSolver
 from .errors import SceneError
 from .kernels import step as kernels
@@ -14,6 +15,7 @@ from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
 from .load_times import load_factors
 from .newton import Outcome, Stepper
+from .released import OwnSupports
 
 Array = np.ndarray
 
@@ -102,6 +104,13 @@ class Reactions:
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])
         held = self.stepper.model.held_mask[holding.supports]
         out[:s, 1][held & 56 == 0] = 0.0
+        # along axes that a support leaves free its force is what others at the node do
+        masks = holding.masks.copy()
+        if isinstance(self.own.supports, OwnSupports):
+            # of those that have let go only round-off is left
+            masks[self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]] = 0
+            out[:s, 1][masks == 0] = 0.0
+        out[:s, 0][~held_axes(masks)] = 0.0
         shared = self._is_tied(holding.supports)
         out[:s][shared] = np.nan
         at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force

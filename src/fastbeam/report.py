@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pieces import pieces
-from .scene import Path, Scene
+from .scene import Path, Scene, Switch
 from .tracks import track_of
 
 if TYPE_CHECKING:
@@ -70,7 +70,8 @@ def describe(scene: Scene, model: Model) -> str:
         what = " and ".join(["gravity"] * bool(np.any(scene.gravity)) + ["dead loads"] * _has_loads(scene))
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
-    for what, names in (("energy taken", model.losses), ("supports that move", model.works)):
+    for what, names in (("energy taken", model.losses), ("supports that move", model.works),
+                        ("let go", () if model.released is None else model.released.names)):
         if names:
             lines.append(f"  {what:18} {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
     if model.projected:
@@ -108,6 +109,11 @@ def _paths(scene: Scene, model: Model) -> list[str]:
             track = track_of(scene, model.numbers, slider)
             count = sum(other.beam is path and other.curve == slider.curve for other in scene.sliders)
             across = f", one tangent across {track.smooth} of {_plural(track.joints, 'joint')}" if track.smooth else ""
+            if isinstance(path, Switch):
+                names = ", ".join(f"{x.name!r} {x.length:.6g} m" for x in path.tracks[:4]) + ", ..." * (len(path.tracks) > 4)
+                lines.append(f"  switch             {path.name!r}: {_plural(len(path.tracks), 'track')}, {names}, "
+                             f"{_plural(count, 'slider')}")
+                continue
             lines.append(f"  path               {path.name!r}: {_plural(len(path.beams), 'beam')}, {path.length:.6g} m"
                          + (", closed" if path.closed else "") + f", {_plural(count, 'slider')}{across}"
                          + (", its beams not condensed" if model.substructures is not None else ""))

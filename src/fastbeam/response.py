@@ -43,6 +43,7 @@ class Response(SlidingSolver):
                  load_factor: float) -> None:
         super().__init__(model, start, 20, held, flat, backend, at_time)
         self.set_time(at_time, load_factor)
+        self.move_to(load_factor)
         self.factors = factors
         self._load(factors)
         self._loads[:] = self.work.f_ext

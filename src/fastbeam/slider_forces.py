@@ -11,7 +11,7 @@ from ._jit import compiled_law
 from .errors import SceneError
 from .kernels.along import (AGAINST, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, NO_DRIVE, OFF, POSITION, SIGN, TURNS,
                             Along)
-from .scene import Drive, Slider
+from .scene import Drive, Path, Slider
 from .scene.checks import called
 from .scene.sliding import FORWARD, SHORT
 
@@ -182,14 +182,28 @@ class SliderForces:
                                        ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held")})
 
     @cached_property
-    def sides(self) -> Array:
-        """In which direction of the triads of their beams sliders may lift off, 0 where they may not, float64 [S, 3]."""
-        out = np.zeros((len(self.sliders), 3))
+    def sides(self) -> list[Array]:
+        """In which direction of the triads of the nodes of their curves sliders may lift off, float64 [n, 3] each; n = 0 where
+        they may not.
+
+        Raises
+        ------
+        SceneError
+            Of a path, around a corner the direction is along a beam, or around a closed one it becomes another.
+        """
+        return [np.zeros((0, 3)) if slider.one_sided is None else sides_of(slider) for slider in self.sliders]
+
+    def free_way(self, limits: Array) -> Array:
+        """Arc lengths between which no stop acts on sliders, from their limits [S, 2]."""
+        out = limits.copy()
         for k, slider in enumerate(self.sliders):
-            if slider.one_sided is not None:
-                out[k] = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
-        out[:, 0] = 0.0
+            if slider.stops is not None:
+                out[k] = np.clip(slider.stops.between, *limits[k])
         return out
+
+    def speed_given(self, k: int, t: float) -> float:
+        """Velocity that a drive prescribes at time t, m/s."""
+        return self._value(k, "speed", t)
 
     # --- what drives are given ----------------------------------------------------------------------------------------
     def schedule(self, starts: Array, lengths: Array) -> tuple[Array, Array]:
@@ -368,6 +382,8 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
     if all(x.slides_freely for x in sliders):
         return None
     found = SliderForces(sliders)
+    # looked at now, for what it has against paths
+    assert len(found.sides) == len(sliders)
     for k in np.flatnonzero(found.tables.drive == POSITION).tolist():
         slider = sliders[k]
         begin = float(found.tables.given[k, 0])
@@ -375,3 +391,46 @@ def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:
             raise SceneError(f"slider {slider.name!r}: its drive begins at position(0) = {begin:.6g} m, the slider at "
                              f"{slider.at:.6g} m; begin with at={begin:.6g}")
     return found
+
+
+def sides_of(slider: Slider) -> Array:
+    """Direction in which a slider may lift off, in the triads of the nodes of its curve, float64 [n, 3]. From beam to beam of a
+    path it stays the same in space, in the reference shape.
+
+    Raises
+    ------
+    SceneError
+        As of `SliderForces.sides`.
+    """
+    if not isinstance(slider.beam, Path):
+        side = slider.beam.reference(slider.at)[1][0] @ slider.one_sided.side
+        side[0] = 0.0
+        return np.tile(side, (slider.beam.n_nodes, 1))
+    path, n = slider.beam, len(slider.beam.beams)
+    (first,), (at,) = path.places([slider.at])
+    sides = np.zeros((n, 3))
+    sides[first] = _across(slider, path.beams[first].reference(at)[1][0], slider.one_sided.side)
+    # on from its beam, and back from it; around a closed path only on
+    on = [(k % n, (k + 1) % n) for k in range(first, first + n if path.closed else n - 1)]
+    back = [] if path.closed else [(k, k - 1) for k in range(first, 0, -1)]
+    for k, other in (*on, *back):
+        forward = other == (k + 1) % n if path.closed else other > k
+        ends = [path.beams[j].reference(path.beams[j].length * (x == (path.directions[j] > 0)))[1][0]
+                for j, x in ((k, forward), (other, not forward))]
+        found = _across(slider, ends[1], sides[k] @ ends[0])
+        if np.any(sides[other]) and np.linalg.norm(found - sides[other]) > 1e-3:
+            raise SceneError(f"slider {slider.name!r}: one_sided: around {path.label} its side turns about the axis and comes "
+                             "back as another; give the beams triads that close, or slide it on an open path")
+        sides[other] = found if not np.any(sides[other]) else sides[other]
+    return np.repeat(sides, [beam.n_nodes for beam in path.beams], axis=0)
+
+
+def _across(slider: Slider, triad: Array, side: Array) -> Array:
+    """Unit direction across a beam, in its triad, from one in space."""
+    out = triad @ side
+    out[0] = 0.0
+    size = float(np.linalg.norm(out))
+    if not size > 1e-3 * float(np.linalg.norm(side)):
+        raise SceneError(f"slider {slider.name!r}: one_sided: its side is a direction along one of the beams of "
+                         f"{slider.beam.label}; give one across them all")
+    return out / size

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import shown
+from .connections import held_axes
 from .errors import SceneError
 from .joint_tables import Coordinate
 from .kernels.along import HELD, HISTORY, OFF
@@ -69,7 +70,8 @@ def own_state(model: Model, state: State) -> State:
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    of_sliders = own.s, model.slider_lengths, model.slider_ends, model.slider_limits, model.names["sliders"]
+    ends, limits = (model.slider_ends, model.slider_limits) if not model.spans else (model.limits_at(own.s),) * 2
+    of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
     for s, length, (begin, end), (low, high), name in zip(*of_sliders):
         if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
             raise SceneError(f"start: slider {name!r} stands at s = {s:.6g} m, outside its beam (0 to {length:.6g} m)")
@@ -154,11 +156,12 @@ def misfits(model: Model, state: State, step: float) -> list[Misfit]:
     add("{} is turned by", (q - place)[led, 1:], led, "rad", 10.0 * TIED, MENDABLE)
     add("the velocity of {} is", (v - rate)[led, 0], led, "m/s", TIED * speed + noise, MENDABLE * speed)
     add("the spin of {} is", (v - rate)[led, 1:] * length, led, "m/s", TIED * speed + noise, MENDABLE * speed)
-    held = _standing(model)
+    held = _standing(model, state)
     for bits, part, what in ((7, slice(0, 1), "the support of {}: its velocity is"),
                              (56, slice(1, 4), "the support of {}: its spin, times the size of the scene, is")):
         still = np.flatnonzero(held & bits != 0)
-        add(what, v[still, part] * (1.0 if bits == 7 else length), still, "m/s", 1e-12 * speed, MENDABLE * speed)
+        axes = held_axes(held[still])[:, None] if bits == 7 else length
+        add(what, v[still, part] * axes, still, "m/s", 1e-12 * speed, MENDABLE * speed)
     away = off_beam(model, state)
     for k, name in enumerate(model.names["sliders"]):
         if away[k]:
@@ -222,20 +225,21 @@ def _joint_of(model: Model, node: int) -> str:
     return f"{model.labels[node]} ({', '.join(joints)})" if joints else model.labels[node]
 
 
-def _standing(model: Model) -> Array:
+def _standing(model: Model, state: State) -> Array:
     """Of every node which of its unknowns a support holds still, int64 [N]."""
-    held = model.held_mask
+    held = model.held_in(state)
     held[_follows(model)] = 0
     if model.prescribed is not None:
-        held[np.isin(model.pattern.row_of, model.pattern.row_of[model.prescribed.own])] = 0
+        for motion, node in zip(model.prescribed.motions, model.prescribed.own):
+            held[model.pattern.row_of == model.pattern.row_of[node]] &= ~motion.mask
     return held
 
 
 def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
-    held = _standing(model)
-    away = np.where(held & 7 != 0, np.linalg.norm(off[:, 0], axis=1), 0.0)
+    held = _standing(model, state)
+    away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
     out = []
@@ -262,7 +266,7 @@ def mended(model: Model, state: State) -> State:
         across, gaps = _across(model, q, s)
         if not np.any(np.abs(gaps) > 0.1 * GAP * model.length):
             break
-        lift, free = _lift(model, q)
+        lift, free = _lift(model, q, state)
         mass = (lift.T @ beams @ inertia @ beams @ lift).tocsr()
         step = np.zeros(6 * model.n_nodes)
         step[free] = nearest(mass, (across @ lift).tocsr(), -gaps, np.zeros(free.size), free % 6 >= 3)
@@ -271,7 +275,7 @@ def mended(model: Model, state: State) -> State:
         q[:, 1:] = turned(q[:, 1:], step[:, 3:])
         q = follow(model, q)
     across, _ = _across(model, q, s)
-    lift, free = _lift(model, q)
+    lift, free = _lift(model, q, state)
     given = np.zeros(6 * model.n_nodes)
     given.reshape(-1, 6)[:, :3] = v[:, 0]
     given.reshape(-1, 6)[:, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
@@ -282,9 +286,9 @@ def mended(model: Model, state: State) -> State:
     return State(q.reshape(-1), lift @ found, s, state.force.copy(), state.history.copy())
 
 
-def _lift(model: Model, q: Array) -> tuple[Any, Array]:
+def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
     """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
-    free = free_unknowns(model)
+    free = free_unknowns(model, state)
     return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()[:, free], free
 
 
@@ -299,7 +303,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
         for _ in range(20):
             gap, tangent, _ = contact(model, k, s[k], q, q)
             way = float(gap @ tangent / (tangent @ tangent))
-            s[k] = np.clip(s[k] + way, *model.slider_ends[k])
+            s[k] = np.clip(s[k] + way, *(model.limits_at(s) if k in model.spans else model.slider_ends)[k])
             if abs(way) <= 1e-15 * model.slider_lengths[k]:
                 break
         gap, tangent, _ = contact(model, k, s[k], q, q)

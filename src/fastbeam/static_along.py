@@ -61,7 +61,7 @@ class StaticAlong:
         self.start, self.end = s.copy(), s.copy()
         for k in np.flatnonzero(table.drive == POSITION).tolist():
             self.end[k] = self.forces.place_given(k, at_time)
-            low, high = model.slider_limits[k]
+            low, high = model.limits_at(s)[k]
             if not low <= self.end[k] <= high:
                 raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
                                  f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
@@ -71,14 +71,14 @@ class StaticAlong:
         # at rest smoothed friction is none
         self.friction = np.where(self.rubs, table.friction, 0.0)
         self.driven = np.flatnonzero((table.drive != NO_DRIVE) & ~self.held)
-        self.lengths, limits = model.slider_lengths, model.slider_limits
+        self.lengths, limits = model.slider_lengths, model.limits_at(s)
         self.rigid = self.forces.restitutions >= 0.0
         self.stops = np.where(self.rigid, limits, (-np.inf, np.inf))
         at_stop = (np.abs(s - self.stops[:, 1]) <= 1e-9 * self.lengths).astype(int)
         at_stop -= np.abs(s - self.stops[:, 0]) <= 1e-9 * self.lengths
         self.modes = Modes(np.zeros(s.size, np.int64), np.where(self.held, 0, at_stop), np.zeros(s.size, np.int64))
-        # the load factor
-        self.share = 0.0
+        # share of the way to prescribed places, and the load factor
+        self.share = self.factor = 0.0
         self.in_circles = False
         self.reserve = RESERVE
 
@@ -110,7 +110,7 @@ class StaticAlong:
         force, slope = stiff * beyond, -stiff * (beyond != 0.0)
         for k in self.driven.tolist():
             step = 1e-6 * (1e-3 * abs(s[k]) + 1e-3 * self.lengths[k])
-            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.share) for x in (-step, 0.0, step))
+            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor) for x in (-step, 0.0, step))
             force[k] += here
             slope[k] += (ahead - back) / (2.0 * step)
         return force, slope

@@ -303,9 +303,9 @@ class StaticContacts:
             pair = list(link.node)
             push = np.einsum("m,msic->sic", part, link.law.lead(x[pair]))[:, 1:]
             d = x[pair, 1:]
-            dyad = np.einsum("sic,sie->sce", push, d)
             roots.append(self.model.spin_root[pair])
-            blocks.append(np.einsum("sic,sic->s", push, d)[:, None, None] * np.eye(3) - 0.5 * (dyad + dyad.transpose(0, 2, 1)))
+            # of the moment d x push by a spin, as in the tangent of beams; only the sum of all of them is symmetric
+            blocks.append(np.einsum("sic,sic->s", push, d)[:, None, None] * np.eye(3) - np.einsum("sic,sie->sce", d, push))
         at = 6 * np.concatenate(roots)[:, None] + 3 + np.arange(3)
         values = np.concatenate(blocks)
         rows, columns = np.broadcast_arrays(at[:, :, None], at[:, None])

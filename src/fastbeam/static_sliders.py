@@ -18,6 +18,7 @@ from .model import Model
 from .saddle import Saddle, factors_for
 from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
+from .static_motion import assemble_moved
 
 Array = np.ndarray
 # a Newton increment moves and turns nodes by this much at most, in sizes of the scene and rad
@@ -86,7 +87,7 @@ class SlidingSolver(StaticSolver):
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.held = held
-        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.slider_limits
+        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.limits_at(self.stepper.core_state.s)
         self.along = None
         if uneliminated.slider_forces is not None:
             self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held)
@@ -102,9 +103,14 @@ class SlidingSolver(StaticSolver):
     def set_time(self, t: float, factor: float) -> None:
         super().set_time(t, factor)
         if self.along is not None:
-            self.along.share = factor
+            self.along.factor = factor
+
+    def move_to(self, share: float) -> None:
+        super().move_to(share)
+        if self.along is not None:
+            self.along.share = share
         if self.given is not None:
-            self.contacts.given = (1.0 - factor) * self.given[0] + factor * self.given[1]
+            self.contacts.given = (1.0 - share) * self.given[0] + share * self.given[1]
 
     @property
     def name(self) -> str:
@@ -208,6 +214,7 @@ class SlidingSolver(StaticSolver):
             t, share = (float(x) for x in self.stepper.law_work[:2])
             other = SlidingSolver(self.stepper.model, self.state, self.max_iterations, ~self._unhindered, in_plane, "superlu", t)
             other.set_time(t, share)
+            other.move_to(share)
             return other.signs(factors, in_plane)
         self._load(factors)
         self._loads[:] = self.work.f_ext
@@ -256,11 +263,21 @@ class SlidingSolver(StaticSolver):
         """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
         model, work, state = self.core, self.work, self.stepper.core_state
         size, n = len(model.dofs), model.pattern.n
-        border = self._border()
-        work.f_ext[:] = self._loads + self.contacts.loads(self._weights, self.state.q, state.force)
-        self.stepper.parts.assemble(0.0)
+        border, q = self._border(), self.state.q
+        work.f_ext[:] = self._loads + self.contacts.loads(self._weights, q, state.force)
+        given = None if self.motion is None else self.motion.pending(q)
+        if given is None:
+            self.stepper.parts.assemble(0.0)
+        else:
+            x = self.motion.rows(given, model, self.contacts.axes)
+            assemble_moved(self.stepper, x)
         matrix = self._matrix.of(work.blocks, border, sliding, drag)
         r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
+        if given is not None:
+            # the rows of held unknowns say 2 x = ...; gaps that the supports open are closed
+            r = r - 2.0 * x.reshape(-1)
+            moved = self.contacts.border(self._weights, self.motion.moved(q, given), state.force, np.zeros(state.s.size))
+            border = border._replace(gap=moved.gap, joint_gap=moved.joint_gap)
         right = np.concatenate((-r, np.where(sliding, -border.sliding, 0.0), border.gap.reshape(-1), border.joint_gap))
         multiplier = np.zeros(right.size, bool)
         multiplier[r.size + sliding.size:] = True

@@ -25,6 +25,7 @@ from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .spring_laws import SpringRows
 from .starting import check_start
+from .static_motion import StaticMotion
 from .static_sliders import SlidingSolver
 from .supports import check_supports
 
@@ -63,13 +64,13 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
-         rest_intervals=which_sliders)
+         rest_intervals=which_sliders, raise_loads=Flag())
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
-                 rest_intervals: bool | str | Sequence[str] = False) -> Result:
+                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -84,7 +85,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     levels : sequence of float
         Increasing load factors in (0, 1] that steps end at, so that they have rows; other steps are rows as well.
     at_time : float
-        Where time functions of loads and drives are evaluated, s; needed when the scene has some.
+        Where time functions of loads and drives are evaluated, s; needed when the scene has some. With it a `PrescribedMotion`
+        moves its support with the load factor (displacement control): from the shape of the scene along its function from t = 0
+        on, from a `start` straight to its place at that time. Without it such supports stay where they are.
     start : State
         Begin from this shape instead of the reference; joints have to allow it, supports hold their nodes where it has them.
     observe, points
@@ -101,6 +104,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         a part along the beam. Sliders that are locked from the start stay as well.
     rest_intervals : bool, str or sequence of str
         Names of sliders with Coulomb friction, or True for all, whose interval of places of rest is looked for at the end.
+    raise_loads : bool
+        False: loads and drives act in full from the first step on, and the load factor is how far supports that move, and
+        prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
 
     Returns
     -------
@@ -150,6 +156,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         solver = SlidingSolver(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
+    if model.prescribed is not None and at_time is not None:
+        solver.motion = StaticMotion(model, solver.state.q, start is None, at_time)
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
@@ -163,7 +171,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
         if observer.needs_forces:
-            found = reactions.at(factor * factors) if reactions else ()
+            found = reactions.at(factors if not raise_loads else factor * factors) if reactions else ()
             observer.add_forces(row, np.concatenate((solver.state.force, found)), factor)
         buffer.append(row, factor)
         q = solver.state.q.reshape(-1, 4, 3)
@@ -195,8 +203,9 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
             stop = next(level for level in stops if level > reached)
             size = min(step, stop - reached)
             target = stop if reached + size > stop - 1e-12 else reached + size
-            solver.set_time(at_time or 0.0, target)
-            status, sizes = solver.equilibrium(target * factors)
+            solver.set_time(at_time or 0.0, target if raise_loads else 1.0)
+            solver.move_to(target)
+            status, sizes = solver.equilibrium(target * factors if raise_loads else factors)
             if status == OK:
                 solver.history.append(len(sizes))
                 record(target, len(sizes), size)
@@ -215,10 +224,10 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
                 text = str(error).replace(f"t = {reached:.6g} s", f"load factor {reached:.6g}").split("; the last good state")[0]
                 bar.close()
                 coarse = look_at_mesh(reached)
-                raise ConvergenceError(f"{text}{coarse}{_slack(model, solver.state)}; a limit or buckling point may lie there, "
-                                       "a part may be free to move, or stiffnesses are too far apart for round-off (beams more "
-                                       "slender than 1e6). The last equilibrium is in .state, everything computed in .result", step=error.step, time=reached,
-                                       residuals=error.residuals, worst=error.worst,
+                raise ConvergenceError(f"{text}{coarse}{_slack(model, solver.state)}; a limit or buckling point may lie there, a "
+                                       "part may be free to move, or stiffnesses are too far apart for round-off (beams more "
+                                       "slender than 1e6). The last equilibrium is in .state, everything computed in .result",
+                                       step=error.step, time=reached, residuals=error.residuals, worst=error.worst,
                                        state=State(*(x.copy() for x in solver.state)), result=finish())
             step = max(smallest_step, 0.25 * size)
         bar.close()

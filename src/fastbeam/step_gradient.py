@@ -69,7 +69,8 @@ def virtual(lanes: Lanes, start: Array, end: Array, rates: Array) -> tuple[Array
     both results [t, E, nq, 6]."""
     def at_points(x: Array) -> tuple[Array, Array, Array]:
         f = np.einsum("egn,tenc->tegc", lanes.shapes[..., 0], x[:, :, :, 0], optimize=True)
-        return (f, *(np.einsum("egn,tenkc->tegkc", lanes.shapes[..., i], x[:, :, :, 1:], optimize=True) for i in (1, 2)))  # type: ignore[return-value]
+        d, k = (np.einsum("egn,tenkc->tegkc", lanes.shapes[..., i], x[:, :, :, 1:], optimize=True) for i in (1, 2))
+        return f, d, k
 
     ends = [at_points(x) for x in (start, end)]
     strains = [strains_of(lanes.strain, *x) for x in ends]

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .connections import held_axes
 from .errors import SceneError
 from .mapping import curve_at
 from .model import Model
@@ -10,9 +11,9 @@ from .model import Model
 Array = np.ndarray
 
 
-def check_supports(model: Model, flat: bool = False) -> bool:
-    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene. Returns
-    whether all six are prevented. Sliders and joints connect.
+def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> bool:
+    """Every connected part must be held against all six rigid motions; flat: against the three in the plane of the scene;
+    may_turn: one held point will do, about which it may turn. Returns whether all six are prevented. Sliders and joints connect.
 
     Raises
     ------
@@ -72,15 +73,15 @@ def check_supports(model: Model, flat: bool = False) -> bool:
         within[:3, 0], within[:3, 1], within[3:, 2] = axes
     by_part = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
     for nodes in by_part:
-        if np.all(point[nodes]) and np.all(mask[nodes] & 7):
+        if np.all(point[nodes]) and np.all(mask[nodes] & 7 == 7):
             continue
         center = phi[nodes].mean(axis=0)
         size = float(np.max(np.linalg.norm(phi[nodes] - center, axis=1))) or 1.0
         eye, none = np.eye(3), np.zeros((3, 3))
         # unit motions: shift, and turn about the centre
-        x = (phi[nodes[mask[nodes] & 7 != 0]] - center) / size
-        turn = np.cross(eye[:, None], x[None]).transpose(1, 2, 0)
-        held = [np.concatenate((np.broadcast_to(eye, turn.shape), turn), axis=2).reshape(-1, 6)]
+        some = nodes[mask[nodes] & 7 != 0]
+        turn = np.cross(eye[:, None], ((phi[some] - center) / size)[None]).transpose(1, 2, 0)
+        held = [np.concatenate((np.broadcast_to(eye, turn.shape), turn), axis=2)[held_axes(mask[some])]]
         if np.any((mask[nodes] & 56 != 0) & ~point[nodes]):
             held.append(np.hstack((none, eye)))
         matrix = np.concatenate(held)
@@ -88,6 +89,8 @@ def check_supports(model: Model, flat: bool = False) -> bool:
         if values[5] > 1e-9:
             continue
         held_in_space = False
+        if may_turn and np.any(mask[nodes] & 7 != 0):
+            continue
         if flat:
             values, motions = _free_motions(matrix, within)
             if values[2] > 1e-9:

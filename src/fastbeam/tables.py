@@ -41,6 +41,8 @@ class Elements:
     coupled : bool [E]
     phi, directors : float64 [N, 3], [N, 3, 3]
         Reference positions and triads of all nodes of the scene.
+    start_strain : float64 [*, 6], optional
+        Strains in the reference, of the beam or of every element; None: free of stress.
     """
 
     strain: str
@@ -58,6 +60,7 @@ class Elements:
     coupled: Array
     phi: Array
     directors: Array
+    start_strain: Array | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,10 +78,12 @@ class Elements:
     @cached_property
     def reference_strains(self) -> Array:
         """The six strains in the reference configuration, but for the constant 1 or 1/2 of the first: [E, nq, 6]. The kernels
-        subtract it, so that any initial shape is free of stress (theory.md 2)."""
+        subtract it, so that any initial shape is free of stress (theory.md 2), or has the stress of a prestrain."""
         every = np.arange(len(self.nodes))
         parts = [_reference_strains(self, every[k:k + CHUNK], self.phi, self.directors) for k in range(0, every.size, CHUNK)]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        found = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        # theory.md (2.8)
+        return found if self.start_strain is None else found - self.start_strain[:, None]
 
 
 def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> Elements:
@@ -92,12 +97,14 @@ def elements_of(part: Beam | Net, first: int, phi: Array, directors: Array) -> E
                         unit.phi_s / h, np.broadcast_to(unit.dir, (len(h), *unit.dir.shape[1:])), unit.dir_s / h,
                         unit.mass_phi * h, unit.mass_dir * h, np.array([s.C for s in part.sections]),
                         np.array([s.D for s in part.sections]), np.array([s.inertia for s in part.sections]), section_of,
-                        np.array([s.couples for s in part.sections])[section_of], phi, directors)
+                        np.array([s.couples for s in part.sections])[section_of], phi, directors,
+                        np.repeat(part.start_strains, part.elements, axis=0) if part.is_strained else None)
     basis, section = part.basis, part.section
     none = np.zeros(basis.n_elements, np.int64)
     coupled = np.full(basis.n_elements, section.couples)
     return Elements(part.strain, first + basis.element_nodes, basis.weight, basis.phi_s, basis.dir, basis.dir_s, basis.mass_phi,
-                    basis.mass_dir, section.C[None], section.D[None], np.array([section.inertia]), none, coupled, phi, directors)
+                    basis.mass_dir, section.C[None], section.D[None], np.array([section.inertia]), none, coupled, phi, directors,
+                    part.start_strain[None] if part.prestrain or part.prestress else None)
 
 
 def _reference_strains(elements: Elements, some: Array, phi: Array, d: Array) -> Array:
@@ -120,6 +127,32 @@ def strains_of(name: str, f: Array, d: Array, k: Array) -> Array:
     else:
         e = [0.5 * _dot(f, f), shear2, shear3, twist, _dot(f, k3), -_dot(f, k2)]
     return np.stack(e, axis=-1)
+
+
+def strain_gradient(name: str, f: Array, d: Array, k: Array) -> Array:
+    """Derivatives of `strains_of` by phi', by the three directors and by their derivatives, [..., 6, 7, 3]."""
+    out = np.zeros((*f.shape[:-1], 6, 7, 3))
+    d1, d2, d3 = (d[..., i, :] for i in range(3))
+    k1, k2, k3 = (k[..., i, :] for i in range(3))
+    out[..., 1, 0, :], out[..., 1, 2, :] = d2, f
+    out[..., 2, 0, :], out[..., 2, 3, :] = d3, f
+    out[..., 3, 2, :], out[..., 3, 3, :], out[..., 3, 5, :], out[..., 3, 6, :] = -0.5 * k3, 0.5 * k2, 0.5 * d3, -0.5 * d2
+    if name == "simo_reissner":
+        shear = [_dot(f, x)[..., None] for x in (d2, d3)]
+        stretch = np.sqrt(_dot(f, f)[..., None] - shear[0]**2 - shear[1]**2)
+        out[..., 0, 0, :] = (f - shear[0] * d2 - shear[1] * d3) / stretch
+        out[..., 0, 2, :], out[..., 0, 3, :] = -shear[0] * f / stretch, -shear[1] * f / stretch
+        out[..., 4, 1, :], out[..., 4, 3, :], out[..., 4, 4, :], out[..., 4, 6, :] = 0.5 * k3, -0.5 * k1, -0.5 * d3, 0.5 * d1
+        out[..., 5, 1, :], out[..., 5, 2, :], out[..., 5, 4, :], out[..., 5, 5, :] = -0.5 * k2, 0.5 * k1, 0.5 * d2, -0.5 * d1
+        c = 1.75 - 0.25 * (_dot(d1, d1) + _dot(d2, d2) + _dot(d3, d3))[..., None, None, None]
+        form = 0.5 * np.stack((_dot(k2, d3) - _dot(k3, d2), _dot(k3, d1) - _dot(k1, d3), _dot(k1, d2) - _dot(k2, d1)), axis=-1)
+        out[..., 3:, :, :] *= c
+        out[..., 3:, 1:4, :] -= 0.5 * form[..., :, None, None] * d[..., None, :, :]
+    else:
+        out[..., 0, 0, :] = f
+        out[..., 4, 0, :], out[..., 4, 6, :] = k3, f
+        out[..., 5, 0, :], out[..., 5, 5, :] = -k2, -f
+    return out
 
 
 def node_lengths(nodes: Array, mass_phi: Array, n: int) -> Array:

@@ -10,7 +10,7 @@ from numpy.polynomial import legendre
 from .basis import CurveBasis, end_bumps
 from .errors import SceneError
 from .numbering import NodeList
-from .scene import Beam, Path, Scene, Slider
+from .scene import Beam, Path, Scene, Slider, Switch
 
 Array = np.ndarray
 # angle between the references of two beams, rad, up to which their common curve gets one tangent
@@ -63,7 +63,9 @@ def track_of(scene: Scene, nodes: NodeList, slider: Slider) -> Track:
     key = (id(slider.beam), slider.curve, getattr(slider, "length", 0.0))
     if key not in nodes.tracks:
         on = slider.beam
-        if isinstance(on, Path):
+        if isinstance(on, Switch):
+            nodes.tracks[key] = _of_switch(scene, nodes, on, slider.curve)
+        elif isinstance(on, Path):
             nodes.tracks[key] = _of_path(scene, nodes, on, slider.curve)
         else:
             nodes.tracks[key] = Track(nodes.start(on) + np.arange(on.n_nodes), slider.contact_curve)
@@ -87,6 +89,52 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
         smooth[j] = kind == "c1" and float(np.linalg.norm(kink)) < STRAIGHT
     return Track(np.concatenate(numbers), _joined(parts, smooth, path.closed), path.length if path.closed else 0.0, len(joints),
                  int(smooth.sum()))
+
+
+def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Track:
+    """All tracks one behind the other, as one curve. What lies between goes on straight, for iterations of a step that leads
+    beyond an end: a slider never gets there."""
+    tracks = [_of_path(scene, nodes, on, kind) if isinstance(on, Path) else Track(
+        nodes.start(on) + np.arange(on.n_nodes), on.basis.curve(kind)) for on in switch.tracks]
+    together = _Together(scene, nodes)
+    for one, other in switch.joints():
+        if not together.joined(nodes.number(one), nodes.number(other)):
+            raise SceneError(f"{switch.label}: {one} and {other} meet, but nothing joins them, so they would move apart; join "
+                             "them by a RigidConnection or a BallJoint, or take beams of a net that share a node")
+    width, size = (max(track.basis.coef.shape[k] for track in tracks) for k in (1, 2))
+    ends, first, count, coef = [np.zeros(1)], [], [], []
+    node = 0
+    for k, (track, (begin, end)) in enumerate(zip(tracks, switch.spans.tolist())):
+        basis, last = track.basis, k == len(tracks) - 1
+        own = np.zeros((basis.coef.shape[0], width, size))
+        own[:, :basis.coef.shape[1], :basis.coef.shape[2]] = basis.coef
+        arc = begin + basis.element_ends[1:]
+        arc[-1] = end
+        pieces = [(own, node + basis.first_node, basis.n_nodes_of, arc)]
+        length = np.diff(basis.element_ends)
+        if k:
+            before = _straight_on(own[0], length[0], -switch.gap)
+            pieces.insert(0, (before[None], node + basis.first_node[:1], basis.n_nodes_of[:1], np.array([begin])))
+        if not last:
+            behind = _straight_on(own[-1], length[-1], switch.gap)
+            pieces.append((behind[None], node + basis.first_node[-1:], basis.n_nodes_of[-1:], np.array([end + switch.gap])))
+        for target, parts in zip((coef, first, count, ends), zip(*pieces)):
+            target.extend(parts)
+        node += track.nodes.size
+    return Track(np.concatenate([track.nodes for track in tracks]),
+                 CurveBasis(np.concatenate(ends), np.concatenate(first), np.concatenate(count), np.concatenate(coef)), 0.0,
+                 sum(track.joints for track in tracks), sum(track.smooth for track in tracks))
+
+
+def _straight_on(coef: Array, length: float, way: float) -> Array:
+    """Coefficients [nodes, coefficients] of the tangent at the end of an element of this length, over the arc length `way` behind
+    it, or before its start where that is negative."""
+    k = np.arange(coef.shape[1])
+    sign = 1.0 if way > 0.0 else -1.0
+    values, slopes = coef @ sign**k, coef @ (sign**(k + 1) * k * (k + 1)) / length
+    out = np.zeros_like(coef)
+    out[:, 0], out[:, 1] = values + 0.5 * way * slopes, 0.5 * abs(way) * slopes
+    return out
 
 
 class Part(NamedTuple):
@@ -185,9 +233,10 @@ class _Together:
         graph = coo_matrix((np.ones(len(rigid), np.int8), (rigid[:, 0], rigid[:, 1])), shape=(n, n))
         self.set = connected_components(graph, directed=False)[1]
         self.still = np.zeros(n, bool)
-        clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in scene.clamps]
+        whole = [x for x in (*scene.clamps, *scene.pins) if x.mask & 7 == 7]
+        clamped = [nodes.number(x.at) if x.at.is_center else nodes.start(x.at.owner) for x in whole if x.holds_triad]
         self.still |= np.isin(self.set, self.set[np.array(clamped, np.int64)])
-        self.still[np.array([nodes.number(pin.at) for pin in scene.pins], np.int64)] = True
+        self.still[np.array([nodes.number(x.at) for x in whole if not x.holds_triad], np.int64)] = True
         for net in scene.nets:
             self.still[nodes.span(net)] |= net.held() & 7 == 7
         self.phi = nodes.phi

@@ -14,7 +14,7 @@ from .kernels.work import State
 from .numbered import Numbered
 from .numbering import NodeList
 from .prescribed import PrescribedMotions, prescribed_of
-from .scene import RigidBody, Scene
+from .scene import DistributedLoad, RigidBody, Scene
 from .tables import Elements, elements_of
 
 Array = np.ndarray
@@ -156,17 +156,8 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
         if load.time is None:
             constant[k] += load.force
     for load in scene.distributed:
-        basis = load.beam.basis
-        at = nodes.start(load.beam) + basis.element_nodes
         vector = group(load.time)
-        # forces work on positions, moments on the spins of the directors: each with its own basis
-        for field, s, weight_s, shape, columns in (
-                (load.force_at, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values, slice(0, 3)),
-                (load.moment_at, basis.point_s, basis.weight, basis.dir, slice(3, 6))):
-            values = field(s.reshape(-1)).reshape(*s.shape, 3)
-            nodal = np.einsum("eg,egn,egc->enc", weight_s, shape, values)
-            target = np.zeros((n, 3))
-            np.add.at(target, at, nodal)
+        for columns, target in distributed(load, nodes):
             vector[:, columns] += target
             if load.time is None and columns.start == 0:
                 constant += target
@@ -177,6 +168,22 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
             vectors[k, :, c] = np.bincount(row_root, vector[:, c], minlength=n)
     times = [time for time, _ in groups]
     return Loads(vectors, times, [_timed_by(scene, time) for time in times], weight, constant)
+
+
+def distributed(load: DistributedLoad, nodes: NodeList) -> list[tuple[slice, Array]]:
+    """Forces and moments of a distributed load on all nodes, with their columns: [N, 3] each."""
+    basis, out = load.beam.basis, []
+    at = nodes.start(load.beam) + basis.element_nodes
+    # forces work on positions, moments on the spins of the directors: each with its own basis
+    for field, s, weight_s, shape, columns in (
+            (load.force_at, basis.mass_point_s, basis.mass_weight, basis.mass_phi_values, slice(0, 3)),
+            (load.moment_at, basis.point_s, basis.weight, basis.dir, slice(3, 6))):
+        values = field(s.reshape(-1)).reshape(*s.shape, 3)
+        nodal = np.einsum("eg,egn,egc->enc", weight_s, shape, values)
+        target = np.zeros((len(nodes), 3))
+        np.add.at(target, at, nodal)
+        out.append((columns, target))
+    return out
 
 
 def _timed_by(scene: Scene, time: Any) -> str:

@@ -2,17 +2,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 
 from .arguments import Anything, Count, Flag, Number, Word, checked
+from .damped_modes import MORE, Damped, damped_of
 from .eigen import Eigen, SingularError, lowest
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .linearised import Linearisation
 from .load_times import load_factors_at
-from .mode_shapes import Modes
+from .mode_shapes import DampedModes, Modes
 from .model import Model, check_model
 from .newton import BACKENDS
 from .starting import check_start
@@ -28,10 +29,25 @@ UNBALANCED = 1e-9
 LEAST = 12
 
 
+@overload
+def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
+          held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[False] = ...,
+          backend: str = ...) -> Modes:
+    """Without damping."""
+
+
+@overload
+def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
+          held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[True],
+          backend: str = ...) -> DampedModes:
+    """With damping."""
+
+
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
-         held=which_sliders, planar=Flag(), backend=Word())
+         held=which_sliders, planar=Flag(), damped=Flag(), backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
-          held: bool | str | Sequence[str] = False, planar: bool | None = None, backend: str = "auto") -> Modes:
+          held: bool | str | Sequence[str] = False, planar: bool | None = None, damped: bool = False,
+          backend: str = "auto") -> Modes | DampedModes:
     """The n lowest natural frequencies and modes of small vibrations about an equilibrium, with sliders, joints, bodies and
     supports: (K - w^2 M) x = 0 with K the tangent of the equilibrium, contact forces included (theory.md 11).
 
@@ -51,13 +67,16 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     planar : bool, optional
         True: motions in the plane of the scene alone. Default: all motions in space, unless the model was compiled with
         planar=True.
+    damped : bool
+        The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
+        dampers in joints, laws of forces that depend on velocities.
     backend : {'auto', 'pardiso', 'superlu'}
 
     Returns
     -------
-    Modes
+    Modes or DampedModes
         `.frequencies` (Hz), `.angular` (rad/s), `.growth`, `.displacements`, ..., `.state(k, amplitude)`; fewer than n where
-        there are no more.
+        there are no more. With damped=True `.rates` (complex, 1/s), `.frequencies`, `.damping_ratios`, `.decay`, ...
 
     Raises
     ------
@@ -66,31 +85,66 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     ConvergenceError
         The eigenvalues were not found: stiffness and masses are singular together.
     """
-    check_model("modes", model)
+    about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend)
+    if not damped:
+        return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
+    found = equilibrium_of("modes", about, n + MORE, backend, state)
+    if not found.factors.pencil.is_symmetric:
+        raise SceneError("modes: damped=True needs a symmetric stiffness, which moments that are fixed in space do not leave; "
+                         "find the "
+                         "modes of the scene without them, or run in time")
+    try:
+        return _damped_modes_of(about, damped_of(about, found, n, backend))
+    except SingularError:
+        raise ConvergenceError(f"modes: a damped mode of scene {model.scene_name!r} was not found; ask for fewer, or look at "
+                               "frequency_response", state=state) from None
+
+
+def linearised_at(who: str, model: Model, state: State | None, load_factor: float, at_time: float | None,
+                  held: bool | str | Sequence[str], planar: bool | None, backend: str) -> tuple[Linearisation, State | None]:
+    """A model linearised about a state with what `modes` takes, and the state as it was checked.
+
+    Raises
+    ------
+    SceneError
+    """
+    check_model(who, model)
     stays = held_sliders(model, held)
-    check_slider_forces("modes", model, stays)
+    check_slider_forces(who, model, stays)
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     flat = model.asked_for_plane if planar is None else planar
     if flat and model.plane is None:
         raise SceneError(f"planar=True: scene {model.scene_name!r} does not stay in a plane: {model.not_planar}")
-    factors = load_factor * load_factors_at("modes", model, at_time)
+    factors = load_factor * load_factors_at(who, model, at_time)
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
     about = Linearisation(model, state, ~stays, factors, flat)
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if not np.any(about.mass.diagonal() > 0.0):
-        raise SceneError("modes: nothing that may move has a mass; give sections rhoA, or bodies")
+        raise SceneError(f"{who}: nothing that may move has a mass; give sections rhoA, or bodies")
+    return about, state
+
+
+def equilibrium_of(who: str, about: Linearisation, n: int, backend: str, state: State | None) -> Eigen:
+    """The n lowest eigenvalues about an equilibrium, with the contact forces that it has.
+
+    Raises
+    ------
+    SceneError
+        The state is no equilibrium.
+    ConvergenceError
+        Stiffness and masses are singular together.
+    """
     try:
-        found = _settled(about, n, backend)
+        return _settled(who, about, n, backend)
     except SingularError:
-        raise ConvergenceError(f"modes of scene {model.scene_name!r} were not found: its stiffness and masses are singular "
+        raise ConvergenceError(f"{who} of scene {about.model.scene_name!r} were not found: its stiffness and masses are singular "
                                "together (a part without mass that nothing holds), or too far apart for round-off",
                                state=state) from None
-    return _modes_of(about, found)
 
 
-def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
+def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
     """Eigenvalues about the state, once contact forces are those of the equilibrium.
 
     Raises
@@ -116,7 +170,7 @@ def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
         pushed = np.abs(free).max(axis=0, initial=0.0) @ np.abs(along) if along.size else 0.0
         drifts = bool(np.linalg.norm(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
         if drifts or not size[largest] <= AT_REST:
-            raise SceneError(_no_equilibrium(about, right, size, largest, drifts and pushed > 0.0))
+            raise SceneError(_no_equilibrium(who, about, right, size, largest, drifts and pushed > 0.0))
         change = move[k + about.core.n_sliders:]
         if np.linalg.norm(change) <= SETTLED * np.linalg.norm(about.stepper.core_state.force):
             break
@@ -126,18 +180,39 @@ def _settled(about: Linearisation, n: int, backend: str) -> Eigen:
     return found._replace(values=found.values[:n], vectors=found.vectors[:, :n], noise=found.noise[:n])
 
 
-def _no_equilibrium(about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
+def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, largest: int, drifts: bool) -> str:
     """What to say about a state that is none."""
     force = np.abs(right[:about.free.size])
     worst = int(np.argmax(force))
     label, unit = about.label(worst)
-    text = f"modes: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
+    text = f"{who}: the state is no equilibrium: {label} has an unbalanced force of {force[worst]:.3g} {unit}"
     if drifts:
         text += ", and nothing holds the scene against the sum of its loads"
     else:
         text += f"; {about.label(largest)[0]} would go on by about {size[largest]:.2g} of the size of the scene"
     return text + (". Find it with result = fb.solve_static(model) and give state=result.state (at the load_factor that it has), "
                    "or look at the scene without loads: load_factor=0")
+
+
+def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:
+    """Shapes of unit size, the largest displacement real and positive."""
+    k, s = about.free.size, about.core.n_sliders
+    moved, spins = about.spread(found.vectors[:k])
+    flat = moved.reshape(len(found.rates), -1)
+    turns = spins.reshape(len(found.rates), -1)
+    factor = np.ones(len(found.rates), complex)
+    for j, (x, turn) in enumerate(zip(moved, spins)):
+        size, turned = np.linalg.norm(x, axis=1).max(initial=0.0), np.linalg.norm(turn, axis=1).max(initial=0.0)
+        whole, size = (flat[j], size) if size > 1e-6 * turned * about.model.length else (turns[j], turned)
+        if size > 0.0:
+            largest = np.abs(whole)
+            peak = whole[int(np.argmax(largest > (1.0 - 1e-6) * largest.max()))]
+            factor[j] = np.abs(peak) / peak / size
+    by = factor[:, None, None]
+    info = {"scene": about.model.scene_name, "method": "damped modes", "unknowns": k,
+            "moves_in": "space" if about.size == 6 else "plane"}
+    return DampedModes(found.rates, by * moved, by * spins, found.vectors[k:k + s].T * factor[:, None], found.residuals, about,
+                       info, about.model.names, about.q[:, 0].copy(), about.q[:, 1:].copy())
 
 
 def _modes_of(about: Linearisation, found: Eigen) -> Modes:

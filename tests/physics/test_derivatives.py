@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import fastbeam as fb
+from fastbeam.response import at_shape
 
 Array = np.ndarray
 # central differences of order 8
@@ -385,3 +386,45 @@ def test_snap_load_of_a_truss_is_homogeneous() -> None:
         e = 1e-3 * v[name]
         slope = float(EIGHTH @ np.array([exact(**{**v, name: v[name] + k * e}) for k in AWAY])) / e
         assert found.by[name] == pytest.approx(slope, rel=1e-10), name
+
+
+# --- what all of it rests on --------------------------------------------------------------------------------------------------
+def hinge(k: float, h: float, F: float) -> Any:  # noqa: N803
+    """Two beams in space and a revolute joint with a spring."""
+    a = fb.Beam.straight("a", (0, 0, 0), (1, 0, h), section=section(EI=3.0), elements=2)
+    b = fb.Beam.straight("b", (1, 0, h), (2, 0.1, 0), section=section(EI=3.0), elements=2)
+    return (fb.Scene(a, b, fb.Clamp(a.start), fb.RevoluteJoint(a.end, b.start, axis=(0, 1, 0), stiffness=k),
+                     fb.Load("push", b.end, force=(0, 0.1 * F, F))), {"end": b.end})
+
+
+def on_a_sleeve(EI: float, a: float) -> Any:  # noqa: N803
+    rail = fb.Beam.straight("rail", (0, 0, 0), (2, 0, 0), section=section(EI=EI), elements=4)
+    block = fb.RigidBody("block", mass=0.5, inertia=(0.1, 0.1, 0.1), position=(0.7, 0, 0))
+    return (fb.Scene(rail, block, fb.Clamp(rail.start), fb.Clamp(rail.end), fb.Sleeve("sleeve", block, rail, at=0.7),
+                     fb.Spring(block, fb.GROUND.point((1.2 + a, 0.2, 0.5)), stiffness=30.0, length=0.3), gravity=(0, 0, -3)),
+            {"end": block})
+
+
+@pytest.mark.parametrize(("build", "values"), [(ring, RING), (hinge, dict(k=2.0, h=0.2, F=0.3)),
+                                               (on_a_sleeve, dict(EI=5.0, a=0.1))])
+def test_the_tangent_is_the_derivative_of_the_equations(build: Callable[..., Any], values: dict[str, float]) -> None:
+    """Along a random way of all unknowns, spins and multipliers too."""
+    base = fb.sensitivity(lambda: build(**values), {})._base
+    way = np.random.default_rng(0).standard_normal(base.unknowns)
+    way[:base.nodes] *= base.contacts.free(len(base.core.dofs))
+    e = 1e-3
+    around = [at_shape(base, base.stepper.model, base.factors, way, k * e).unbalanced() for k in AWAY]
+    change = base.linearised()[0].matrix @ way
+    size = np.abs(base.linearised()[0].matrix) @ np.abs(way)
+    off = np.abs(change + np.tensordot(EIGHTH, np.array(around), 1) / e)
+    assert np.all(off <= 1e-9 * size) and np.any(size > 0.0)
+
+
+def test_hinge_against_differences() -> None:
+    v = dict(k=2.0, h=0.2, F=0.3)
+    found = fb.sensitivity(hinge, v)
+    assert max(found.accuracy.values()) < 1e-8
+    for name in v:
+        exact = differences(hinge, v, name, lambda x: x.state.q.reshape(-1, 4, 3)[-1, 0])
+        close(found.point("end")[name], exact, 1e-8)
+        assert found.gradient(points={"end": (1, 2, 3)}).by[name] == pytest.approx(found.point("end")[name] @ (1, 2, 3), rel=1e-9)

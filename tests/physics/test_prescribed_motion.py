@@ -191,11 +191,22 @@ def twice() -> fb.Scene:
     return scene.add(fb.PrescribedMotion("again", scene.beams[0].start, displacement=still))
 
 
+def both(one: str, other: str) -> fb.Scene:
+    """Two motions of one node along these axes."""
+    scene = scene_of(displacement=lambda t: np.zeros(len(one)), axes=one)
+    return scene.add(fb.PrescribedMotion("again", scene.beams[0].start, displacement=lambda t: np.zeros(len(other)), axes=other))
+
+
 @pytest.mark.parametrize(("make", "says"), [
     (lambda: scene_of(position=lambda t: (1, 0, 0)), "lies 1 m from"), (twice, "moves the same node"),
     (tied, "move that instead"), (scene_of, "give position or displacement"),
     (lambda: scene_of(position=still, displacement=still), "not both"),
     (lambda: scene_of(displacement=lambda t: (t, 0)), "3 finite numbers"),
+    (lambda: scene_of(displacement=still, axes="x"), "must return a finite number, got"),
+    (lambda: scene_of(displacement=lambda t: t, axes="xy"), "must return 2 finite numbers, got 0"),
+    (lambda: scene_of(displacement=lambda t: 0.0, axes="w"), "must name axes of space"),
+    (lambda: scene_of(position=lambda t: 1.0, axes="y"), "lies 1 m from"),
+    (lambda: both("xy", "y"), "moves the same node along the same axis"),
     (lambda: scene_of(displacement=lambda t: 1 / t), "must not fail"),
     (lambda: scene_of(rotation=lambda t: np.ones((3, 3))), "orthonormal")])
 def test_motions_that_make_no_sense_are_refused(make: Callable[[], fb.Scene], says: str) -> None:
@@ -246,3 +257,90 @@ def test_a_slider_on_a_moving_beam_keeps_the_balance() -> None:
     model = fb.compile_scene(fb.Scene(rail, bead, lift, fb.Slider("s", bead, rail, at=0.4, rate=1.0), gravity=(0, -5, 0)))
     run = fb.simulate(model, t_end=0.5, step=0.005, progress=False)
     assert run.drift("balance") < ROUND_OFF and run.drift("gap") < 1e-14 and abs(run.series["works"][-1, 0]) > 0.01
+
+
+# --- along single axes -------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_cart_that_is_moved_up_and_down_rolls_on(order: int, planar: bool | str) -> None:
+    """The motion along y leaves momentum and speed along x alone; a pendulum on it swings as on a support that goes y(t) and is
+    free along x (two equations of Lagrange)."""
+    from scipy.integrate import solve_ivp
+    M, m, J, l, g, a, W, T = 1.5, 2.0, 0.3, 0.8, 9.81, 0.1, 6.0, 1.0
+    cart = fb.PointMass("cart", mass=M, position=(0, 0, 0), velocity=(0.4, 0, 0))
+    body = fb.RigidBody("bob", mass=m, inertia=(J, J, J), position=(l * np.sin(0.5), -l * np.cos(0.5), 0), velocity=(0.4, 0, 0))
+    lift = fb.PrescribedMotion("lift", cart, displacement=lambda t: a * np.sin(W * t)**2, axes="y")
+    parts = [] if planar else [fb.Pin(cart, axes="z")]
+    model = fb.compile_scene(fb.Scene(cart, body, fb.BallJoint(cart, body.point(-body.position)), lift, *parts,
+                                      gravity=(0, -g, 0)), planar=planar)
+
+    def equation(t: float, y: Array) -> list[float]:
+        _, u, th, w = y
+        G = g + 2.0 * a * W**2 * np.cos(2.0 * W * t)
+        c, s = np.cos(th), np.sin(th)
+        matrix = [[M + m, m * l * c], [m * l * c, J + m * l * l]]
+        push, turn = np.linalg.solve(matrix, [m * l * s * w * w, -m * l * G * s])
+        return [u, push, w, turn]
+
+    x, _, theta, _ = solve_ivp(equation, (0.0, T), (0.0, 0.4, 0.5, 0.0), method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    exact = np.array([x + l * np.sin(theta), a * np.sin(W * T)**2 - l * np.cos(theta)])
+    errors = []
+    for steps in (50, 100):
+        run = fb.simulate(model, t_end=T, step=T / steps, order=order, points={"bob": body, "cart": cart}, progress=False)
+        errors.append(float(np.linalg.norm(run.point("bob")[-1, :2] - exact)))
+        momentum = run.series["lin_mom"][:, 0]
+        assert run.drift("balance") < ROUND_OFF and np.ptp(momentum) < 1e-13 * momentum[0]
+        np.testing.assert_allclose(run.point("cart")[:, 1], a * np.sin(W * run.t)**2, rtol=0, atol=1e-15)
+        assert set(run.balance()) == {"kinetic", "strain", "gravity", "motion of point mass 'cart' ('lift')", "sum"}
+    assert rates(errors)[0] > order - 0.4 and errors[-1] < (1e-3 if order == 2 else 1e-5)
+
+
+def test_motions_along_axes_together_are_one_motion() -> None:
+    """Along x and along y by two motions, a pin along z, the triad by a clamp: as one motion of a clamp, with all its work."""
+    def run(*parts: Callable[[fb.Beam], Any]) -> fb.Result:
+        mast = fb.Beam.straight("mast", (0, 0, 0), (0, 0, 2), section=SOFT, elements=5, degree=3)
+        return fb.simulate(fb.compile_scene(fb.Scene(mast, *(part(mast) for part in parts), gravity=(0, 0, -1))), t_end=0.5,
+                           step=0.005, progress=False, observe=("energy", "reaction"))
+
+    def x(t: float) -> float:
+        return float(0.1 * np.sin(5.0 * t)**2)
+
+    def y(t: float) -> float:
+        return float(0.2 * np.sin(3.0 * t)**2)
+
+    whole = run(lambda mast: fb.PrescribedMotion("m", mast.start, displacement=lambda t: (x(t), y(t), 0)),
+                lambda mast: fb.Clamp(mast.start))
+    single = run(lambda mast: fb.PrescribedMotion("mx", mast.start, displacement=x, axes="x"),
+                 lambda mast: fb.PrescribedMotion("my", mast.start, position=y, axes="y"), lambda mast: fb.Clamp(mast.start))
+    turned = run(lambda mast: fb.PrescribedMotion("m", mast.start, displacement=lambda t: (y(t), x(t)), axes="yx",
+                                                  rotation=lambda t: (0, 0, 0)), lambda mast: fb.Pin(mast.start, axes="z"))
+    assert max(r.drift("balance") for r in (whole, single, turned)) < ROUND_OFF
+    for other in (single, turned):
+        np.testing.assert_allclose(other.state.q, whole.state.q, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(other.series["works"].sum(axis=1), whole.series["works"].sum(axis=1), rtol=0, atol=1e-12)
+    force = whole.reaction("m")["force"]
+    np.testing.assert_allclose(single.reaction("mx")["force"], force * (1, 0, 0), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(single.reaction("my")["force"], force * (0, 1, 0), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(turned.reaction("m")["force"], force * (1, 1, 0), rtol=0, atol=1e-9)
+
+
+def test_base_excitation_along_one_axis_from_a_signal() -> None:
+    """A beam on two rollers whose ends go up and down by a table: the frame of the supports sees it as gravity."""
+    t = np.linspace(0.0, 1.0, 401)
+    found = []
+    for shaken in (True, False):
+        beam = fb.Beam.straight("beam", (0, 0, 0), (2, 0, 0), section=SOFT, elements=6)
+        up = fb.Signal(t, 0.05 * np.sin(np.pi * t)**4)
+        parts: list[Any] = [fb.Pin(beam.end, axes="yz")]
+        options: dict[str, Any] = {}
+        if shaken:
+            parts = [fb.PrescribedMotion(f"up {k}", at, displacement=up, axes="z") for k, at in enumerate((beam.start, beam.end))]
+            parts += [fb.Pin(beam.start, axes="xy"), fb.Pin(beam.end, axes="y")]
+        else:
+            acceleration = up._spline.derivative(2)
+            parts.append(fb.Pin(beam.start))
+            options = {"gravity": (0, 0, -1), "gravity_time": lambda t: float(acceleration(min(t, 1.0)))}
+        run = fb.simulate(fb.compile_scene(fb.Scene(beam, *parts, **options)), t_end=1.0, step=0.0025, progress=False,
+                          points={"middle": (beam, 1.0), "end": beam.end})
+        found.append(run.point("middle")[:, 2] - run.point("end")[:, 2])
+    assert np.max(np.abs(found[0])) > 0.05 and np.max(np.abs(found[0] - found[1])) < 2e-4 * np.max(np.abs(found[0]))

@@ -1,6 +1,7 @@
 """Springs, dampers and bushings against exact and independently integrated motions, equilibria and frequencies."""
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -354,3 +355,17 @@ def test_a_cantilever_on_an_elastic_foundation_of_bushings(planar: bool) -> None
     expected = -force * (1.0 / (3.0 * bar.EI2) + 1.0 / bar.GA2 + 1.0 / k + 1.0 / turn)
     assert place(result, beam.n_nodes - 1)[1] == pytest.approx(expected, rel=1e-6)
     assert result.info["unstable_directions"] == 0
+
+
+def test_the_recipes_of_the_how_to() -> None:
+    """The code of its section on springs runs, and gives what its text says."""
+    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    section = page.split("\n## Springs, dampers, bushings\n")[1].split("\n## ")[0]
+    code = "\n".join(line[4:] for line in section.splitlines() if line.startswith("    "))
+    found: dict[str, Any] = {"fb": fb}
+    exec(code, found)
+    jump, sunk, modes = found["jump"], found["sunk"], fb.modes(found["on_mounts"], state=found["sunk"].state, n=6)
+    assert closed(jump) < 1e-12 and np.any(jump.spring("rope")["force"] == 0.0)
+    for name in ("mount 0", "mount 1", "mount 2", "mount 3"):
+        np.testing.assert_allclose(sunk.bushing(name)["force"][-1], [0.0, 0.0, -150.0 * 9.81 / 4], rtol=0.0, atol=1e-6)
+    assert modes.frequencies[0] > 1.0 and np.any(np.abs(modes.frequencies * 2.0 * np.pi - np.sqrt(4 * 3e5 / 150.0)) < 1e-6)

@@ -22,14 +22,17 @@ import pytest
 import fastbeam as fb
 from fastbeam import __main__ as front
 from fastbeam.kernels.work import State
-from fastbeam.mode_shapes import Modes
+from fastbeam.mode_shapes import DampedModes, Modes
 from fastbeam.model import Model
+from fastbeam.responses import FrequencyResponse
 
 SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
 BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=2, degree=2)
 RAIL = fb.Beam.straight("rail", (0, 1, 0), (2, 1, 0), section=SECTION, elements=2, degree=2)
 MASS = fb.PointMass("bead", mass=0.1)
 AROUND = fb.Path("around", [BEAM], closed=True)
+ACROSS = fb.Beam.straight("across", (1, -1, 0), (1, 1, 0), section=SECTION, elements=2, degree=2)
+POINTS = fb.Switch("points", [BEAM, RAIL])
 BODY = fb.RigidBody("block", mass=1.0, inertia=(1, 1, 1), position=(2, 0, 0))
 NET = fb.Net("roof", [(0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1), (1, 2)], section=SECTION, clamps=[0])
 SCENE = fb.Scene(BEAM, RAIL, MASS, BODY, NET, fb.Clamp(BEAM.start), fb.Clamp(RAIL.start), fb.RigidConnection(BEAM.end, BODY),
@@ -56,6 +59,16 @@ def result() -> fb.Result:
 @cache
 def modes() -> Modes:
     return fb.modes(held(), load_factor=0.0, n=3)
+
+
+@cache
+def damped_modes() -> DampedModes:
+    return fb.modes(held(), load_factor=0.0, n=3, damped=True)
+
+
+@cache
+def response() -> FrequencyResponse:
+    return fb.frequency_response(held(), [3.0, 4.0], load_factor=0.0, base=(0, 0, 1), points={"tip": BEAM.end}, shapes=True)
 
 
 class Rude:
@@ -226,8 +239,9 @@ class Call:
     takes: dict[str, Callable[[Any], bool]]
 
 
+SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
-              strain=is_text)
+              strain=is_text, prestrain=is_real, prestress=is_real)
 BAR = dict(section=SECTION, elements=2)
 DAMPING = either(is_real, is_array(1, 2))
 MATERIAL = dict(E=is_real, rho=is_real, nu=is_real, G=is_real, shear_factor=is_real, damping=DAMPING, name=is_text)
@@ -275,13 +289,14 @@ def calls(folder: Path) -> dict[str, Call]:
                           dict(name=is_text, mass=is_real, inertia=is_array(1, 2), position=VECTOR, directors=is_array(2),
                                velocity=VECTOR, spin=VECTOR)),
         "RigidBody.point": Call(BODY.point, dict(offset=(0, 0, 1)), dict(offset=VECTOR)),
-        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
-        "Pin": Call(fb.Pin, dict(at=BEAM.start), dict(at=NODE, name=is_text)),
+        "Clamp": Call(fb.Clamp, dict(at=BEAM.start), SUPPORT),
+        "Pin": Call(fb.Pin, dict(at=BEAM.start), SUPPORT),
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
             linear=is_real, air=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
-            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function)),
+            name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
+            until=either(is_real, is_function))),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(
@@ -327,6 +342,18 @@ def calls(folder: Path) -> dict[str, Call]:
         "Path.locate": Call(AROUND.locate, dict(s=0.5), dict(s=is_real)),
         "Path.places": Call(AROUND.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Path.reference": Call(AROUND.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Crossing": Call(fb.Crossing, dict(name="x", beam_a=BEAM, beam_b=ACROSS, at=(1.0, 1.0)), dict(
+            name=is_text, beam_a=A_TRACK, beam_b=A_TRACK, at=VECTOR, curve=is_text,
+            friction=either(is_real, is_list_of(is_real)))),
+        "Switch": Call(fb.Switch, dict(name="w", tracks=[BEAM, RAIL]), dict(
+            name=is_text, tracks=is_list_of(A_TRACK),
+            choose=either(is_function, is_a(Mapping), is_list_of(is_list_of(is_text))))),
+        "Switch.where": Call(POINTS.where, dict(s=0.5), dict(s=is_real)),
+        "Switch.offset": Call(POINTS.offset, dict(track=BEAM), dict(track=either(A_TRACK, is_text))),
+        "Switch.options": Call(POINTS.options, dict(track=BEAM, end="end"), dict(track=either(A_TRACK, is_text), end=is_text)),
+        "Switch.places": Call(POINTS.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "Switch.locate": Call(POINTS.locate, dict(s=0.5), dict(s=is_real)),
+        "Switch.reference": Call(POINTS.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),
@@ -344,6 +371,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "OneSided": Call(fb.OneSided, dict(side=(0, 0, 1)), dict(side=VECTOR, restitution=is_real, catch=is_flag)),
         "Net": Call(fb.Net, dict(name="n", nodes=NODES, edges=EDGES, section=SECTION), dict(
             name=is_text, nodes=is_array(2), edges=is_array(2), section=either(SECTIONS, is_list_of(SECTIONS)), section_of=VECTOR,
+            prestrain=either(is_real, VECTOR), prestress=either(is_real, VECTOR),
             elements=either(is_count, VECTOR), degree=is_count, strain=is_text, d2=is_array(1, 2),
             joints=either(is_text, is_list_of(is_text)), pins=VECTOR, clamps=VECTOR, masses=VECTOR, loads=is_array(2),
             time=is_function, velocity=is_array(1, 2), spin=is_array(1, 2))),
@@ -366,7 +394,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)))),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag)),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
@@ -374,7 +402,27 @@ def calls(folder: Path) -> dict[str, Call]:
             side=among(1, -1))),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
-            held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
+            held=either(is_flag, is_text, is_list_of(is_text)), damped=is_flag, backend=is_text)),
+        "frequency_response": Call(fb.frequency_response, dict(
+            model=held(), frequencies=[3.0], load_factor=0.0, base=(1, 0, 0)), dict(
+            model=one_of(Model), frequencies=VECTOR, state=one_of(State), load_factor=is_real, at_time=is_real, planar=is_flag,
+            loads=either(is_text, one_of(Mapping, fb.Load), is_list_of(either(is_text, one_of(fb.Load)))),
+            base=either(lambda x: isinstance(x, (tuple, list, np.ndarray)) and len(x) == 3, one_of(Mapping)),
+            damping_ratio=is_real, loss_factor=is_real,
+            points=one_of(Mapping), held=either(is_flag, is_text, is_list_of(is_text)), shapes=is_flag, backend=is_text)),
+        "force_density": Call(fb.force_density, dict(nodes=NODES, edges=EDGES, densities=1.0, pins=[0]), dict(
+            nodes=is_array(2), edges=is_array(2), densities=either(is_real, VECTOR), pins=VECTOR, loads=is_array(2))),
+        "relax": Call(fb.relax, dict(model=held(), most_steps=50), dict(
+            model=one_of(Model), start=one_of(State), step=is_real, most_steps=is_count, at_time=is_real,
+            observe=is_list_of(is_text), points=one_of(Mapping), finish=is_flag, max_iterations=is_count, backend=is_text,
+            mend_start=is_flag)),
+        **{f"FrequencyResponse.{name}": Call(getattr(response(), name), dict(name="tip"), dict(name=is_text))
+           for name in ("point", "spin", "slide", "peaks")},
+        "FrequencyResponse.shape": Call(response().shape, dict(k=0), dict(k=is_count)),
+        "DampedModes.state": Call(damped_modes().state, dict(k=0, amplitude=0.01), dict(
+            k=is_count, amplitude=is_real, phase=is_real)),
+        "plot_response": Call(fb.plot_response, dict(response=response()), dict(
+            response=one_of(FrequencyResponse), component=is_text, log=is_flag)),
         "sensitivity": Call(fb.sensitivity, dict(build=held_bar, values={}), dict(
             build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), observe=is_list_of(is_text),
             load_factor=is_real, at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
@@ -383,8 +431,8 @@ def calls(folder: Path) -> dict[str, Call]:
                 build=callable, values=one_of(Mapping), scale=one_of(Mapping), state=one_of(State), load_factor=is_real,
                 at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
         "adjoint_run": Call(fb.adjoint_run, dict(model=held(), t_end=2e-3, step=1e-3), dict(
-            model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping), max_iterations=is_count,
-            backend=is_text)),
+            model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping),
+            max_iterations=is_count, backend=is_text)),
         "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(
@@ -440,7 +488,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "plot_invariants": Call(fb.plot_invariants, dict(result=result()), dict(result=one_of(fb.Result))),
         "plot_slider": Call(fb.plot_slider, dict(result=result()), dict(result=one_of(fb.Result), slider=is_text)),
         "plot_modes": Call(fb.plot_modes, dict(modes=modes()), dict(
-            modes=one_of(Modes), plane=is_text, n=is_count, first=is_count, amplitude=is_real)),
+            modes=one_of(Modes, DampedModes), plane=is_text, n=is_count, first=is_count, amplitude=is_real)),
     }
     return out
 

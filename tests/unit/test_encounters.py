@@ -89,9 +89,10 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "sleeve": (lambda: fb.Sleeve("s", fb.RigidBody("b", mass=1.0, inertia=(1, 1, 1), position=(0, 0, 0)), BEAM, at=0.0,
                                  release=fb.Release(1.0)), "a sleeve does not leave"),
     "side": (lambda: slider(one_sided=(0, 0, 0)), "must be a direction"),
-    "one-sided lock": (lambda: slider(one_sided=(0, 0, 1), lock=fb.Lock(1.0)), "does not go together with lock"),
-    "one-sided drive": (lambda: slider(one_sided=(0, 0, 1), drive=fb.Drive(speed=1.0)), "cannot lift off"),
-    "one-sided path": (lambda: fb.Slider("s", MASS, on=fb.Path("p", [BEAM]), at=0.4, one_sided=(0, 0, 1)), "not a Path")}
+    "one-sided release": (lambda: slider(one_sided=(0, 0, 1), release=fb.Release(1.0)), "does not go together with release"),
+    "one-sided drive": (lambda: slider(one_sided=(0, 0, 1), drive=fb.Drive(position=lambda t: 0.4 + t)), "cannot come back"),
+    "one-sided lock": (lambda: fb.Slider("s", fb.PointMass("high", mass=1.0, position=(0.4, 0, 1)), BEAM, at=0.4,
+                                         one_sided=(0, 0, 1), lock=fb.Lock()), "locked from the start")}
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -268,3 +268,28 @@ def test_velocities_whose_squares_are_lost_are_none() -> None:
     scene = fb.Scene(rail, bead, fb.Clamp(rail.start), fb.Slider("run", bead, rail, at=0.4, rate=3e-256), gravity=(0, -9.81, 0))
     model = fb.compile_scene(scene, planar=True)
     assert not model.v0.any()
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.3, 1e-4])
+@pytest.mark.parametrize("slides", ["mass", "beam"])
+def test_a_rate_alone_sets_a_scene_at_rest_in_motion(rate: float, slides: str) -> None:
+    """Nothing but the rate of a slider is not zero: its size, not 0, is what round-off counts against."""
+    rail = straight("rail", (0, 0, 0), (3, 0, 0))
+    cart = fb.PointMass("cart", mass=1.0, velocity=(0, 0, 0))
+    other = straight("other", (1.5, 0, 0), (1.5, 0, 1))
+    parts = [cart] if slides == "mass" else [other]
+    slider = fb.Slider("run", cart if slides == "mass" else other.start, rail, at=1.5, rate=rate)
+    scene = fb.Scene(rail, *parts, slider, fb.Clamp(rail.start), fb.Pin(rail.end, axes="yz"), project_velocities=True)
+    model = fb.compile_scene(scene)
+    v = model.v0.reshape(-1, 4, 3)
+    contact = v[model.numbers.number(slider.point), 0] - v[model.numbers.start(rail) + 3, 0]
+    assert rail.node_s[3] == 1.5
+    np.testing.assert_allclose(contact, (rate, 0, 0), rtol=0, atol=1e-13 * rate)
+    assert np.array_equal(v[0], np.zeros((4, 3))) and "the kinetic energy from 0 to" in model.projected
+    # linear in the rate
+    one = fb.compile_scene(fb.Scene(*(p for p in scene.parts if p is not slider), fb.Slider(
+        "run", slider.point, rail, at=1.5, rate=2.0 * rate), project_velocities=True))
+    np.testing.assert_allclose(one.v0, 2.0 * model.v0, rtol=0, atol=1e-12 * rate)
+    result = fb.simulate(model, t_end=0.02, step=0.001, progress=False)
+    # the energy goes with the square of the rate, its round-off does not
+    assert drifts(result)["total"] <= 5e-12 / rate**2 and drifts(result)["gap"] <= 1e-12

@@ -294,15 +294,19 @@ def net(condense: bool, threads: int = 1) -> fb.Result:
     grid = fb.Net("net", nodes, edges, section=BAR, elements=8, clamps=[0, 15])
     arm = fb.RigidBody("arm", mass=0.2, inertia=(0.01, 0.01, 0.01), position=(1.5, 1, 0.0))
     hinged = fb.RigidBody("hinged", mass=0.2, inertia=(0.01, 0.01, 0.01), position=(2.5, 1, 0.0))
+    turned = fb.RigidBody("turned", mass=0.2, inertia=(0.01, 0.01, 0.01), position=(2.5, 2, 0.0))
 
     def push(t: float, position: Array, directors: Array, velocity: Array, spin: Array, parameters: Array, force: Array,
              moment: Array) -> None:
         force[2] = parameters[0]
 
-    scene = fb.Scene(grid, arm, hinged, fb.Bushing(grid.node(5), arm.point((-0.5, 0, 0)), "mount",
+    scene = fb.Scene(grid, arm, hinged, turned, fb.Bushing(grid.node(5), arm.point((-0.5, 0, 0)), "mount",
                                                    stiffness=(90, 90, 90, 2, 2, 2), damping=(1, 1, 1, 0.1, 0.1, 0.1)),
                      fb.Spring(grid.node(10), arm, "rope", stiffness=20.0, tension_only=True, length=0.9, damping=0.1),
-                     fb.RevoluteJoint(grid.node(9), hinged.point((-0.5, 0, 0)), "hinge", axis=(0, 1, 0), stiffness=2.0, rest=0.3),
+                     fb.RevoluteJoint(grid.node(9), hinged.point((-0.5, 0, 0)), "hinge", axis=(0, 1, 0), stiffness=2.0, rest=0.3,
+                                      friction=0.05),
+                     fb.RevoluteJoint(grid.node(10), turned.point((-0.5, 0, 0)), "drive", axis=(0, 1, 0),
+                                      angle=lambda t: 5.0 * t * t),
                      fb.UserForce("wind", grid.node(6), push, parameters=(3.0,)), gravity=(0, 0, -9.81))
     return fb.simulate(fb.compile_scene(scene, condense=condense), t_end=0.015, step=0.005, threads=threads, progress=False)
 
@@ -311,9 +315,31 @@ def test_forces_of_links_laws_and_joints_reach_condensed_nets() -> None:
     one, other, third = net(True), net(False), net(True, threads=2)
     np.testing.assert_allclose(one.state.q, other.state.q, rtol=0.0, atol=1e-11)
     assert np.array_equal(one.state.q, third.state.q)
-    # a force and a joint spring that are left out show in the balance
+    # what is left out shows in the balance
     for result in (one, other):
         assert np.ptp(result.series["balance"]) < 1e-12 * np.max(np.abs(result.series["gravity"]))
+
+
+def beams() -> fb.Scene:
+    """Two beams on bushings, with a bead on one that a rope holds."""
+    a = fb.Beam.straight("a", (0, 0, 0), (1, 0, 0), section=BAR, elements=4, degree=3)
+    b = fb.Beam.straight("b", (0, 1, 0), (1, 1, 0.3), section=BAR, elements=4, degree=3)
+    bead, tip = fb.PointMass("bead", mass=0.05), fb.PointMass("tip", mass=0.1, position=(1.1, 0, 0))
+    return fb.Scene(a, b, bead, tip, fb.RigidConnection(a.end, tip), fb.Slider("run", bead, a, at=0.4, rate=0.3),
+                    fb.Bushing(a.node(4), b.node(7), "m", stiffness=(5, 6, 7, 0.01, 0.02, 0.03),
+                               damping=(0.05, 0.05, 0.05, 1e-4, 1e-4, 1e-4)),
+                    fb.Bushing(ORIGIN, a.start, "f", stiffness=(50, 50, 50, 1, 1, 1)),
+                    fb.Spring(bead, b.node(2), "r", stiffness=20.0, tension_only=True, length=1.02, damping=0.01),
+                    fb.Spring(tip, b.end, "t", table=([-0.1, 0, 0.1], [-3, 0, 9])), gravity=(0, -1.0, 0))
+
+
+def test_solvers_agree() -> None:
+    runs = [fb.simulate(fb.compile_scene(beams(), **options), t_end=0.1, step=0.005, progress=False)
+            for options in ({}, {"solver": "sparse"}, {"eliminate_inner": False})]
+    for result in runs:
+        np.testing.assert_allclose(result.state.q, runs[0].state.q, rtol=0.0, atol=1e-12)
+        assert np.ptp(result.series["balance"]) < 1e-12 * np.max(np.abs(result.series["gravity"]))
+        assert result.info["fallbacks"] == 0 and result.info["iterations"] <= 3 * 20
 
 
 # -------------------------------------------------------------------------------------------------------------- what is refused

@@ -85,7 +85,8 @@ def test_help_lists_every_argument() -> None:
                 hidden += [label] * (inspect.Parameter.VAR_KEYWORD in kinds)
     assert hidden == []
     arguments = inspect.signature(fb.Beam.arc).parameters
-    assert list(arguments)[-6:] == ["section", "elements", "degree", "interpolation", "directors", "strain"]
+    assert list(arguments)[-8:] == ["section", "elements", "degree", "interpolation", "directors", "strain", "prestrain",
+                                    "prestress"]
     assert arguments["degree"].default == 3 and arguments["section"].default is inspect.Parameter.empty
 
 

@@ -23,7 +23,7 @@ class Prescribed(NamedTuple):
 
     node: np.ndarray      # int64 [n]
     motion: np.ndarray    # int64 [n]: of every node
-    turns: np.ndarray     # int64 [M]: 1 where the rotation is prescribed, too
+    mask: np.ndarray      # int64 [M]: bit c set, unknown c is prescribed
     row: np.ndarray       # int64 [M]
     place: np.ndarray     # int64 [M]: of the work in `State.history`
     given: np.ndarray     # float64 [M, 6], in a plane [M, 3]: increments of the step, position, m, and Cayley vector
@@ -65,9 +65,10 @@ def move_supports(term, system, h, c):
         n = term.node[k]
         m = term.motion[k]
         for i in range(d):
-            work.dphi[d * n + i] = term.given[m, i]
-        if term.turns[m] != 0:
-            for i in range(spins):
+            if (term.mask[m] >> i) & 1:
+                work.dphi[d * n + i] = term.given[m, i]
+        for i in range(spins):
+            if (term.mask[m] >> (d + i)) & 1:
                 work.theta[spins * n + i] = term.given[m, d + i]
 
 
@@ -92,10 +93,9 @@ def reactions_are_those_of_the_end(term, system):
 @kernel
 def account_motion(term, system, h):
     of, history = term.of, system.state.history
-    d = dim(system.dofs)
     for m in range(of.row.shape[0]):
         work = 0.0
         for c in range(len(system.dofs)):
-            if c < d or of.turns[m] != 0:
+            if (of.mask[m] >> c) & 1:
                 work += of.reaction[m, c] * of.given[m, c]
         history[of.place[m]] += work

@@ -1,4 +1,4 @@
-"""Springs between two points with any law of their elongation, slack ones and dampers, theory.md (4.18) to (4.20).
+"""Springs between two points with any law of their elongation, slack ones and dampers, theory.md (4.18), (4.19).
 
 The force f(e) of the elongation e = l - L is a polynomial of degree 3 at most in each of a few pieces. The conserving step takes
 the mean of f over the elongations of the step,

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._generic import RecordType, in_memory, item_type
 from .._jit import compile_in_background, kernel
-from . import along, beams, compared_sliders, constraints, damping, drag, load_work, prescribed, slider, tied  # noqa: F401
+from . import along, beams, compared_sliders, constraints, damping, drag, knots, load_work, prescribed, slider, tied  # noqa: F401
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor
 from .kinds import dim

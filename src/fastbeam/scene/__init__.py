@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bushing import Bushing
+from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
@@ -11,7 +12,7 @@ from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint,
 from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import Path
 from fastbeam.scene.prescribed import PrescribedMotion, Signal
@@ -21,12 +22,14 @@ from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
 from fastbeam.scene.sliding import Drive, Friction, Stops
 from fastbeam.scene.spring import Damper, Spring
+from fastbeam.scene.supports import Clamp, Pin
+from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "CylindricalJoint", "Damper", "DistanceJoint", "DistributedLoad", "Drag",
-    "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net", "NetBeam", "NodeRef",
-    "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint",
-    "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider", "Spring", "Stops",
-    "StraightLine", "UniversalJoint", "UserForce",
+    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net",
+    "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint",
+    "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
+    "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce",
 ]

@@ -71,8 +71,9 @@ class ArcLengths:
 
 # degree and interpolation belong together
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
-          "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS)}
-OWNERS = ("beam", "body", "point mass", "ground")
+          "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS),
+          "prestrain": Number(least=-10.0, most=0.99), "prestress": Number(unit="N")}
+OWNERS = ("beam", "body", "point mass", "crossing", "ground")
 
 
 class BeamOptions(TypedDict, total=False):
@@ -84,6 +85,8 @@ class BeamOptions(TypedDict, total=False):
     interpolation: str
     directors: str
     strain: str
+    prestrain: float
+    prestress: float
 
 
 @checked(owner=Anything(), index=Anything(), offset=Vector)
@@ -158,7 +161,8 @@ class NodeRef:
 @checked(name=Name(), curve=CurveOf(), **COMMON)
 @dataclass(frozen=True, eq=False)
 class Beam:
-    """One beam: a reference curve with triads, a section and an interpolation. The stress-free state is the reference.
+    """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
+    given a prestrain or a prestress.
 
     Parameters
     ----------
@@ -176,6 +180,10 @@ class Beam:
         Where the triads of a 'bspline' are orthonormal (theory.md 3.1); without meaning for 'lagrange'.
     strain : {'simo_reissner', 'green_lagrange'}
         Strain measure, theory.md (2.2) or (2.1).
+    prestrain : float
+        Axial strain in the reference (theory.md (2.8)): without stress the beam is 1 - prestrain times as long; > 0: taut.
+    prestress : float
+        Instead of it the normal force in the reference, N; > 0: tension.
 
     Raises
     ------
@@ -194,9 +202,12 @@ class Beam:
     interpolation: str = "lagrange"
     directors: str = "greville"
     strain: str = "simo_reissner"
+    prestrain: float = 0.0
+    prestress: float = 0.0
 
     def __post_init__(self) -> None:
         who = checks.label("beam", self.name)
+        strained(who, self.section, self.prestrain, self.prestress)
         if not isinstance(self.interpolation, str) or self.interpolation not in DEGREES:
             raise SceneError(f"{who}: interpolation {shown(self.interpolation)} does not exist: choose 'lagrange' (degree 1 to "
                              "8) or 'bspline' (degree 2 to 5)")
@@ -352,6 +363,11 @@ class Beam:
         return build_basis(self.interpolation, self.degree, self.elements, self.length, self.directors)
 
     @property
+    def start_strain(self) -> Array:
+        """The six strains in the reference, without those of its own shape."""
+        return strained(self.label, self.section, self.prestrain, self.prestress)
+
+    @property
     def n_elements(self) -> int:
         """Number of elements."""
         return self.elements if isinstance(self.elements, int) else len(self.elements) - 1
@@ -415,6 +431,27 @@ class Beam:
 
 for _way in ("straight", "arc", "helix", "from_curve", "through_points"):
     spell_out(vars(Beam)[_way].__func__, Beam)
+
+
+def strained(who: str, section: Section, prestrain: float, prestress: float) -> Array:
+    """The six strains that a prestrain, or the normal force prestress, is.
+
+    Raises
+    ------
+    SceneError
+        Both are given, or the beam would have no length without stress.
+    """
+    if prestrain != 0.0 and prestress != 0.0:
+        raise SceneError(f"{who}: give prestrain or prestress, not both")
+    out = np.zeros(6)
+    out[0] = prestrain
+    if prestress != 0.0:
+        out = np.linalg.solve(section.C, np.array([prestress, 0, 0, 0, 0, 0]))
+        if not out[0] <= 0.99:
+            raise SceneError(f"{who}: prestress={prestress:.6g} N strains it by {out[0]:.3g}, so that without stress it would "
+                             f"have no "
+                             f"length; at most 0.99, here {0.99 * prestress / out[0]:.6g} N")
+    return out
 
 
 def _element_ends(who: str, elements: Any, length: float) -> int | Array:

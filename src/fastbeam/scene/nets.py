@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.arguments import Anything, Name, Word, checked, shown, whole
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef
+from fastbeam.scene.beams import DEGREES, MOST_ELEMENTS, STRAINS, Beam, NodeRef, strained
 from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.curves import StraightLine
 from fastbeam.scene.sections import Section
@@ -18,7 +18,7 @@ from fastbeam.shapes import gll_nodes
 JOINTS = ("rigid", "ball")
 # arrays whose shapes belong together; the constructor compares them
 TABLES = ("nodes", "edges", "section", "section_of", "elements", "degree", "d2", "joints", "pins", "clamps", "masses", "loads",
-          "velocity", "spin")
+          "velocity", "spin", "prestrain", "prestress")
 
 
 class NetBeam(Beam):
@@ -62,6 +62,8 @@ class Net:
         Dead forces on the nodes, N, times `time(t)` (None: constant).
     velocity : array_like (3,) or [n, 3]
         Initial velocity of the nodes, m/s; linear along the beams.
+    prestrain, prestress : float or array_like [m]
+        Axial strain of the beams as they are drawn, or their normal force, N; as of `Beam`.
     spin : array_like (3,) or [n, 3]
         Initial angular velocity at the nodes, rad/s; linear along the beams. None: beams between ball joints only turn with the
         line between their ends, welded ones do not turn.
@@ -88,7 +90,7 @@ class Net:
     def __init__(self, name: str, nodes: Any, edges: Any, *, section: Any, section_of: Any = None, elements: Any = 1,
                  degree: int = 3, strain: str = "simo_reissner", d2: Any = None, joints: Any = "rigid", pins: Any = (),
                  clamps: Any = (), masses: Any = None, loads: Any = None, time: TimeFactor | None = None, velocity: Any = None,
-                 spin: Any = None) -> None:
+                 spin: Any = None, prestrain: Any = 0.0, prestress: Any = 0.0) -> None:
         self.name = name
         who = self.label
         self.nodes = _table(who, "nodes", nodes, None, "m")
@@ -121,6 +123,15 @@ class Net:
         self.time = time
         self.velocity = None if velocity is None else _table(who, "velocity", _each(velocity, n), n, "m/s")
         self.spin = None if spin is None else _table(who, "spin", _each(spin, n), n, "rad/s")
+        self.prestrain = _of_edges(who, "prestrain", prestrain, m, "")
+        self.prestress = _of_edges(who, "prestress", prestress, m, " (N)")
+        if self.is_strained:
+            # names the first beam that it does not suit
+            for k in np.flatnonzero((self.prestrain != 0.0) | (self.prestress != 0.0)).tolist():
+                if not -10.0 <= self.prestrain[k] <= 0.99:
+                    raise SceneError(f"{who}: prestrain must be from -10 to 0.99, edge {k} has {self.prestrain[k]:.6g}")
+                strained(f"{who}, edge {k}", self.sections[self.section_of[k]], float(self.prestrain[k]),
+                float(self.prestress[k]))
         free = np.bincount(self.edges.reshape(-1), minlength=n) == 0
         if free.any():
             raise SceneError(f"{who}: node {int(np.argmax(free))} belongs to no edge ({int(free.sum())} of {n} nodes); leave it "
@@ -132,6 +143,19 @@ class Net:
     def label(self) -> str:
         """`net 'name'`."""
         return f"{self.kind} {self.name!r}"
+
+    @property
+    def is_strained(self) -> bool:
+        """Whether beams have stress in the reference."""
+        return bool(np.any(self.prestrain) or np.any(self.prestress))
+
+    @property
+    def start_strains(self) -> Array:
+        """The six strains of every beam in the reference [m, 6]."""
+        out = np.zeros((len(self.edges), 6))
+        out[:, 0] = self.prestrain
+        unit = np.linalg.inv([section.C for section in self.sections])[:, :, 0]
+        return np.where((self.prestress != 0.0)[:, None], unit[self.section_of] * self.prestress[:, None], out)
 
     @checked(k=Anything())
     def beam(self, k: int) -> NetBeam:
@@ -146,7 +170,8 @@ class Net:
         if k not in self._beams:
             line = StraightLine(self.nodes[self.edges[k, 0]], self.triads[k], float(self.lengths[k]))
             beam = NetBeam(f"{self.name}[{k}]", line, section=self.sections[self.section_of[k]], elements=int(self.elements[k]),
-                           degree=self.degree, strain=self.strain)
+                           degree=self.degree, strain=self.strain, prestrain=float(self.prestrain[k]),
+                           prestress=float(self.prestress[k]))
             checks.fill(beam, net=self, index=k)
             self._beams[k] = beam
         return self._beams[k]
@@ -282,6 +307,16 @@ def _table(who: str, what: str, value: Any, n: int | None, unit: str, columns: i
         raise SceneError(f"{who}: {what} must be finite ({unit}), at most {checks.LARGEST:g} in size, node {i} "
                          f"has {shown(clean[i])}")
     return checks.constant(clean)
+
+
+def _of_edges(who: str, what: str, value: Any, m: int, unit: str) -> Array:
+    """A number for every edge."""
+    found = checks.numbers(value)
+    if found is not None and found.ndim == 0:
+        found = np.full(m, float(found))
+    if found is None or found.shape != (m,) or not np.all(np.abs(found) <= checks.LARGEST):
+        raise SceneError(f"{who}: {what} must be a finite number{unit} or {m} of them, one for every edge, got {shown(value)}")
+    return checks.constant(found)
 
 
 def _integers(who: str, what: str, value: Any, shape: tuple[int | None, ...], below: int | None, need: str,

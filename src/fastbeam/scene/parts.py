@@ -193,51 +193,6 @@ def _inertia(who: str, value: Any) -> Array:
     return checks.constant(0.5 * (tensor + tensor.T))
 
 
-@checked(at=Node(), name=Name("each support holds one node, write one for every node"))
-@dataclass(frozen=True, eq=False)
-class _Support:
-    """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
-
-    kind: ClassVar[str] = "support"
-
-    at: NodeField
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.name is None:
-            checks.fill(self, name=f"{self.kind} of {self.at.label}")
-
-
-class Clamp(_Support):
-    """Holds position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
-
-    Raises
-    ------
-    SceneError
-        `at` is no node, body or mass.
-    """
-
-    kind: ClassVar[str] = "clamp"
-
-
-class Pin(_Support):
-    """Holds the position of a node, rotation stays free: `Pin(beam.end)`.
-
-    Raises
-    ------
-    SceneError
-        `at` is no node, body or mass, or a body point away from the centre.
-    """
-
-    kind: ClassVar[str] = "pin"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.at.is_center:
-            raise SceneError(f"{self.name}: a pin holds the centre of a body; for another point clamp a PointMass there and "
-                             "join it with BallJoint(body.point(...), mass)")
-
-
 @checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))
 @dataclass(frozen=True, eq=False)
 class _Joint:

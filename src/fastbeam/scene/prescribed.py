@@ -14,6 +14,7 @@ from fastbeam.scene.beams import NodeRef
 from fastbeam.scene.checks import Array, Rotation, called, tried
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import FORWARD, SHORT
+from fastbeam.scene.supports import AXES, SomeAxes, Until, mask_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -23,12 +24,24 @@ FEWEST = 4
 TIME = Number(unit="s")
 
 
-def _three(value: Any) -> Array:
-    """Three finite numbers."""
-    found = numbers(value)
-    if found is None or found.shape != (3,) or not np.all(np.abs(found) <= LARGEST):
-        raise Refusal(f"must return 3 finite numbers, got {shown(value)}")
-    return found
+@dataclass(frozen=True)
+class _Components:
+    """So many finite numbers; one also without brackets. None: three at most."""
+
+    count: int | None = 3
+
+    def __call__(self, value: Any) -> Array:
+        found = numbers(value)
+        if found is not None and found.ndim == 0:
+            found = found.reshape(1)
+        fits = found is not None and found.ndim == 1 and (found.size == self.count if self.count else 0 < found.size < 4)
+        if found is None or not fits or not np.all(np.abs(found) <= LARGEST):
+            need = "a finite number" if self.count == 1 else f"{self.count or 'up to 3'} finite numbers"
+            raise Refusal(f"must return {need}, got {shown(value)}")
+        return found
+
+
+_three = _Components()
 
 
 def _rate(x: Array, size: float) -> Array:
@@ -53,28 +66,30 @@ def _turn(value: Any) -> Array:
 
 @dataclass(frozen=True)
 class Moving:
-    """A function of t that returns three numbers, or with `turns` a rotation; it is tried at t = 0."""
+    """A function of t that returns numbers, or with `turns` a rotation; it is tried at t = 0."""
 
     turns: bool = False
 
     def __call__(self, value: Any) -> Callable[[float], Any]:
-        what = "a rotation vector (3,) or a rotation matrix (3, 3)" if self.turns else "3 numbers"
+        what = "a rotation vector (3,) or a rotation matrix (3, 3)" if self.turns else "3 numbers, or one for each of axes="
         if not callable(value) or isinstance(value, type):
             raise Refusal(f"must be a function of t that returns {what}, got {shown(value)}")
         try:
-            (_turn if self.turns else _three)(tried(value, 0.0, "at t = 0"))
+            (_turn if self.turns else _Components(None))(tried(value, 0.0, "at t = 0"))
         except Refusal as refusal:
             raise Refusal(f"at t = 0 {refusal}" if "must not fail" not in str(refusal) else str(refusal)) from refusal.__cause__
         return value
 
 
-@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True))
+@checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
+         until=Until())
 @dataclass(frozen=True, eq=False)
 class PrescribedMotion:
     """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
 
     It holds the node like a `Pin` that moves; with `rotation`, or a `Clamp` of the same node beside it, like a clamp. The work of
-    its reaction is in `result.balance()`. In `solve_static` the node is held where it is.
+    its reaction is in `result.balance()`. `solve_static(at_time=t)` moves it to its place at that time with the load factor;
+    without a time it is held where it is.
 
     Parameters
     ----------
@@ -86,6 +101,12 @@ class PrescribedMotion:
         Velocities must be continuous: a jump of the velocity makes forces alternate from step to step for ever.
     rotation : callable, optional
         t -> rotation vector (3,) in rad, or matrix (3, 3), in space: what turns the triad at t = 0 to that at t.
+    axes : str
+        Letters of the axes of space along which the place is prescribed, as in axes="y": `position` and `displacement` return one
+        number for each then. Along the others the node is free, or held by a `Pin` or `Clamp` of its own, or moved by another
+        motion.
+    until : float or callable
+        When it lets go for good, as for a `Clamp`: the node goes on with its velocity.
 
     Raises
     ------
@@ -111,6 +132,8 @@ class PrescribedMotion:
     position: Callable[[float], ArrayLike] | None = None
     displacement: Callable[[float], ArrayLike] | None = None
     rotation: Callable[[float], ArrayLike] | None = None
+    axes: str = AXES
+    until: Any = None
 
     def __post_init__(self) -> None:
         if self.position is not None and self.displacement is not None:
@@ -120,6 +143,7 @@ class PrescribedMotion:
         if not self.at.is_center:
             raise SceneError(f"{self.label}: a body is moved by its centre, got {self.at}; join what moves to it with a "
                              "RigidConnection, or move a PointMass on a BallJoint")
+        self.place(0.0)
 
     @property
     def label(self) -> str:
@@ -128,12 +152,12 @@ class PrescribedMotion:
 
     @property
     def mask(self) -> int:
-        """What it holds: 7 the position, 63 the rotation, too."""
-        return 63 if self.rotation is not None else 7
+        """What it holds of the six unknowns of its node, bit by bit."""
+        return mask_of(self.axes) | (56 if self.rotation is not None else 0)
 
     @checked(t=TIME)
     def place(self, t: float) -> Array:
-        """Position, or displacement, at time t: (3,) m.
+        """Position, or displacement, at time t: (3,) m, zero along axes that are not prescribed.
 
         Raises
         ------
@@ -144,7 +168,13 @@ class PrescribedMotion:
         if function is None:
             return np.zeros(3)
         what = "displacement" if self.position is None else "position"
-        return take(_three, f"{self.label}: {what}(t) at t = {t:.6g} s", called(self.label, what, function, t))
+        returned = called(self.label, what, function, t)
+        found = take(_Components(len(self.axes)), f"{self.label}: {what}(t) at t = {t:.6g} s", returned)
+        if self.axes == AXES:
+            return found
+        out = np.zeros(3)
+        out[[AXES.index(letter) for letter in self.axes]] = found
+        return out
 
     @checked(t=TIME)
     def turn(self, t: float) -> Array:

@@ -10,11 +10,13 @@ from fastbeam.scene.checks import Array
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Pin, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import Path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.supports import Clamp, Pin
+from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 
@@ -53,6 +55,10 @@ def owners(part: Any) -> list[Any]:
 
 def closest(beam: Beam | Path, point: Array) -> tuple[float, float]:
     """Arc length of the point of the reference curve of a beam or path closest to `point` (3,), and the distance, both m."""
+    if isinstance(beam, Switch):
+        found = [closest(track, point) for track in beam.tracks]
+        k = int(np.argmin([distance for _, distance in found]))
+        return float(beam.spans[k, 0]) + found[k][0], found[k][1]
     low, high = 0.0, beam.length
     s = np.linspace(low, high, 1001)
     for _ in range(8):

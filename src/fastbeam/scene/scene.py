@@ -14,28 +14,31 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
-    BallJoint, Clamp, DistributedLoad, InitialVelocity, Load, Node, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
+    BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection, RigidMotion,
 )
 from fastbeam.scene.paths import MOST_ROUNDS, Path, check_path
 from fastbeam.scene.prescribed import PrescribedMotion
 from fastbeam.scene.relations import closest, held_nodes, owners, who
 from fastbeam.scene.sleeves import Sleeve
 from fastbeam.scene.sliders import Slider
+from fastbeam.scene.supports import Clamp, Pin
+from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Link | PrescribedMotion | Drag | UserForce)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Link, PrescribedMotion, Drag, UserForce)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -104,7 +107,7 @@ class Scene(notebook.Parts):
         self.name, self.gravity, self.gravity_time, self.project_velocities = name, gravity, gravity_time, project_velocities
         self.parts: list[Part] = []
         self._link_table: tuple[int, tuple[dict[int, list[Slider | Joint]], dict[int, Array]]] = (0, ({}, {}))
-        self.parts.extend(parts)
+        self.add(*parts)
 
     @checked(parts=APart())
     def add(self, *parts: Part) -> Scene:
@@ -115,7 +118,9 @@ class Scene(notebook.Parts):
         SceneError
             A part is of an unknown kind.
         """
-        self.parts.extend(parts)
+        for part in parts:
+            self.parts.append(part)
+            self.parts.extend(part.members if isinstance(part, Crossing) else ())
         return self
 
     # --- parts by kind ------------------------------------------------------------------------------------------------
@@ -211,6 +216,11 @@ class Scene(notebook.Parts):
     def sleeves(self) -> list[Sleeve]:
         """The sliders that are sleeves."""
         return self._of(Sleeve)
+
+    @property
+    def knots(self) -> list[Knot]:
+        """The points of all crossings."""
+        return self._of(Knot)
 
     @property
     def links(self) -> list[Link]:
@@ -339,7 +349,9 @@ class Scene(notebook.Parts):
         self._check_control_points()
         tolerance = self._tolerance()
         for path in {id(slider.beam): slider.beam for slider in self.sliders if isinstance(slider.beam, Path)}.values():
-            check_path(path, tolerance)
+            for one in path.tracks if isinstance(path, Switch) else (path,):
+                if isinstance(one, Path):
+                    check_path(one, tolerance)
         for slider in self.sliders:
             self._check_slider(slider)
         placed_once = self._placed_once()
@@ -363,9 +375,13 @@ class Scene(notebook.Parts):
             if id(part) in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(id(part))
+            if isinstance(part, Crossing):
+                # its point has its name
+                continue
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
-            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part) and first.at == part.at):
+            if first is part or (isinstance(part, (Clamp, Pin)) and type(first) is type(part)
+                                 and (first.at, first.mask) == (part.at, part.mask)):
                 continue
             raise SceneError(f"{self.label}: the name {name!r} is used twice, by a {first.kind} and a {part.kind}; "
                              "give every part its own name")
@@ -396,7 +412,7 @@ class Scene(notebook.Parts):
         if slider.is_endless and abs(slider.at) > MOST_ROUNDS * beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} is more than {MOST_ROUNDS:g} times around {beam.label} ("
                              f"{beam.length:.6g} m); leave whole rounds out")
-        if not slider.is_endless and not 0.0 <= slider.at <= beam.length:
+        if not (slider.is_endless or isinstance(beam, Switch)) and not 0.0 <= slider.at <= beam.length:
             raise SceneError(f"{who(slider)}: at={slider.at:.6g} lies outside {beam.label} (0 to {beam.length:.6g} m)")
 
     def _placed_once(self) -> set[int]:

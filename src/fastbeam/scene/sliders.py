@@ -16,6 +16,7 @@ from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, S
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
+from fastbeam.scene.switches import Switch, span_of
 
 CURVES = ("own", "c1")
 
@@ -86,7 +87,9 @@ class Slider:
         beam, at = self.on if self.beam is None else self.beam, self.at
         checks.fill(self, beam=beam, on=beam)
         # round-off at the ends is not worth an error
-        if not self.is_endless and -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
+        if isinstance(beam, Switch):
+            at = self._on_a_track(who, beam, at)
+        elif not self.is_endless and -1e-9 * beam.length <= at <= (1.0 + 1e-9) * beam.length:
             at = min(max(at, 0.0), beam.length)
         checks.fill(self, at=at)
         self._check_forces(who)
@@ -109,7 +112,8 @@ class Slider:
     @property
     def slides_freely(self) -> bool:
         """Whether nothing acts along the beam on it, and nothing ever holds it or lets it go."""
-        return all(x is None for x in (self.friction, self.drive, self.stops, self.lock, self.release, self.one_sided))
+        forces = (self.friction, self.drive, self.stops, self.lock, self.release, self.one_sided)
+        return all(x is None for x in forces) and not isinstance(self.beam, Switch)
 
     @property
     def starts_off(self) -> bool:
@@ -133,6 +137,22 @@ class Slider:
         """Where the point has to lie at t = 0, (3,) m."""
         return self.beam.reference(self.at)[0][0]
 
+    def _on_a_track(self, who: str, switch: Switch, at: float) -> float:
+        """The place on a switch; what counts arc lengths across its tracks does not go together with it."""
+        begin, end = switch.spans[span_of(switch, at)]
+        if not begin - 1e-9 * switch.length <= at <= end + 1e-9 * switch.length:
+            tracks = ", ".join(f"{x.name!r} {a:.6g} to {b:.6g} m" for x, (a, b) in zip(switch.tracks, switch.spans))
+            raise SceneError(f"{who}: at={at:.6g} m lies on none of the tracks of {switch.label} ({tracks}); use "
+                             "at=switch.offset(track) + s")
+        for what, given in (("stops", self.stops), ("one_sided", self.one_sided),
+                            ("release at an end", self.release is not None and isinstance(self.release.when, str) or None),
+                            ("lock at a place", any(x.at is not None for x in self.lock or ()) or None),
+                            ("a drive with position=", self.drive is not None and self.drive.position is not None or None)):
+            if given:
+                raise SceneError(f"{who}: {what} does not go together with {switch.label}, on which arc lengths begin anew with "
+                                 "every track; leave it out, or use functions of (t, s, rate) and switch.where(s)")
+        return float(min(max(at, begin), end))
+
     def _check_forces(self, who: str) -> None:
         """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
         stops, drive = self.stops, self.drive
@@ -146,14 +166,14 @@ class Slider:
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} m exclude its place at={self.at:.6g} m; start "
                                  "between them")
         if self.one_sided is not None:
-            for what in ("stops", "lock", "release"):
-                if getattr(self, what) is not None:
-                    raise SceneError(f"{who}: one_sided does not go together with {what}; leave one of them out")
-            if drive is not None and drive.is_prescribed:
-                raise SceneError(f"{who}: its drive prescribes the motion, so it cannot lift off; give the drive stiffness= and "
-                                 "damping=, or leave one_sided out")
-            if isinstance(self.beam, Path):
-                raise SceneError(f"{who}: one_sided: a point lifts off a Beam, not a Path; slide it on one of its beams")
+            if self.release is not None:
+                raise SceneError(f"{who}: one_sided does not go together with release; leave one of them out")
+            if drive is not None and drive.is_prescribed and drive.position is not None:
+                raise SceneError(f"{who}: its drive prescribes its place, so it cannot come back to another; give the drive "
+                                 "speed=, or stiffness= and damping=, or leave one_sided out")
+            if self.lock is not None and self.lock[0].from_start and self.starts_off:
+                raise SceneError(f"{who}: it is locked from the start, but its point is away from {self.beam.label}; give "
+                                 "the lock a time or a condition")
         if self.release is not None:
             check_release(who, self.release, stops, self.is_endless)
         if self.lock is not None:

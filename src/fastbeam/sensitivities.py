@@ -28,6 +28,8 @@ Array = np.ndarray
 OBSERVED = ("energy", "section", "reaction")
 # an equilibrium whose nodes would move by less, in sizes of the scene and rad
 AT_REST = 1e-8
+# estimated relative error from which on derivatives are none
+WORST = 1e-2
 
 
 class Slopes(NamedTuple):
@@ -111,6 +113,11 @@ class Sensitivity:
         # nothing is unbalanced along the way: what the differences find there is their error, on another path than above
         rest = self._solved(family.slope(name, [x.unbalanced() for x in around]))
         size, error = (float(np.linalg.norm(base.weighed(x))) for x in (way, rest))
+        if error > WORST * size > 0.0 and base.size_of(rest) * family.steps[name] > AT_REST:
+            raise ConvergenceError(f"sensitivity: derivatives by parameter {name!r} are off by a share of {error / size:.2g}: "
+                                   "the scene answers too strongly to changes of it for differences of this size; give a smaller "
+                                   "scale={...}",
+                                   state=self.state)
         rows = self._slopes_of(name, around, flat)
         rows |= {key: explicit[key] + x for key, x in self._linear.along(way).items() if key in explicit}
         return Slopes(unbalanced, explicit, way, rows, error / size if size else 0.0)
@@ -373,6 +380,9 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     if model.user_forces:
         raise SceneError(f"sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are not known; "
                          "use loads, or differences of equilibria")
+    if model.prescribed is not None and at_time is not None:
+        raise SceneError(f"sensitivity: {model.prescribed.motions[0].label} has a place at that time that may depend on them, "
+                         "which is not known; leave at_time out, then supports stand still, or use differences of equilibria")
     result = None
     if state is None:
         if load_factor != 1.0:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -232,7 +233,7 @@ class _Backward:
         ConvergenceError
         """
         back = matrix.T
-        solved = None
+        solved: Any = None
         if self.mkl is not None:
             if self.factors is None:
                 threads = 1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads()
@@ -246,9 +247,7 @@ class _Backward:
             except RuntimeError:
                 lu = splu(matrix)
 
-            def solved(b: Array) -> Array:
-                return lu.solve(b, "T")
-
+            solved = partial(lu.solve, trans="T")
         x = solved(right)
         size = float(np.linalg.norm(right)) or 1.0
         for _ in range(2):
@@ -361,8 +360,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     Raises
     ------
     SceneError
-        Sliders, joints with multipliers, damping, drag, supports that move or user forces, whose steps have no adjoint here; steps
-        that do not fit into t_end, or into the memory.
+        Sliders, joints with multipliers, damping, drag, supports that move or user forces, whose steps have no adjoint here;
+        steps that do not fit into t_end, or into the memory.
     ConvergenceError
         A step fails.
     """
@@ -372,6 +371,7 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     unknown = [name for name, there in (
         ("sliders", model.n_sliders), ("joints with multipliers", len(model.kept)), ("damping", model.damped is not None),
         ("drag", model.dragged is not None), ("supports that move", model.prescribed is not None),
+        ("supports that let go", model.released is not None),
         ("user forces", model.user_forces), ("links of other kinds than springs", any(
             not isinstance(x, Springs) for x in model.links))) if there]
     if unknown:

@@ -1,0 +1,167 @@
+"""What resists velocities about a state of rest, as a sparse matrix (theory.md 14): damped sections, linear drag, dampers in
+joints, forces by laws of the user's own. And the stiffness of the material alone, whose share loses energy by a loss factor."""
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from .errors import SceneError
+from .kernels.kinds import SPACE
+from .kernels.layout import VISCOSITY, layout_of
+from .kernels.user_force import UserForces
+from .model import Model
+from .tables import strain_gradient
+
+Array = np.ndarray
+# rates with which laws are tried, in sizes of the scene a second, and rad/s
+RATE = 1e-6
+NUMBERS = ctypes.POINTER(ctypes.c_double)
+LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, NUMBERS, NUMBERS, NUMBERS)
+
+
+def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
+    """Forces against the rates of all coordinates at a state of rest, sparse [12 N, 12 N].
+
+    Parameters
+    ----------
+    model : Model
+        In space.
+    q : float64 [N, 4, 3]
+    t, factor : float
+        Time, s, and load factor with which laws of forces are evaluated.
+
+    Raises
+    ------
+    SceneError
+        Drag in moving air, under which nothing is at rest.
+    """
+    damped = () if model.damped is None else model.damped.strains
+    links = _of_joints(model, q) + _of_laws(model, q, t, factor)
+    return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
+
+
+def material_map(model: Model, q: Array) -> Any:
+    """Stiffness of the stresses of all beams against changes of their strains, sparse [12 N, 12 N]: that of the tangent without
+    the part of the stresses that there are."""
+    return _of_sections(model, q, ("simo_reissner", "green_lagrange"), 0)
+
+
+def _of_sections(model: Model, q: Array, sets: tuple[str, ...], first: int) -> Any:
+    """int E_q^T X E_q ds with the 6 x 6 matrix X that stands at `first` from C in the tables of these strain sets."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
+    for name, tables in (("simo_reissner", model.simo), ("green_lagrange", model.green)):
+        for nn, nq, co, no, *_ in tables.meta.tolist() if tables is not None and name in sets else ():
+            live = np.flatnonzero(tables.rows[no:no + 8] != model.n_nodes)
+            matrix = tables.tab[co + first:co + first + 288].reshape(6, 6, 8)[:, :, live]
+            if not matrix.any():
+                continue
+            at = tables.nodes[no:no + 8 * nn].reshape(nn, 8)[:, live]
+            place = layout_of(SPACE, nn, nq)
+            point = tables.tab[co + place.point:co + place.inertia].reshape(nq, -1, 8)[:, :, live]
+            shapes = [np.moveaxis(point[:, 1 + k::3], 2, 0) for k in range(3)]
+            lead = _by_coordinates(name, q[at.T], *shapes)
+            weighed = np.moveaxis(point[:, 0], 1, 0)[:, :, None, None] * np.einsum("ijl,lgjm->lgim", matrix, lead)
+            blocks = np.einsum("lgim,lgin->lmn", lead, weighed, optimize=True)
+            unknown = (12 * at.T[:, :, None] + np.arange(12)).reshape(live.size, -1)
+            rows, columns = np.broadcast_arrays(unknown[:, :, None], unknown[:, None])
+            parts.append((rows.reshape(-1), columns.reshape(-1), blocks.reshape(-1)))
+    rows, columns, values = (np.concatenate(x) for x in zip(*parts))
+    return sparse.csr_matrix((values, (rows, columns)), shape=(n, n))
+
+
+def _by_coordinates(name: str, x: Array, phi_s: Array, shape: Array, slope: Array) -> Array:
+    """Derivative of the strains at g points by the coordinates of nn nodes, [l, g, 6, 12 nn]; x [l, nn, 4, 3], shapes
+    [l, g, nn]."""
+    f = np.einsum("lga,lac->lgc", phi_s, x[:, :, 0])
+    d, k = (np.einsum("lga,laic->lgic", y, x[:, :, 1:]) for y in (shape, slope))
+    gradient = strain_gradient(name, f, d, k)
+    lead = np.empty((*phi_s.shape[:2], 6, phi_s.shape[2], 4, 3))
+    lead[..., 0, :] = np.einsum("lga,lgic->lgiac", phi_s, gradient[:, :, :, 0])
+    lead[..., 1:, :] = (np.einsum("lga,lgikc->lgiakc", shape, gradient[:, :, :, 1:4])
+                        + np.einsum("lga,lgikc->lgiakc", slope, gradient[:, :, :, 4:]))
+    return lead.reshape(*lead.shape[:3], -1)
+
+
+def check_still_air(model: Model) -> None:
+    """Refuse drag in moving air.
+
+    Raises
+    ------
+    SceneError
+        Nothing is at rest in it.
+    """
+    drag = model.dragged
+    if drag is not None and np.any(drag.air):
+        moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
+        raise SceneError(f"{drag.labels[moves]}: its air moves, so that nothing is at rest in it, and equilibria do not know its "
+                         "force; leave air= out, or run in time")
+
+
+def _of_drag(model: Model) -> Any:
+    """Linear drag; that of the square of a velocity has no linear part at rest."""
+    from scipy import sparse
+    diagonal = np.zeros((model.n_nodes, 4, 3))
+    drag = model.dragged
+    check_still_air(model)
+    if drag is not None:
+        np.add.at(diagonal[:, 0], drag.node, drag.coefficient[:, 2:])
+    return sparse.diags(diagonal.reshape(-1), format="csr")
+
+
+def _of_joints(model: Model, q: Array) -> Any:
+    """Dampers on the distances and angles that joints leave free."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    motions = model.motions
+    if motions is None or not motions.damped:
+        return sparse.csr_matrix((n, n))
+    rates = np.zeros((len(motions.names), model.n_nodes, 4, 3))
+    for k, ((a, b), turn, angle) in enumerate(zip(motions.node.tolist(), motions.turn, motions.is_angle)):
+        axis = turn[0, 0] @ q[a, 1:]
+        if angle:
+            # of a spin 1/2 sum d_i x d_i'
+            rates[k, b, 1:] += 0.5 * np.cross(axis, q[b, 1:])
+            rates[k, a, 1:] -= 0.5 * np.cross(axis, q[a, 1:])
+        else:
+            rates[k, b, 0] += axis
+            rates[k, a, 0] -= axis
+            rates[k, a, 1:] += np.outer(turn[0, 0], q[b, 0] - q[a, 0])
+    lead = sparse.csr_matrix(rates.reshape(len(rates), -1))
+    return lead.T @ sparse.diags(motions.table.damping) @ lead
+
+
+def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
+    """Minus the derivative of forces and moments by laws of the user's own, by velocity and spin: central differences."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, UserForces):
+            continue
+        for k, node in enumerate(table.node.tolist()):
+            law = LAW(int(table.laws.address[k]))
+            parameters = np.append(table.parameters[table.first[k]:], 0.0)
+            block = np.zeros((6, 6))
+            for c in range(6):
+                size = RATE * (model.length if c < 3 else 1.0)
+                ends = []
+                for sign in (1.0, -1.0):
+                    given, found = np.concatenate((q[node].reshape(-1), np.zeros(6))), np.zeros(6)
+                    given[12 + c] = sign * size
+                    law(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found)))
+                    ends.append(found)
+                block[:, c] = -factor * table.share[k] * (ends[0] - ends[1]) / (2.0 * size)
+            # rates of coordinates -> velocity and spin
+            motion = np.zeros((6, 12))
+            motion[:3, :3] = np.eye(3)
+            for i in range(3):
+                motion[3:, 3 * i + 3:3 * i + 6] = 0.5 * np.cross(q[node, 1 + i], np.eye(3)).T
+            at = 12 * node + np.arange(12)
+            rows, columns = np.broadcast_arrays(at[:, None], at)
+            total += sparse.csr_matrix(((motion.T @ block @ motion).reshape(-1), (rows.reshape(-1), columns.reshape(-1))),
+                                       shape=(n, n))
+    return total

@@ -1,0 +1,141 @@
+"""Crossings: two beams that slide on each other at one point."""
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Name, Numbers, Refusal, Word, checked, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.parts import PointMass
+from fastbeam.scene.paths import ATrack, Path
+from fastbeam.scene.sliders import CURVES, Slider
+from fastbeam.scene.sliding import AFriction, Friction
+from fastbeam.scene.switches import Switch
+
+
+class Knot(PointMass):
+    """The point without mass where the beams of a `Crossing` touch."""
+
+    kind: ClassVar[str] = "crossing"
+
+    def __init__(self, name: str) -> None:
+        checks.fill(self, name=name, mass=0.0, position=None, velocity=None)
+
+
+@dataclass(frozen=True)
+class TwoFrictions:
+    """A coefficient or a Friction for both sides, or a pair of them."""
+
+    def __call__(self, value: Any) -> tuple[Friction | None, Friction | None]:
+        both = tuple(value) if isinstance(value, (tuple, list)) else (value, value)
+        if len(both) != 2:
+            raise Refusal(f"must be a coefficient >= 0 or a Friction, or a pair of them for both beams, got {shown(value)}")
+        one, other = (None if x is None else AFriction()(x) for x in both)
+        return one, other
+
+
+@checked(name=Name(), beam_a=ATrack(), beam_b=ATrack(), at=Numbers((2,), "two arc lengths (s_a, s_b), m"), curve=Word(CURVES),
+         friction=TwoFrictions())
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Two beams that touch at one point and slide on each other there: crossing cables (theory.md 5.10).
+
+    The point is one of both curves; where it is on each of them are two unknowns. The force between the beams is across both
+    where nothing rubs. Nothing holds a direction, and the point has no mass. It counts as a part in results:
+    `result.slider(c.name_a)` and `result.slider(c.name_b)` have places, forces and the gap, `points={"x": c.point}` records where
+    it is.
+
+    Parameters
+    ----------
+    name : str
+    beam_a, beam_b : Beam or Path
+        In any order; not the same, and not parallel where they cross.
+    at : array_like (2,)
+        Arc lengths of the point on both at t = 0, m. There the beams have to meet.
+    curve : {'c1', 'own'}
+        As of `Slider`, for both.
+    friction : float, Friction, or a pair of them, optional
+        Of each beam against the point, as in an eye that both run through: each rubs with the contact force, against its own
+        velocity along itself.
+
+    Attributes
+    ----------
+    slider_a, slider_b : Slider
+        The point on each beam.
+    point : NodeRef
+        The point, for `points=`, loads and springs.
+
+    Raises
+    ------
+    SceneError
+        Both beams are the same, or an argument is of the wrong kind. `Scene.check` tests that they meet.
+
+    Examples
+    --------
+    >>> from fastbeam.scene import Beam, Clamp, Crossing, Scene, Section
+    >>> rope = Section.circle(radius=0.01, E=1e8, rho=1000.0)
+    >>> a = Beam.straight('a', (0, 0, 0), (2, 0, 0), section=rope, elements=4)
+    >>> b = Beam.straight('b', (0.7, -1, 0), (0.7, 1, 0), section=rope, elements=4)
+    >>> cross = Crossing('x', a, b, at=(0.7, 1.0))
+    >>> scene = Scene(a, b, cross, Clamp(a.start), Clamp(b.start))
+    >>> scene.check()
+    >>> scene.position_of(cross.point).tolist()
+    [0.7, 0.0, 0.0]
+    """
+
+    kind: ClassVar[str] = "crossing"
+
+    name: str
+    beam_a: Beam | Path
+    beam_b: Beam | Path
+    _: KW_ONLY
+    at: Any
+    curve: str = "c1"
+    friction: Any = None
+
+    def __post_init__(self) -> None:
+        who = checks.label(self.kind, self.name)
+        for beam in (self.beam_a, self.beam_b):
+            if isinstance(beam, Switch):
+                raise SceneError(f"{who}: a crossing lies on a Beam or Path, not on {beam.label}; give one of its tracks")
+        own = [beam.beams if isinstance(beam, Path) else (beam,) for beam in (self.beam_a, self.beam_b)]
+        shared = [beam for beam in own[0] if any(beam is other for other in own[1])]
+        if shared:
+            raise SceneError(f"{who}: {shared[0].label} is on both sides; a crossing joins two different beams")
+        knot = Knot(self.name)
+        rub = self.friction or (None, None)
+        sides = [Slider(f"{self.name} on {beam.name}", knot, beam, at=float(s), curve=self.curve, friction=mu)
+                 for beam, s, mu in zip((self.beam_a, self.beam_b), self.at, rub)]
+        checks.fill(self, knot=knot, slider_a=sides[0], slider_b=sides[1])
+        tangents = [] if self._is_off() else [x.beam.reference(x.at)[1][0, 0] for x in sides]
+        if tangents and np.linalg.norm(np.cross(*tangents)) < 1e-3:
+            raise SceneError(f"{who}: {self.beam_a.label} and {self.beam_b.label} are parallel there, so the point where they "
+                             "touch is not determined; they have to cross at an angle")
+
+    @property
+    def point(self) -> NodeRef:
+        """Where the beams touch, as a node."""
+        return self.knot.center
+
+    @property
+    def name_a(self) -> str:
+        """Of the slider on the first beam, for results."""
+        return self.slider_a.name
+
+    @property
+    def name_b(self) -> str:
+        """Of the slider on the second beam."""
+        return self.slider_b.name
+
+    @property
+    def members(self) -> tuple[PointMass | Slider, ...]:
+        """What it is made of: the point and a slider of it on each beam."""
+        return self.knot, self.slider_a, self.slider_b
+
+    def _is_off(self) -> bool:
+        """Whether a place lies outside its beam, which `Scene.check` says."""
+        return any(not x.is_endless and not 0.0 <= x.at <= x.beam.length for x in (self.slider_a, self.slider_b))

@@ -1,0 +1,132 @@
+"""Supports: what holds a node still, all of it or along some axes of space."""
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, ClassVar
+
+from fastbeam.arguments import Name, Number, Refusal, checked, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.checks import NodeField
+from fastbeam.scene.parts import Node
+from fastbeam.scene.sliding import needed_arguments
+
+AXES = "xyz"
+TIME = Number(unit="s")
+
+
+@dataclass(frozen=True)
+class SomeAxes:
+    """Letters of axes of space, in any order."""
+
+    def __call__(self, value: Any) -> str:
+        letters = value if isinstance(value, str) else ""
+        if not letters or len(set(letters)) < len(letters) or not set(letters) <= set(AXES):
+            hint = "" if isinstance(value, str) else ("; an oblique direction: a PlanarJoint or PrismaticJoint with GROUND, or a "
+                                                      "Slider on a stiff clamped beam, holds it")
+            raise Refusal(f"must name axes of space by their letters, as in axes='yz', got {shown(value)}{hint}")
+        return letters
+
+
+@dataclass(frozen=True)
+class Until:
+    """A time, or a function of (t, state)."""
+
+    def __call__(self, value: Any) -> Any:
+        if callable(value) and not isinstance(value, type):
+            if needed_arguments(value) != 2:
+                raise Refusal(f"must take two arguments (t, state), this function takes {needed_arguments(value)}")
+            return value
+        try:
+            return TIME(value)
+        except Refusal:
+            raise Refusal(f"must be a finite time in s or a function of (t, state), got {shown(value)}") from None
+
+
+def mask_of(axes: str) -> int:
+    """Bits of the components of a position that are held."""
+    return sum(1 << AXES.index(letter) for letter in axes)
+
+
+@checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=SomeAxes(),
+         until=Until())
+@dataclass(frozen=True, eq=False)
+class _Support:
+    """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
+
+    kind: ClassVar[str] = "support"
+    holds_triad: ClassVar[bool] = False
+
+    at: NodeField
+    name: str | None = None
+    _: KW_ONLY
+    axes: str = AXES
+    until: Any = None
+
+    def __post_init__(self) -> None:
+        if self.name is None:
+            along = "" if self.mask & 7 == 7 else f" along {self.axes}"
+            checks.fill(self, name=f"{self.kind} of {self.at.label}{along}")
+
+    @property
+    def mask(self) -> int:
+        """What it holds of the six unknowns of its node, bit by bit."""
+        return mask_of(self.axes) | (56 if self.holds_triad else 0)
+
+
+class Clamp(_Support):
+    """Holds position and triad of a node: `Clamp(beam.start)`. A point of a body clamps the whole body.
+
+    Parameters
+    ----------
+    at : NodeRef, RigidBody, PointMass
+    name : str, optional
+    axes : str
+        Letters of the axes of space along which the position is held, as in axes="yz": then the node moves along the others,
+        without turning (a guided end).
+    until : float or callable
+        When it lets go for good: a time, s, or as soon as a function of (t, state) is not negative, or returns True. Neither the
+        motion nor the energy jumps there.
+
+    Raises
+    ------
+    SceneError
+        `at` is no node, body or mass, `axes` are no axes of space, or belong to a body point away from the centre.
+    """
+
+    kind: ClassVar[str] = "clamp"
+    holds_triad: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.mask != 63 and not self.at.is_center:
+            raise SceneError(f"{self.name}: axes belong to the centre of a body; clamp the centre with these axes: a body that "
+                             "does not turn moves as its centre does")
+
+
+class Pin(_Support):
+    """Holds the position of a node, rotation stays free: `Pin(beam.end)`; a roller holds it along some axes of space only:
+    `Pin(beam.end, axes="yz")` rolls along x.
+
+    Parameters
+    ----------
+    at : NodeRef, RigidBody, PointMass
+    name : str, optional
+    axes : str
+        Letters of the axes of space along which the position is held.
+    until : float or callable
+        When it lets go for good, as for a `Clamp`.
+
+    Raises
+    ------
+    SceneError
+        `at` is no node, body or mass, or a body point away from the centre; `axes` are no axes of space.
+    """
+
+    kind: ClassVar[str] = "pin"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.at.is_center:
+            raise SceneError(f"{self.name}: a pin holds the centre of a body; for another point clamp a PointMass there and "
+                             "join it with BallJoint(body.point(...), mass)")

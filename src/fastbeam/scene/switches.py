@@ -1,0 +1,276 @@
+"""Switches: several tracks for sliders, which at the end of one go on to another."""
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Name, Number, Refusal, Word, checked, real, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
+from fastbeam.scene.checks import Array
+from fastbeam.scene.paths import ABeam, Path
+from fastbeam.scene.sliding import needed_arguments
+
+Track = Beam | Path
+START, END = "start", "end"
+# ends of tracks that meet lie so close together, as a share of the length of all
+MEET = 1e-9
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Beams and open paths, at least two or one that leads into itself."""
+
+    def __call__(self, value: Any) -> tuple[Track, ...]:
+        if isinstance(value, (Beam, Path, str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
+            raise Refusal(f"must be a list of beams and paths, got {shown(value)}")
+        items = tuple(x if isinstance(x, Path) else ABeam()(x) for x in value)
+        if not items:
+            raise Refusal("is empty; name the beams and paths that sliders may run on")
+        for x in items:
+            if isinstance(x, Switch):
+                raise Refusal(f"holds {x.label}; give its tracks instead")
+            if isinstance(x, Path) and x.closed:
+                raise Refusal(f"holds {x.label}, which is closed and has no end where a slider could leave it; open it at the "
+                              "switch (closed=False): its end then leads into its start")
+        names = [x.name for x in items]
+        if len(set(names)) < len(names):
+            raise Refusal("holds two tracks of one name, so that choose could not tell them apart")
+        return items
+
+
+@dataclass(frozen=True)
+class OneTrack:
+    """A Beam, a Path or the name of one."""
+
+    def __call__(self, value: Any) -> Track | str:
+        if not isinstance(value, (Beam, Path, str)):
+            raise Refusal(f"must be one of the tracks or its name, got {shown(value)}")
+        return value
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A function of (t, state) or (t, state, slider), a mapping slider -> track, or a list of (time, track)."""
+
+    def __call__(self, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {self._name(k): self._name(x) for k, x in value.items()}
+        if callable(value) and not isinstance(value, type):
+            n = needed_arguments(value)
+            if n not in (2, 3):
+                raise Refusal(f"must take two arguments (t, state) or three (t, state, slider), this function takes {n}")
+            return value
+        if isinstance(value, (str, bytes, type, np.ndarray)) or not isinstance(value, Iterable):
+            raise Refusal("must be a function of (t, state), a mapping {slider: track} or a list [(time, track), ...], got "
+                          f"{shown(value)}")
+        table, latest = [], -np.inf
+        for item in value:
+            pair = tuple(item) if isinstance(item, (tuple, list)) else ()
+            time = real(pair[0]) if len(pair) == 2 else None
+            if time is None or not time > latest:
+                raise Refusal(f"as a list has pairs (time, track) with growing times, got {shown(item)}")
+            table.append((time, self._name(pair[1])))
+            latest = time
+        if not table:
+            raise Refusal("is empty; give pairs (time, track)")
+        return table
+
+    @staticmethod
+    def _name(value: Any) -> str:
+        name = value if isinstance(value, str) else getattr(value, "name", None)
+        if not isinstance(name, str):
+            raise Refusal(f"names sliders and tracks, got {shown(value)}")
+        return name
+
+
+class Switch(Path):
+    """Tracks for sliders, which at the end of one go on to another that begins there: junctions, sidings, turnouts.
+
+    A slider that reaches the end of its track goes on to one that begins at this place, and one that comes back to the start of
+    its track to one that ends there. Where there are several, `choose` decides; where there is none the run ends as at the end of
+    any beam. The step ends at this moment, to round-off; nothing jumps but the name of the place (theory.md 5.11). Ends that meet
+    have to be joined, as beams of a path are. A switch is no part of a scene; its sliders name it,
+    `Slider(name, point, on=switch, at=s)`.
+
+    Arc lengths: s of a slider counts along its track from `offset(track)` on, which is 0 for the first; `where(s)` tells the
+    track and the arc length on it.
+
+    Parameters
+    ----------
+    name : str
+    tracks : sequence of Beam and Path
+        Open paths. A loop is a path whose last beam leads into the first: its end meets its start.
+    choose : callable, mapping or list, optional
+        Function of (t, state) or (t, state, slider) that returns the name of a track (slider: name of the slider); names of
+        tracks by name of the slider, {slider: track}; or a timetable [(time, track), ...], each from its time on. A mapping or a
+        timetable that names none of those that begin there leads the slider to the first of them.
+
+    Raises
+    ------
+    SceneError
+        An argument is of the wrong kind, or several tracks meet and there is no `choose`.
+
+    Examples
+    --------
+    >>> from fastbeam.scene import Beam, Path, Section, Switch
+    >>> bar = Section.circle(radius=0.01, E=70e9, rho=2700.0)
+    >>> a = Beam.straight('a', (0, 0, 0), (2, 0, 0), section=bar, elements=2)
+    >>> b = Beam.straight('b', (2, 0, 0), (4, 0, 0), section=bar, elements=2)
+    >>> c = Beam.straight('c', (2, 0, 0), (4, 1, 0), section=bar, elements=2)
+    >>> switch = Switch('points', [a, b, c], choose=[(0.0, 'b'), (5.0, 'c')])
+    >>> switch.options(a, 'end')
+    ('b', 'c')
+    >>> track, s = switch.where(switch.offset(b) + 0.5)
+    >>> track.name, s
+    ('b', 0.5)
+    """
+
+    kind: ClassVar[str] = "switch"
+    closed: bool = False
+
+    @checked(name=Name(), tracks=Tracks(), choose=Choice())
+    def __init__(self, name: str, tracks: Any, *, choose: Any = None) -> None:
+        beams = [x.beams if isinstance(x, Path) else (x,) for x in tracks]
+        signs = [x.directions if isinstance(x, Path) else (1,) for x in tracks]
+        checks.fill(self, name=name, tracks=tracks, choose=choose, beams=sum(beams, ()), directions=sum(signs, ()))
+        for track in tracks:
+            for end in (START, END):
+                options = self.options(track, end)
+                if len(options) > 1 and choose is None:
+                    raise SceneError(f"{self.label}: from the {end} of {track.label} several tracks lead on, "
+                                     f"{', '.join(options)}; say which with choose=")
+        known = {x.name for x in tracks}
+        named = choose.values() if isinstance(choose, dict) else [x for _, x in choose] if isinstance(choose, list) else ()
+        for one in named:
+            if one not in known:
+                raise SceneError(f"{self.label}: choose names {one!r}, its tracks are {', '.join(sorted(known))}")
+
+    @cached_property
+    def gap(self) -> float:
+        """Arc length that is left out behind each track and before each, m, for steps that lead too far."""
+        return max(track.length for track in self.tracks)
+
+    @cached_property
+    def spans(self) -> Array:
+        """Arc lengths at which each track begins and ends, m, [n, 2]."""
+        lengths = np.array([track.length for track in self.tracks])
+        begin = np.concatenate(([0.0], np.cumsum(lengths[:-1] + 2.0 * self.gap)))
+        return checks.constant(np.stack((begin, begin + lengths), axis=1))
+
+    @property
+    def length(self) -> float:
+        """Of the longest track, m."""
+        return self.gap
+
+    @checked(track=OneTrack())
+    def offset(self, track: Track | str) -> float:
+        """Arc length of the switch at which a track begins, m.
+
+        Raises
+        ------
+        SceneError
+            It is none of its tracks.
+        """
+        return float(self.spans[self._number(track), 0])
+
+    @checked(s=Number(unit="m"))
+    def where(self, s: float) -> tuple[Track, float]:
+        """The track at arc length s of the switch, and the arc length on it, both m: where a slider is."""
+        k = span_of(self, s)
+        begin, end = self.spans[k]
+        return self.tracks[k], float(np.clip(s, begin, end) - begin)
+
+    @checked(track=OneTrack(), end=Word((START, END)))
+    def options(self, track: Track | str, end: str) -> tuple[str, ...]:
+        """Names of the tracks on which a slider may go on from the end ('end') or 'start' of a track.
+
+        Raises
+        ------
+        SceneError
+            It is none of its tracks.
+        """
+        k = self._number(track)
+        here, others = self._ends[k, int(end == END)], self._ends[:, int(end != END)]
+        close = np.linalg.norm(others - here, axis=1) <= MEET * float(np.sum(np.diff(self.spans)))
+        return tuple(self.tracks[j].name for j in np.flatnonzero(close))
+
+    def _number(self, track: Track | str) -> int:
+        for k, x in enumerate(self.tracks):
+            if x is track or x.name == track:
+                return k
+        raise SceneError(f"{self.label}: {shown(track)} is none of its tracks, {', '.join(x.name for x in self.tracks)}")
+
+    @checked()
+    def joints(self) -> list[tuple[NodeRef, NodeRef]]:
+        """Where tracks meet: the end of one and the start of another."""
+        return [(end_node(track, END), end_node(other, START)) for track in self.tracks for other in self.tracks
+                if other.name in self.options(track, END)]
+
+    @cached_property
+    def _ends(self) -> Array:
+        """Places of the start and end of every track at t = 0, [n, 2, 3]."""
+        return np.array([track.reference([0.0, track.length])[0] for track in self.tracks])
+
+    @checked(s=ArcLengths())
+    def places(self, s: Any) -> tuple[Array, Array]:
+        """As of `Path`; between tracks those of the nearest end."""
+        number, local = np.zeros(s.size, np.int64), np.zeros(s.size)
+        before = np.cumsum([0, *(len(x.beams) if isinstance(x, Path) else 1 for x in self.tracks)])
+        for i, one in enumerate(s.tolist()):
+            k = span_of(self, one)
+            track, at = self.tracks[k], float(np.clip(one - self.spans[k, 0], 0.0, np.diff(self.spans[k])[0]))
+            inside = track.places([at]) if isinstance(track, Path) else (np.zeros(1, np.int64), np.array([at]))
+            number[i], local[i] = before[k] + inside[0][0], inside[1][0]
+        return number, local
+
+    def __repr__(self) -> str:
+        return f"<{self.label}: {', '.join(x.name for x in self.tracks)}>"
+
+
+def span_of(switch: Switch, s: float) -> int:
+    """Number of the track at arc length s, the nearest."""
+    off = np.maximum(np.maximum(switch.spans[:, 0] - s, s - switch.spans[:, 1]), 0.0)
+    return int(np.argmin(off))
+
+
+def chosen(switch: Switch, options: tuple[str, ...], t: float, state: Any, slider: str) -> str:
+    """The one of some tracks on which a slider goes on.
+
+    Raises
+    ------
+    SceneError
+        A function fails, or returns none of them.
+    """
+    choose = switch.choose
+    if len(options) == 1:
+        return options[0]
+    if isinstance(choose, dict):
+        found = choose.get(slider)
+    elif isinstance(choose, list):
+        found = next((name for time, name in reversed(choose) if time <= t), None)
+    else:
+        try:
+            found = choose(t, state) if needed_arguments(choose) == 2 else choose(t, state, slider)
+        except Exception as error:
+            raise SceneError(f"{switch.label}: choose must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+                             ) from error
+        found = found if isinstance(found, str) else getattr(found, "name", found)
+        if found not in options:
+            raise SceneError(f"{switch.label}: choose must return one of {', '.join(map(repr, options))}, at t = {t:.6g} s for "
+                             f"slider {slider!r} it returns {shown(found)}")
+    return found if found in options else options[0]
+
+
+def end_node(track: Track, end: str) -> NodeRef:
+    """The node at the end or start of a track."""
+    at_end = end == END
+    if isinstance(track, Beam):
+        return track.end if at_end else track.start
+    beam, sign = (track.beams[-1], track.directions[-1]) if at_end else (track.beams[0], track.directions[0])
+    return beam.end if at_end == (sign > 0) else beam.start

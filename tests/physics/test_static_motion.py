@@ -1,0 +1,183 @@
+"""Statics with supports that move: displacement control, load-displacement curves from reactions."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import fastbeam as fb
+
+Array = np.ndarray
+
+
+def section(EA: float = 1e4, EI: float = 1.0, GJ: float = 1.0) -> fb.Section:
+    return fb.Section(EA=EA, GA2=EA, GA3=EA, GJ=GJ, EI2=EI, EI3=EI, rhoA=1.0, rhoI2=0.01, rhoI3=0.01)
+
+
+def cantilever() -> fb.Beam:
+    return fb.Beam.straight("b", (0, 0, 0), (1, 0, 0), section=section(), elements=6)
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_tip_that_is_put_where_a_load_bends_it_needs_that_load(planar: bool | str) -> None:
+    """Moved along z alone, free along x: the whole curve of load and displacement."""
+    beam = cantilever()
+    loaded = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), fb.Load("tip", beam.end, force=(0, 0, -3.0))), planar=planar)
+    by_load = fb.solve_static(loaded, points={"end": beam.end}, levels=(0.3, 0.6, 0.8))
+    way = by_load.point("end")
+    pull = fb.PrescribedMotion("pull", beam.end, displacement=lambda t: t * way[-1, 2], axes="z")
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), pull), planar=planar)
+    levels = tuple((way[:, 2] / way[-1, 2])[np.isin(by_load.t, (0.3, 0.6, 0.8))])
+    run = fb.solve_static(model, at_time=1.0, levels=levels, points={"end": beam.end}, observe=("energy", "reaction"))
+    for level, share in zip((0.3, 0.6, 0.8, 1.0), (*levels, 1.0)):
+        row, other = int(np.flatnonzero(run.t == share)[0]), int(np.flatnonzero(by_load.t == level)[0])
+        np.testing.assert_allclose(run.reaction("pull")["force"][row], (0.0, 0.0, -3.0 * level), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(run.point("end")[row], way[other], rtol=0, atol=1e-12)
+    assert way[-1, 2] < -0.6 and way[-1, 0] < 0.8 and len(run.t) < 12
+    # without a time supports stay where they are, from any start
+    still = fb.solve_static(model, start=run.state)
+    np.testing.assert_allclose(still.state.q, run.state.q, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_cantilever_whose_end_is_turned_rolls_up(planar: bool | str) -> None:
+    """Moment EI angle/L, end on the circle; by whole turns from the shape of the scene, back on the short way from a start."""
+    beam = cantilever()
+    turn = fb.PrescribedMotion("turn", beam.end, rotation=lambda t: (0, -2.0 * np.pi * t, 0), axes="y",
+                               displacement=lambda t: 0.0)
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), turn), planar=planar)
+    start = None
+    for t in (1.0, 0.75):
+        run = fb.solve_static(model, at_time=t, start=start, points={"end": beam.end}, observe=("energy", "reaction"))
+        angle, start = 2.0 * np.pi * t, run.state
+        exact = (np.sin(angle) / angle, 0.0, (1.0 - np.cos(angle)) / angle)
+        np.testing.assert_allclose(run.point("end")[-1], exact, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(run.reaction("turn")["moment"][-1], (0.0, -angle, 0.0), rtol=1e-4, atol=1e-9)
+        np.testing.assert_allclose(run.reaction("turn")["force"][-1], 0.0, rtol=0, atol=1e-9)
+
+
+def arch(*parts: Any) -> fb.Model:
+    R, half = 5.0, 0.2
+    beam = fb.Beam.arc("arch", (-R * np.sin(half), 0, 0), (np.cos(half), 0, np.sin(half)), (np.sin(half), 0, -np.cos(half)),
+                       radius=R, angle=2.0 * half, section=section(), elements=8)
+    top = beam.at(beam.length / 2.0)
+    return fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), fb.Pin(beam.end), fb.Pin(top, axes="x"),
+                                     *(part(top) for part in parts)))
+
+
+def test_an_arch_snaps_through_under_displacement_control_along_its_path() -> None:
+    """Down to where the load is negative and beyond; every point is an equilibrium under its own reaction, and lies on the path
+    that arc length finds."""
+    model = arch(lambda top: fb.PrescribedMotion("push", top, displacement=lambda t: -0.15 * t, axes="z"))
+    run = fb.solve_static(model, at_time=1.0, largest_load_step=0.05, observe=("energy", "reaction"))
+    force = -run.reaction("push")["force"][:, 2]
+    assert np.max(force) > 2.3 and force[-1] < -0.3 and run.info["unstable_directions"] == 0
+    path = fb.solve_path(arch(lambda top: fb.Load("push", top, force=(0, 0, -1.0))), to=3.0, most_points=90)
+    top = int(np.argmax(model.q0.reshape(-1, 12)[:, 2]))
+    z = path.phi[:, top, 2] - path.phi[0, top, 2]
+    n = int(np.argmax(z < -0.14)) + 1
+    own = np.interp(-0.15 * run.t, z[:n][::-1], path.series["load_factor"][:n][::-1])
+    assert np.max(np.abs(own - force)[0.15 * run.t < 0.14]) < 5e-3 * np.max(force)
+    limit = max(point["load_factor"] for point in path.info["critical_points"] if point["kind"] == "limit")
+    assert np.max(force) < limit < 1.001 * np.max(force)
+    # the last point under its load, where it is unstable
+    last = arch(lambda top: fb.Load("push", top, force=(0, 0, -float(force[-1]))))
+    again = fb.solve_static(last, start=run.state_for(last), raise_loads=False, load_step=1.0)
+    np.testing.assert_allclose(again.state.q, run.state.q, rtol=0, atol=1e-10)
+    assert again.info["unstable_directions"] == 1
+
+
+def catenary(span: float, length: float, weight: float, EA: float) -> tuple[float, float]:
+    """Horizontal pull and sag of an elastic cable between two points of one height."""
+    v = 0.5 * weight * length
+
+    def reach(h: float) -> float:
+        return h * length / EA + 2.0 * h / weight * float(np.arcsinh(v / h))
+
+    h = float(brentq(lambda h: reach(h) - span, 1e-6, 1e6, xtol=1e-12))
+    return h, float(weight * length / EA / 4.0 * length / 2.0 + h / weight * (np.hypot(1.0, v / h) - 1.0))
+
+
+@pytest.mark.parametrize("bead", [False, True])
+def test_a_cable_whose_end_is_pulled(bead: bool) -> None:
+    """Under its full weight from a sagging start: horizontal pulls of elastic catenaries. A bead that slides on it stays at the
+    lowest point; without weight of its own it changes nothing."""
+    EA, g = 1e4, 9.81
+    cable = fb.Beam.straight("cable", (0, 0, 0), (4, 0, 0), section=section(EA, EI=1e-5, GJ=1e-3), elements=32)
+    far = fb.PrescribedMotion("far", cable.end, displacement=lambda t: (-t, 0, 0))
+    ring = fb.PointMass("ring", mass=1e-9)
+    more = [ring, fb.Slider("on", ring, cable, at=1.9)] if bead else []
+    model = fb.compile_scene(fb.Scene(cable, fb.Pin(cable.start), far, *more, gravity=(0, 0, -g)))
+    state = fb.solve_static(model, held=True).state
+    for t in (1.0, 0.4, 0.05):
+        run = fb.solve_static(model, at_time=t, start=state, raise_loads=False, observe=("energy", "reaction"),
+                              points={"middle": (cable, 2.0)}, levels=(0.5,))
+        state = run.state
+        pull, sag = catenary(4.0 - t, 4.0, g, EA)
+        force = run.reaction("far")["force"][-1]
+        np.testing.assert_allclose(force, (pull, 0.0, 2.0 * g), rtol=2e-3, atol=1e-6)
+        assert abs(run.point("middle")[-1, 2] + sag) < 2e-3 and run.info["unstable_directions"] == 0
+        # the full weight at every row behind the start
+        np.testing.assert_allclose(run.reaction("far")["force"][1:, 2], 2.0 * g, rtol=1e-6)
+        if bead:
+            assert abs(run.slider("on")["s"][-1] - 2.0) < 1e-4 and np.max(run.slider("on")["gap"]) < 1e-12
+
+
+def test_supports_carry_joints_bodies_and_nets_along() -> None:
+    """A frame with a ball joint that closes its loop."""
+    a, b, c = (fb.Beam.straight(name, x, y, section=section(), elements=3) for name, x, y in (
+        ("a", (0, 0, 0), (0, 0, 1)), ("b", (1, 0, 0), (1, 0, 1)), ("c", (0, 0, 1), (1, 0, 1))))
+    body = fb.RigidBody("body", mass=0.5, inertia=(0.01, 0.01, 0.01), position=(0.5, 0, 1.2))
+    scene = fb.Scene(a, b, c, body, fb.RigidConnection(a.end, c.start), fb.BallJoint(b.end, c.end), fb.Clamp(a.start),
+                     fb.RigidConnection(body, c.node(4)), fb.Clamp(b.start), gravity=(0, 0, -1))
+    shift = np.array((0.1, 0.05, -0.08))
+    scene.add(fb.PrescribedMotion("move", b.start, displacement=lambda t: t * shift))
+    run = fb.solve_static(fb.compile_scene(scene), at_time=1.0, observe=("energy", "reaction"))
+    # the start moved by hand, a little at a time, and held there
+    model = fb.compile_scene(scene)
+    state = fb.solve_static(model).state
+    for _ in range(30):
+        state.q.reshape(-1, 4, 3)[foot(run), 0] += shift / 30.0
+        state = fb.solve_static(model, start=state, raise_loads=False).state
+    np.testing.assert_allclose(run.state.q, state.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.phi[-1, foot(run)] - run.phi[0, foot(run)], shift, rtol=0, atol=1e-15)
+    total = sum(run.reaction(name)["force"][-1] for name in ("move", "clamp of beam 'a' node 0"))
+    np.testing.assert_allclose(total, (0, 0, 3.5), rtol=0, atol=1e-9)
+
+
+def foot(run: fb.Result) -> int:
+    """The node at the foot of the second arm."""
+    return int(np.argmin(np.linalg.norm(run.phi[0] - (1, 0, 0), axis=1)))
+
+
+def test_a_net_is_pulled_up_at_one_corner() -> None:
+    grid = np.array([(x, y, 0.0) for x in range(3) for y in range(3)])
+    edges = [(3 * x + y, 3 * x + y + 1) for x in range(3) for y in range(2)]
+    edges += [(3 * x + y, 3 * x + y + 3) for x in range(2) for y in range(3)]
+    net = fb.Net("net", grid, edges, section=section(EA=1e3, EI=0.1), elements=4, degree=2, pins=[0, 2, 6])
+    lift = fb.PrescribedMotion("lift", net.node(8), displacement=lambda t: 0.3 * t * t, axes="z")
+    scene = fb.Scene(net, lift, gravity=(0, 0, -0.05))
+    runs = [fb.solve_static(fb.compile_scene(scene, condense=condense), at_time=1.0, observe=("energy", "reaction"))
+            for condense in (False, True)]
+    np.testing.assert_allclose(runs[1].state.q, runs[0].state.q, rtol=0, atol=1e-9)
+    for run in runs:
+        force = sum(run.reaction(name)["force"][-1] for name in run.names["reactions"])
+        np.testing.assert_allclose(force, (0, 0, 0.05 * 12.0), rtol=0, atol=1e-8)
+        corner = [i for i in range(run.phi.shape[1]) if np.allclose(run.phi[0, i], (2, 2, 0))]
+        assert np.ptp(run.phi[-1, corner, 2]) < 1e-12 and abs(run.phi[-1, corner[0], 2] - 0.3) < 1e-15
+
+
+def test_what_is_refused() -> None:
+    beam = cantilever()
+    lift = fb.PrescribedMotion("lift", beam.end, displacement=lambda t: (0, 0.1 if t == 0.123 else 0.0, -0.1 * t))
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), lift))
+    assert model.plane is not None
+    with pytest.raises(fb.SceneError, match="'lift': it leaves the plane"):
+        fb.solve_static(model, at_time=0.123)
+    table = fb.Signal(np.linspace(0, 1, 5), np.linspace(0, 1, 5), rest=False)
+    lift = fb.PrescribedMotion("lift", beam.end, displacement=table, axes="z")
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), lift))
+    with pytest.raises(fb.SceneError, match="outside its table"):
+        fb.solve_static(model, at_time=2.0)
