@@ -61,7 +61,7 @@ class Progress:
         elapsed = time.perf_counter() - self._start
         if self._mark is None:
             self._mark = elapsed, self.done
-            if self._lines:
+            if self._lines and self._next == LINE_TIME:
                 # what came before is told by itself
                 self._next += elapsed
         if self._notebook:

@@ -153,7 +153,7 @@ def test_compilation_before_the_first_step_foretells_nothing(clock: Clock, capsy
             bar.update()
     lines = capsys.readouterr().err.splitlines()
     # 100 s of steps, not five hours
-    assert lines == ["run: 10% in 00:28, 01:30 left", "run: 30% in 00:48, 01:10 left"]
+    assert lines == ["run: 10% in 00:28, 01:30 left", "run: 20% in 00:38, 01:20 left", "run: 40% in 00:58, 01:00 left"]
 
 
 def test_an_hour_in_a_log_file_is_a_few_lines(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
