@@ -145,16 +145,14 @@ class Stepper:
             threads = thread_count(threads, core.condensed_elements)
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
                                    symmetric=symmetric)
-        self.alpha = empty_rates(method, model.n_nodes)
-        self._static = static
+        self.alpha, self._static = empty_rates(method, model.n_nodes), static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
-        self.prescribed = None
+        self.prescribed = self.motion = None
         if core.prescribed is not None and not static:
             self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
-        self.motion = None
         if core.motions is not None and core.motions.rows.size:
             self.motion = core.motions.work(core.ties)
             if memory is None:
@@ -322,9 +320,8 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
-        for of in (self, self._fallback):
-            if of is not None:
-                put_limits(self.core, of.terms, self.core_state.s)
+        for of in filter(None, (self, self._fallback)):
+            put_limits(self.core, of.terms, self.core_state.s)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
@@ -338,8 +335,7 @@ class Stepper:
         """Like `advance`, but returns after a step that was repeated."""
         model = self.core
         self._augment(h)
-        counts = np.zeros(5, np.int64)
-        sizes = np.zeros(self.max_iterations)
+        counts, sizes = np.zeros(5, np.int64), np.zeros(self.max_iterations)
         force = np.zeros((2, self.core_state.force.size))
         loads, factors = None, self._factors
         if self._timed:
@@ -435,8 +431,7 @@ class Stepper:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
         force = np.zeros((2, state.force.size))
-        iterations = 0
-        sizes = np.zeros(0)
+        iterations, sizes = 0, np.zeros(0)
         for k in range(n):
             parts.keep()
             last = np.zeros(state.force.size)
