@@ -197,8 +197,7 @@ class Model:
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
         if self.released is not None and state is not None:
-            rows, masks = self.released.masks(state.history[self.release_place:self.motion_place] != 0.0)
-            of_row[rows] = masks
+            self.released.put(state.history[self.release_place:self.motion_place] != 0.0, of_row)
         return of_row[self.pattern.row_of]
 
     @property
@@ -333,9 +332,7 @@ class Model:
                       self.slider_forces.restitutions, self.slider_forces.plan]
         if self.prescribed is not None:
             parts += [self.prescribed.own]
-        if self.released is not None:
-            times = np.array([x if isinstance(x, float) else np.nan for x in self.released.until])
-            parts += [self.released.node, self.released.mask, times]
+        parts += [] if self.released is None else self.released.arrays
         if self.motions is not None:
             holds = self.motions.holds
             parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]

@@ -145,16 +145,14 @@ class Stepper:
             threads = thread_count(threads, core.condensed_elements)
         self.linear = LinearSystem(core.pattern, core.columns, backend, len(core.dofs), threads, reproducible=condensed,
                                    symmetric=symmetric)
-        self.alpha = empty_rates(method, model.n_nodes)
-        self._static = static
+        self.alpha, self._static = empty_rates(method, model.n_nodes), static
         self.along = None if core.slider_forces is None or static else core.slider_forces.work(float(core.gravity_weight.sum()))
-        self.prescribed = None
+        self.prescribed = self.motion = None
         if core.prescribed is not None and not static:
             self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
-        self.motion = None
         if core.motions is not None and core.motions.rows.size:
             self.motion = core.motions.work(core.ties)
             if memory is None:

@@ -51,6 +51,16 @@ class Released:
         """Numbers of `State.history`."""
         return len(self.names)
 
+    @property
+    def arrays(self) -> list[Array]:
+        """What tells models with different supports apart; conditions count as one."""
+        return [self.node, self.mask, np.array([x if isinstance(x, float) else np.nan for x in self.until])]
+
+    def put(self, gone: Array, masks: Array) -> None:
+        """What is held where some have let go, gone [R], into masks of all rows."""
+        rows, found = self.masks(gone)
+        masks[rows] = found
+
     def in_plane(self, axes: Array) -> Released:
         """For the unknowns in a plane."""
         return replace(self, mask=held_in_plane(self.mask, axes), always=held_in_plane(self.always, axes), spin=4)
