@@ -168,8 +168,8 @@ def critical_sensitivity(build: Callable[..., Any], values: Mapping[str, float],
     stays = held_sliders(model, held)
     check_slider_forces("critical_sensitivity", model, stays)
     if model.prescribed is not None:
-        raise SceneError("critical_sensitivity: supports that move have places of their own, whose derivatives are not known here; put a Clamp "
-                         "or Pin there, at a place that build computes")
+        raise SceneError("critical_sensitivity: supports that move have places of their own, with unknown derivatives; put a "
+                         "Clamp or Pin there, at a place that build computes")
     if model.user_forces:
         raise SceneError(f"critical_sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are unknown")
     state, _ = check_start(model, state, 1.0, at_rest=True)

@@ -377,7 +377,7 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     stays = held_sliders(model, held)
     check_slider_forces("sensitivity", model, stays)
     if model.prescribed is not None:
-        raise SceneError("sensitivity: supports that move have places of their own, whose derivatives are not known here; put a Clamp "
+        raise SceneError("sensitivity: supports that move have places of their own, whose derivatives are unknown; put a Clamp "
                          "or Pin there, at a place that build computes")
     if model.user_forces:
         raise SceneError(f"sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are not known; "

@@ -148,3 +148,12 @@ def test_sections_that_differ_in_every_stiffness() -> None:
     assert own[1, 3] == own[3, 1] and 2.0 * own[1, 3] == pytest.approx(by.by["which"], rel=1e-9)
     assert found.point("tip")["which"] @ (0.3, -1, 1) == pytest.approx(by.by["which"], rel=1e-9)
     assert cantilever().name == "cantilever"
+
+
+def test_supports_that_move_are_refused() -> None:
+    def build() -> fb.Scene:
+        beam = straight("beam", (0, 0, 0), (3, 0, 0))
+        return fb.Scene(beam, fb.PrescribedMotion("shake", beam.start, displacement=lambda t: (0, 0, t)))
+
+    with pytest.raises(fb.SceneError, match="supports that move have places of their own"):
+        fb.sensitivity(build, {})
