@@ -96,10 +96,8 @@ class Model:
         The sliders that are sleeves.
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
-    dampers : tuple of str
-        Springs, dampers and bushings that take energy away.
-    find_springs : callable
-        What springs and bushings have at rows, from the tables of the links.
+    dampers, find_springs
+        Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links.
     dragged : dissipation.Dragged or None
         Nodes with drag; `drag` its tables.
     prescribed : prescribed.PrescribedMotions or None
@@ -113,8 +111,7 @@ class Model:
         of both hold the same numbers of the steps before.
     user_forces, needs_forward_steps : tuple of str
         Names of the forces that follow laws of the user's own, and of those among them that dissipate.
-    find_holding : callable
-        Makes `holding` when it is first asked for.
+    find_holding : callable that makes `holding` when it is first asked for
     """
 
     scene_name: str
@@ -411,8 +408,8 @@ class Model:
     @property
     def losses(self) -> tuple[str, ...]:
         """What takes energy away besides sliders: its numbers stand behind the work of loads."""
-        damped = () if self.damped is None else tuple(f"damping of {label}" for label in self.damped.labels)
-        return damped + self.dampers + (() if self.dragged is None else tuple(self.dragged.labels))
+        damped, dragged = (getattr(x, "labels", ()) for x in (self.damped, self.dragged))
+        return (*(f"damping of {label}" for label in damped), *self.dampers, *dragged)
 
     @property
     def works(self) -> tuple[str, ...]:
