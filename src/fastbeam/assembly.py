@@ -53,7 +53,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
-        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties, model.slider_limits,
+        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties,
+                             model.limits_at(model.s0),
                              NoForceAlong() if along is None else along,
                              NoSleeves() if model.sleeves is None else model.sleeves))
         if model.sleeves is not None:

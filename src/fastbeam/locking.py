@@ -333,6 +333,6 @@ class Locking:
         slider = self.sliders[k]
         own[STICKS] = float(slider.friction is not None)
         slack = AT_STOP * float(self.model.slider_lengths[k])
-        for at_end, limit in enumerate(self.model.slider_limits[k]):
+        for at_end, limit in enumerate(self.model.limits_at(self.model.s0)[k]):
             if abs(s - limit) <= slack and self.model.slider_forces.restitution(k, bool(at_end)) is not None:
                 own[AGAINST] = 1.0 if at_end else -1.0

@@ -325,7 +325,7 @@ class Model:
                   self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())]
         if self.slider_forces is not None:
             t = self.slider_forces.tables
-            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.slider_limits,
+            parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.limits_at(self.s0),
                       self.slider_forces.restitutions, self.slider_forces.plan]
         if self.prescribed is not None:
             parts += [self.prescribed.own]
@@ -363,18 +363,11 @@ class Model:
             history[:self.work_place] = self.slider_forces.initial_history
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
-    @property
-    def slider_limits(self) -> Array:
-        """Arc lengths between which sliders may go, those of their beams or of rigid stops, float64 [S, 2]; on switches those of
-        the first tracks."""
-        return self.limits_at(self.s0)
-
     def limits_at(self, s: Array) -> Array:
-        """The same where sliders on switches stand at s, float64 [S]."""
+        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2]."""
         ends = self.slider_ends
         for k, spans in self.spans.items():
-            off = np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])
-            ends[k] = spans[int(np.argmin(off))]
+            ends[k] = spans[int(np.argmin(np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])))]
         return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
 
     @property

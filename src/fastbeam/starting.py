@@ -70,7 +70,8 @@ def own_state(model: Model, state: State) -> State:
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    ends, limits = (model.slider_ends, model.slider_limits) if not model.spans else (model.limits_at(own.s),) * 2
+    limits = model.limits_at(own.s)
+    ends = limits if model.spans else model.slider_ends
     of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
     for s, length, (begin, end), (low, high), name in zip(*of_sliders):
         if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
