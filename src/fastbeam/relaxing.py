@@ -15,6 +15,7 @@ from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
+from .joint_motion import check_motions
 from .kernels.joint_motion import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -106,11 +107,11 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-    if model.motions is not None and model.motions.driven:
-        raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
-    if model.motions is not None and model.motions.holds.held.size:
-        raise SceneError(f"relax: {model.motions.labels[model.motions.holds.held[0]]} is given as a function of time, or rubs, "
-                         "which rests anywhere; leave that out, or use solve_static for what is given")
+    check_motions(model.motions, None, 1, True)
+    if model.motions is not None and model.motions.holds.given.size:
+        holds = model.motions.holds
+        raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
+                         "with rest=, or use solve_static")
     check_still_air(model)
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
@@ -174,7 +175,7 @@ class _Motion:
         self.stepper.core_state.v[:] = 0.0
         self.interrupts = Interrupts()
         Observer(model, observe, points)
-        kinds = ("slider", "energy", *(kind for kind in observe if kind == "section"))
+        kinds = ("slider", "energy", *(kind for kind in observe if kind in ("section", "spring")))
         self.observer = Observer(model, kinds, points)
         self.meter = Observer(at_rest, ("energy",), None)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
@@ -194,8 +195,8 @@ class _Motion:
         now, history = self.stepper.state, self.model.state().history
         if self.model.motions is not None:
             # angles count turns
-            own, theirs = (self.model.motions.own(x, self.model.motion_place) for x in (history, now.history))
-            own[:, VALUE] = theirs[:, VALUE]
+            motions, place = self.model.motions, self.model.motion_place
+            motions.own(history, place)[:, VALUE] = motions.own(now.history, place)[:, VALUE]
         return State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
 
     def record(self, iterations: int, size: float) -> None:
