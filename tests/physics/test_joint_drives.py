@@ -439,7 +439,8 @@ def test_runs_refuse_what_they_do_not_know() -> None:
     for options in ({"friction": 0.1}, {"angle": 0.0}, {"stops": fb.Stops(-1, 1, stiffness=1.0)}):
         with pytest.raises(fb.SceneError, match="use the default method"):
             run(arm(**options), 0.1, 0.01, method="midpoint")
-    for options, text in (({"friction": 0.1}, "know no friction of joints"), ({"angle": 0.0}, "joint 'pivot' is given as a function")):
+    for options, text in (({"friction": 0.1}, "know no friction of joints"),
+                          ({"angle": 0.0}, "joint 'pivot' is given as a function")):
         with pytest.raises(fb.SceneError, match=text):
             fb.relax(arm(**options))
     with pytest.raises(fb.SceneError, match="joint 'pivot' is given a value that may depend on them"):
