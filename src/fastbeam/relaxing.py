@@ -108,6 +108,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     check_motions(model.motions, None, 1, True)
+    if model.released is not None:
+        raise SceneError("relax: a support lets go (until=); leave that out for the equilibrium, or run in time")
     if model.motions is not None and model.motions.holds.given.size:
         holds = model.motions.holds
         raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
@@ -155,11 +157,14 @@ class _Still:
     """Supports that could move and stand still."""
 
     def __init__(self, of: PrescribedMotions) -> None:
-        self.own, self.labels, self.tables, self._count = of.own, of.labels, of.tables, len(of.motions)
+        self._of = of
 
-    def schedule(self, times: Array, axes: Array | None = None) -> Array:
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._of, name)
+
+    def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
         """Increments of no motion, as `PrescribedMotions.schedule`."""
-        return np.zeros((len(times) - 1, self._count, 6 if axes is None else 3))
+        return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
 
 
 class _Motion:
