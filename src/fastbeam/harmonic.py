@@ -355,6 +355,11 @@ def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
             vectors[node] = _vector(f"base= of {shown(what)}", value)
     else:
         vector = _vector("base=", base)
+        # of some axes alone
+        some = np.flatnonzero((held & 7 != 0) & (held & 7 != 7))
+        if some.size:
+            raise SceneError("frequency_response: base= moves supports that hold a whole position; that of "
+                             f"{model.labels[some[0]]} holds some axes alone; name those that move: base={{support: (...)}}")
         vectors = {int(node): vector for node in np.flatnonzero(held & 7 == 7)}
         if not vectors:
             raise SceneError(f"frequency_response: base= moves supports, and scene {model.scene_name!r} has none that holds a "

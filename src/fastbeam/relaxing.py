@@ -15,6 +15,7 @@ from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
+from .joint_motion import check_motions
 from .kernels.joint_motion import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -106,11 +107,13 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-    if model.motions is not None and model.motions.driven:
-        raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
-    if model.motions is not None and model.motions.holds.held.size:
-        raise SceneError(f"relax: {model.motions.labels[model.motions.holds.held[0]]} is given as a function of time, or rubs, "
-                         "which rests anywhere; leave that out, or use solve_static for what is given")
+    check_motions(model.motions, None, 1, True)
+    if model.released is not None:
+        raise SceneError("relax: a support lets go (until=); leave that out for the equilibrium, or run in time")
+    if model.motions is not None and model.motions.holds.given.size:
+        holds = model.motions.holds
+        raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
+                         "with rest=, or use solve_static")
     check_still_air(model)
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
@@ -154,11 +157,14 @@ class _Still:
     """Supports that could move and stand still."""
 
     def __init__(self, of: PrescribedMotions) -> None:
-        self.own, self.labels, self.tables, self._count = of.own, of.labels, of.tables, len(of.motions)
+        self._of = of
 
-    def schedule(self, times: Array, axes: Array | None = None) -> Array:
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._of, name)
+
+    def schedule(self, times: Array, tables: Any, plane: Any = None) -> Array:
         """Increments of no motion, as `PrescribedMotions.schedule`."""
-        return np.zeros((len(times) - 1, self._count, 6 if axes is None else 3))
+        return np.zeros((len(times) - 1, len(self._of.motions), 6 if plane is None else 3))
 
 
 class _Motion:
