@@ -369,7 +369,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
     unknown = [name for name, there in (
-        ("sliders", model.n_sliders), ("joints with multipliers", len(model.kept)), ("damping", model.damped is not None),
+        ("sliders", model.n_sliders), ("joints with multipliers", len(model.kept)),
+        ("damping", model.damped is not None or bool(model.losses)), ("joints with axes", model.motions is not None),
         ("drag", model.dragged is not None), ("supports that move", model.prescribed is not None),
         ("supports that let go", model.released is not None),
         ("user forces", model.user_forces), ("links of other kinds than springs", any(

@@ -78,10 +78,10 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     return (*terms, *losses, *(x for x in others if x is not None))
 
 
-def put_limits(model: Model, terms: tuple[Any, ...], s: Array) -> None:
-    """Let sliders on switches move on the tracks on which they are."""
-    if model.spans:
-        for term in terms:
+def put_limits(model: Model, s: Array, *all_terms: tuple[Any, ...] | None) -> None:
+    """Let sliders on switches, at arc lengths s, move on the tracks on which they are."""
+    for terms in all_terms if model.spans else ():
+        for term in terms or ():
             if isinstance(term, Sliding):
                 term.limits[:] = model.limits_at(s)
 

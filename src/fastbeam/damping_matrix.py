@@ -1,5 +1,6 @@
 """What resists velocities about a state of rest, as a sparse matrix (theory.md 14): damped sections, linear drag, dampers in
-joints, forces by laws of the user's own. And the stiffness of the material alone, whose share loses energy by a loss factor."""
+joints, springs and bushings, forces by laws of the user's own. And the stiffness of the material alone, whose share loses energy
+by a loss factor."""
 from __future__ import annotations
 
 import ctypes
@@ -8,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .kernels.bushing import Bushings
 from .kernels.kinds import SPACE
 from .kernels.layout import VISCOSITY, layout_of
+from .kernels.spring_laws import SpringLaws
 from .kernels.user_force import UserForces
 from .model import Model
 from .tables import strain_gradient
@@ -38,7 +41,7 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
         Drag in moving air, under which nothing is at rest.
     """
     damped = () if model.damped is None else model.damped.strains
-    links = _of_joints(model, q) + _of_laws(model, q, t, factor)
+    links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)
     return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
 
 
@@ -132,6 +135,54 @@ def _of_joints(model: Model, q: Array) -> Any:
             rates[k, a, 1:] += np.outer(turn[0, 0], q[b, 0] - q[a, 0])
     lead = sparse.csr_matrix(rates.reshape(len(rates), -1))
     return lead.T @ sparse.diags(motions.table.damping) @ lead
+
+
+def _of_springs(model: Model, q: Array) -> Any:
+    """Dampers along the line of two points, those of one side where they act."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, SpringLaws):
+            continue
+        a, b = table.node.T
+        way = q[b, 0] - q[a, 0]
+        length = np.linalg.norm(way, axis=1)
+        acts = (table.damping > 0.0) & (table.side * (length - table.length) >= 0.0) & (length > 0.0)
+        direction = (way / np.where(length > 0.0, length, 1.0)[:, None])[acts]
+        k, c = np.arange(int(acts.sum()))[:, None], np.arange(3)
+        rows = np.tile(np.repeat(k, 3), 2)
+        columns = np.concatenate(((12 * b[acts][:, None] + c).reshape(-1), (12 * a[acts][:, None] + c).reshape(-1)))
+        lead = sparse.csr_matrix((np.concatenate((direction.reshape(-1), -direction.reshape(-1))), (rows, columns)),
+                                 shape=(k.size, n))
+        total = total + lead.T @ sparse.diags(table.damping[acts]) @ lead
+    return total
+
+
+def _of_bushings(model: Model, q: Array) -> Any:
+    """Dampers of displacements along the axes of the first node and of products of the axes of both, theory.md (4.21)."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, Bushings):
+            continue
+        count = len(table.node)
+        turn = table.axes.reshape(count, 2, 3, 3)
+        for k, (a, b) in enumerate(table.node.tolist()):
+            axes = [x @ q[node, 1:] for x, node in zip(turn[k], (a, b))]
+            shifts, products = np.zeros((3, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
+            shifts[:, 1, 0], shifts[:, 0, 0] = axes[0], -axes[0]
+            shifts[:, 0, 1:] = turn[k, 0][:, :, None] * (q[b, 0] - q[a, 0])
+            products[:, :, 0, 1:] = turn[k, 0][:, None, :, None] * axes[1][None, :, None]
+            products[:, :, 1, 1:] = turn[k, 1][None, :, :, None] * axes[0][:, None, None]
+            shifts, products = shifts.reshape(3, 24), products.reshape(3, 3, 24)
+            viscosity, drag = (x.reshape(count, 3, 3)[k] for x in (table.viscosity, table.drag))
+            block = shifts.T @ viscosity @ shifts + np.einsum("ijm,il,ljn->mn", products, drag, products)
+            at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
+            rows, columns = np.broadcast_arrays(at[:, None], at)
+            total = total + sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
+    return total
 
 
 def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:

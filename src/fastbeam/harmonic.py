@@ -54,8 +54,8 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
     themselves, (K + i w C - w^2 M) x = f, not from a sum over modes (theory.md 14).
 
-    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, laws of forces that depend on
-    velocities. Friction is not, nor drag by the square of the velocity: both have no linear part at rest.
+    What the scene has of damping is in C: damped sections, linear drag, dampers in joints, springs and bushings, laws of forces
+    that depend on velocities. Friction is not, nor drag by the square of the velocity: both have no linear part at rest.
 
     Parameters
     ----------

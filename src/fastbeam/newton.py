@@ -160,7 +160,7 @@ class Stepper:
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
-        put_limits(core, self.terms, self.core_state.s)
+        put_limits(core, self.core_state.s, self.terms)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -289,14 +289,13 @@ class Stepper:
 
     @property
     def fallback(self) -> Stepper:
-        """The same state and first guesses around SuperLU, without elimination of inner nodes: pivots vanish there or within a
-        block without the matrix being singular. Made when first needed."""
+        """The same state and first guesses around SuperLU, without elimination of inner nodes, where pivots vanish."""
         if self._fallback is None:
             assert self.model.uneliminated is not None
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
-            put_limits(self.core, fallback.terms, self.core_state.s)
+            put_limits(self.core, self.core_state.s, fallback.terms)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
                                                    increment=fallback.work.increment._replace(theta=self.work.theta))
             self._fallback = fallback
@@ -320,8 +319,7 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
-        for of in filter(None, (self, self._fallback)):
-            put_limits(self.core, of.terms, self.core_state.s)
+        put_limits(self.core, self.core_state.s, self.terms, self._fallback and self._fallback.terms)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or

@@ -15,7 +15,8 @@ from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
-from .kernels.joint_motion import MOTION, VALUE
+from .joint_motion import check_motions
+from .kernels.joint_motion import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .load_times import load_factors_at
@@ -106,8 +107,11 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     if backend not in BACKENDS:
         raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-    if model.motions is not None and model.motions.driven:
-        raise SceneError("relax: a joint has a motor; leave it out, or hold the joint by a stiff spring with rest=")
+    check_motions(model.motions, None, 1, True)
+    if model.motions is not None and model.motions.holds.given.size:
+        holds = model.motions.holds
+        raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "
+                         "with rest=, or use solve_static")
     check_still_air(model)
     if "reaction" in observe:
         raise SceneError("relax: rows have no reactions; take them from solve_static(model, start=result.state, load_step=1.0, "
@@ -171,7 +175,7 @@ class _Motion:
         self.stepper.core_state.v[:] = 0.0
         self.interrupts = Interrupts()
         Observer(model, observe, points)
-        kinds = ("slider", "energy", *(kind for kind in observe if kind == "section"))
+        kinds = ("slider", "energy", *(kind for kind in observe if kind in ("section", "spring")))
         self.observer = Observer(model, kinds, points)
         self.meter = Observer(at_rest, ("energy",), None)
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "relax", "conserved": [], "finished": False,
@@ -191,8 +195,8 @@ class _Motion:
         now, history = self.stepper.state, self.model.state().history
         if self.model.motions is not None:
             # angles count turns
-            own, theirs = (x[self.model.motion_place:].reshape(-1, MOTION) for x in (history, now.history))
-            own[:, VALUE] = theirs[:, VALUE]
+            motions, place = self.model.motions, self.model.motion_place
+            motions.own(history, place)[:, VALUE] = motions.own(now.history, place)[:, VALUE]
         return State(now.q.copy(), np.zeros_like(now.v), now.s.copy(), now.force.copy(), history)
 
     def record(self, iterations: int, size: float) -> None:

@@ -115,9 +115,8 @@ class Sensitivity:
         size, error = (float(np.linalg.norm(base.weighed(x))) for x in (way, rest))
         if error > WORST * size > 0.0 and base.size_of(rest) * family.steps[name] > AT_REST:
             raise ConvergenceError(f"sensitivity: derivatives by parameter {name!r} are off by a share of {error / size:.2g}: "
-                                   "the scene answers too strongly to changes of it for differences of this size; give a smaller "
-                                   "scale={...}",
-                                   state=self.state)
+                                   "the scene answers too strongly to changes of it for differences of this size; give a "
+                                   "smaller scale={...}", state=self.state)
         rows = self._slopes_of(name, around, flat)
         rows |= {key: explicit[key] + x for key, x in self._linear.along(way).items() if key in explicit}
         return Slopes(unbalanced, explicit, way, rows, error / size if size else 0.0)

@@ -27,6 +27,10 @@ def twice(w: float, h: float) -> float:
     return float(2.0 / h * np.tan(0.5 * w * h) / (2.0 * np.pi))
 
 
+def nearest(found: DampedModes, rate: complex) -> float:
+    return float(np.min(np.abs(found.rates - rate)) / abs(rate))
+
+
 # --- closed forms ---------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("planar", [True, False])
 def test_viscous_bar_with_a_mass_at_its_end(planar: bool) -> None:
@@ -109,6 +113,37 @@ def test_mass_on_a_spring_in_air_and_an_arm_on_a_damped_hinge() -> None:
     rates = np.roots([0.9, 1.5, 20.0])
     modes = fb.modes(model, damped=True, load_factor=0.0)
     np.testing.assert_allclose(modes.rates, rates[rates.imag > 0], rtol=1e-9)
+
+
+def test_dampers_of_springs_and_bushings() -> None:
+    """A mass between a damped spring, a damper across and a slack rope; a body on a bushing with full matrices."""
+    mass = fb.PointMass("mass", mass=0.5, position=(0, 0, 0))
+    ground = fb.GROUND.point
+    springs = [fb.Spring(ground((-1, 0, 0)), mass, stiffness=80.0, damping=0.7, name="both"),
+               fb.Damper(ground((0, -2, 0)), mass, damping=1.1), fb.Spring(ground((0, 3, 0)), mass, stiffness=30.0),
+               fb.Spring(ground((0, 0, 1)), mass, stiffness=50.0, damping=2.0, tension_only=True, length=1.2, name="slack"),
+               fb.Spring(ground((0, 0, 2)), mass, stiffness=20.0)]
+    found = fb.modes(fb.compile_scene(fb.Scene(mass, *springs)), n=3, damped=True)
+    exact = [np.roots([0.5, c, k])[0] for c, k in ((0.7, 80.0), (1.1, 30.0), (0.0, 20.0))]
+    for rate in exact:
+        assert nearest(found, rate.real + 1j * abs(rate.imag)) < 1e-9
+    draw = np.random.default_rng(2)
+    half = [draw.standard_normal((3, 3)) for _ in range(2)]
+    damping, stiffness = np.zeros((6, 6)), np.diag([300.0, 400.0, 500.0, 20.0, 30.0, 40.0])
+    damping[:3, :3], damping[3:, 3:] = 2.0 * half[0] @ half[0].T, 0.1 * half[1] @ half[1].T
+    axes = np.linalg.qr(draw.standard_normal((3, 3)))[0]
+    axes *= np.sign(np.linalg.det(axes))
+    body = fb.RigidBody("body", mass=2.0, inertia=(0.3, 0.4, 0.5), position=(0, 0, 0))
+    held = fb.Bushing(ground((0.2, 0.1, -0.3)), body.point((0.2, 0.1, -0.3)), stiffness=stiffness, damping=damping,
+                      directors=axes)
+    found = fb.modes(fb.compile_scene(fb.Scene(body, held)), n=6, damped=True)
+    # displacement of the point and turn, seen in the axes
+    lever = np.array([np.cross(e, (0.2, 0.1, -0.3)) for e in np.eye(3)]).T
+    seen = np.block([[axes, axes @ lever], [np.zeros((3, 3)), axes]])
+    inertia = np.diag([2.0, 2.0, 2.0, 0.3, 0.4, 0.5])
+    k, c = (np.linalg.solve(inertia, seen.T @ x @ seen) for x in (stiffness, damping))
+    rates = np.linalg.eigvals(np.block([[np.zeros((6, 6)), np.eye(6)], [-k, -c]]))
+    assert max(nearest(found, rate) for rate in rates if rate.imag >= 0.0) < 1e-8 and len(found) >= 6
 
 
 def test_one_support_of_two_moves() -> None:
@@ -200,10 +235,6 @@ def test_a_run_that_has_settled() -> None:
 
 
 # --- damped modes ---------------------------------------------------------------------------------------------------------
-def nearest(found: DampedModes, rate: complex) -> float:
-    return float(np.min(np.abs(found.rates - rate)) / abs(rate))
-
-
 @pytest.mark.parametrize("tau", [2e-3, 3e-2, 0.2])
 def test_viscous_bar_swings_and_creeps(tau: float) -> None:
     """zeta = w tau/2 in extension; above 1 two motions without vibration. Bending has a time of its own."""
