@@ -358,24 +358,24 @@ def test_friction_of_a_joint_between_beams_and_its_checkpoint() -> None:
             np.testing.assert_array_equal(x, y)
 
 
-def test_a_chain_of_hinges_that_all_rub_falls_and_nearly_comes_to_rest() -> None:
+@pytest.mark.parametrize("step", [0.01, 0.005])
+def test_a_chain_of_hinges_that_all_rub_falls_and_comes_to_rest(step: float) -> None:
     links = [body(f"link {k}", (0.1 * k + 0.05, 0, 0), mass=0.1, inertia=(1e-4, 1e-4, 1e-4)) for k in range(5)]
     joints = [hinge(a, b, (0.1 * k, 0, 0), (0, 1, 0), f"joint {k}", friction=0.15)
               for k, (a, b) in enumerate(zip([fb.GROUND, *links], links))]
-    result = run(fb.compile_scene(fb.Scene(*links, *joints, gravity=(0, 0, -G))), 6.0, 0.01)
+    result = run(fb.compile_scene(fb.Scene(*links, *joints, gravity=(0, 0, -G))), 6.0, step)
     assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
     assert result.info["iterations"] < 6 * result.info["steps"]
     angles = np.array([result.joint(f"joint {k}")["angle"] for k in range(5)])
-    # the first joint, at 0.84 of its limit, creeps, which it should not (limits.md)
-    moved = np.ptp(angles[:, -20:], axis=1)
-    assert np.all(moved[1:] == 0.0) and moved[0] < 2e-3 and np.ptp(angles[0]) > 1.0
+    # what is left of a velocity when one joint stops while others move does not make the others creep
+    assert np.all(np.ptp(angles[:, -20:], axis=1) == 0.0) and np.ptp(angles[0]) > 1.0
     # each joint holds what hangs on it, but for what is left of its motion
     torque = np.array([result.joint(f"joint {k}")["torque"][-2] for k in range(5)])
     assert np.all(np.abs(torque) <= 0.15 * (1 + 1e-9))
     q = result.state.q.reshape(-1, 4, 3)
     x, ends = q[:5, 0, 0], [0.0, *(q[:4, 0, 0] + 0.05 * q[:4, 1, 0])]
     hanging = np.array([np.sum(0.1 * G * (x[k:] - ends[k])) for k in range(5)])
-    np.testing.assert_allclose(torque, -hanging, rtol=0.0, atol=2e-4)
+    np.testing.assert_allclose(torque, -hanging, rtol=0.0, atol=1e-7)
 
 
 # ------------------------------------------------------------------------------------------------------ cylindrical joints

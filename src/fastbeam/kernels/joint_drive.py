@@ -35,6 +35,8 @@ TO, BY = range(2)
 # numbers of a coordinate with friction in `State.history`: sign of its velocity; 1 where friction holds it since a step before;
 # energy that friction took away, J
 RUB = 3
+# increment, rad or a share of the size of the scene, below which a coordinate that sticks is at rest
+LEFT = 1e-12
 SIGN, STICKS, RUBBED = range(RUB)
 
 
@@ -249,9 +251,10 @@ def begin_friction(term, system, h, c):
         term.sign[i] = int(state.history[term.place[i] + SIGN])
         term.flips[i] = 0
         term.judged[i] = 0
-        term.rest[i] = 0.0
-        if term.sign[i] != 0:
-            term.rest[i] = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
+        rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
+        # where it stopped while others moved, a little of its velocity is left, which would change its sign in every step
+        left = LEFT if motion.is_angle[term.which[i]] else LEFT * system.length
+        term.rest[i] = rest if term.sign[i] != 0 or abs(rest) > left else 0.0
 
 
 @kernel
