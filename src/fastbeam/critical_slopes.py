@@ -15,9 +15,9 @@ from .newton import BACKENDS
 from .parameters import CHANGES, SHARE, SIXTH, Family
 from .response import OutOfPlane, Response, at_shape
 from .saddle import Saddle
-from .sensitivities import which_build
+from .sensitivities import check_derivable, which_build
 from .starting import check_start
-from .statics import START, check_slider_forces, held_sliders, which_sliders
+from .statics import START, held_sliders, which_sliders
 
 Array = np.ndarray
 # a state whose tangent has no eigenvector this near to zero, or whose nodes would move by this much, is no critical point
@@ -166,12 +166,7 @@ def critical_sensitivity(build: Callable[..., Any], values: Mapping[str, float],
     family = Family(build, numbers_of, sizes)
     model = family.model
     stays = held_sliders(model, held)
-    check_slider_forces("critical_sensitivity", model, stays)
-    if model.prescribed is not None:
-        raise SceneError("critical_sensitivity: supports that move have places of their own, with unknown derivatives; put a "
-                         "Clamp or Pin there, at a place that build computes")
-    if model.user_forces:
-        raise SceneError(f"critical_sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are unknown")
+    check_derivable("critical_sensitivity", model, stays)
     state, _ = check_start(model, state, 1.0, at_rest=True)
 
     def factors(of: Model, factor: float = load_factor) -> Array:

@@ -322,6 +322,26 @@ def which_build(value: Any) -> Callable[..., Any]:
     return value
 
 
+def check_derivable(who: str, model: Model, stays: Array) -> None:
+    """Refuse what a scene has whose derivatives by parameters are not known; who: the function that was called, stays: sliders
+    that are held, bool [S].
+
+    Raises
+    ------
+    SceneError
+    """
+    check_slider_forces(who, model, stays)
+    if model.prescribed is not None:
+        raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
+                         "there, at a place that build computes")
+    if model.user_forces:
+        raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, or "
+                         "differences of equilibria")
+    if model.motions is not None and model.motions.holds.given.size:
+        raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
+                         "which is not known; use differences of equilibria")
+
+
 @checked(build=which_build, values=Names("must map names of parameters to numbers"),
          scale=Names("must map names of parameters to sizes"), state=START,
          observe=Listing(Word(OBSERVED), "a sequence of kinds, as in ('energy', 'reaction')"), load_factor=Number(),
@@ -375,19 +395,7 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     family = Family(build, numbers_of, sizes)
     model = family.model
     stays = held_sliders(model, held)
-    check_slider_forces("sensitivity", model, stays)
-    if model.prescribed is not None:
-        raise SceneError("sensitivity: supports that move have places of their own, whose derivatives are unknown; put a Clamp "
-                         "or Pin there, at a place that build computes")
-    if model.user_forces:
-        raise SceneError(f"sensitivity: user force {model.user_forces[0]!r} is a function whose derivatives are not known; "
-                         "use loads, or differences of equilibria")
-    if model.prescribed is not None and at_time is not None:
-        raise SceneError(f"sensitivity: {model.prescribed.motions[0].label} has a place at that time that may depend on them, "
-                         "which is not known; leave at_time out, then supports stand still, or use differences of equilibria")
-    if model.motions is not None and model.motions.holds.given.size:
-        raise SceneError(f"sensitivity: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on "
-                         "them, which is not known; use differences of equilibria")
+    check_derivable("sensitivity", model, stays)
     result = None
     if state is None:
         if load_factor != 1.0:
