@@ -335,8 +335,8 @@ def check_derivable(who: str, model: Model, stays: Array) -> None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
                          "there, at a place that build computes")
     if model.user_forces:
-        raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, or "
-                         "differences of equilibria")
+        raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, "
+                         "or differences of equilibria")
     if model.motions is not None and model.motions.holds.given.size:
         raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
                          "which is not known; use differences of equilibria")
