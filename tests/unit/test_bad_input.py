@@ -407,7 +407,7 @@ def calls(folder: Path) -> dict[str, Call]:
             model=held(), frequencies=[3.0], load_factor=0.0, base=(1, 0, 0)), dict(
             model=one_of(Model), frequencies=VECTOR, state=one_of(State), load_factor=is_real, at_time=is_real, planar=is_flag,
             loads=either(is_text, one_of(Mapping, fb.Load), is_list_of(either(is_text, one_of(fb.Load)))),
-            base=either(lambda x: isinstance(x, (tuple, list, np.ndarray)) and len(x) == 3, one_of(Mapping)),
+            base=either(is_array(3), one_of(Mapping)),
             damping_ratio=is_real, loss_factor=is_real,
             points=one_of(Mapping), held=either(is_flag, is_text, is_list_of(is_text)), shapes=is_flag, backend=is_text)),
         "force_density": Call(fb.force_density, dict(nodes=NODES, edges=EDGES, densities=1.0, pins=[0]), dict(

@@ -76,9 +76,11 @@ class Saddle:
             row[c, :len(x)] = x
             column[c, :, :, self.m[c]:] = 0.0
             line[c, :, :, self.m[c]:] = 0.0
+        # joints may be held more strongly than sliders
+        softness = np.where(self.m == (7 if k == 6 else 5), 1.0, 0.25)
         return Contact(np.zeros((5, 1)), np.zeros((3, 2)), entries, row, column.reshape(s, -1), line.reshape(s, -1),
                        corner.reshape(s, -1), residual, np.zeros(s, np.int64), self.forces, np.cumsum(self.m) - self.m,
-                       np.cumsum(self.forces) - self.forces, np.zeros(s), np.zeros(s), np.zeros(1, np.int64),
+                       np.cumsum(self.forces) - self.forces, np.zeros(s), softness, np.zeros(s), np.zeros(1, np.int64),
                        np.array([INVERSE, 0.0, first, 0.0]), np.zeros((0, 2), np.int64), np.zeros((0, 2, 8)))
 
     def solve(self) -> bool:
@@ -124,7 +126,7 @@ class Saddle:
             a[here, here] = self.contact.corner[c].reshape(8, 8)[:self.m[c], :self.m[c]]
             b[here] = -self.contact.residual[c, :self.m[c]]
             for f in range(self.forces[c]):
-                soft = INVERSE * self.contact.compliance[c]
+                soft = INVERSE * self.contact.softness[c] * self.contact.compliance[c]
                 a[starts[c] + f, starts[c] + f] += soft
                 b[starts[c] + f] -= self.first * soft * self.force[at + f]
             at += self.forces[c]

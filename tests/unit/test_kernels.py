@@ -605,7 +605,7 @@ class Rail:
         none, empty = np.zeros(1, np.int64), np.zeros((1, 48))
         self.contact = Contact(np.full((5, n), np.nan), np.zeros((3, int(self.curves.shape[:, 1].max()))), none,
                                np.zeros((1, 1), np.int64), empty, empty, np.zeros((1, 64)), np.zeros((1, 8)), none, none, none,
-                               none, np.zeros(1), np.zeros(1), np.zeros(1, np.int64), np.zeros(4), *NO_SLEEVES)
+                               none, np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1, np.int64), np.zeros(4), *NO_SLEEVES)
 
     def rows(self, s0: float, s1: float) -> Array:
         """All five rows of shape functions [5, n_nodes] for a step from s0 to s1."""

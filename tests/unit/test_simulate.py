@@ -42,7 +42,7 @@ STATE = MODEL.state()
     ({"step": None}, "step: must be a finite number > 0 s, got None"),
     ({"order": 3}, "order: must be 2 or 4, got 3"),
     ({"order": [4]}, r"order: must be a whole number >= 1, got \[4\]"),
-    ({"observe": ("enrgy",)}, "observe: 'enrgy' does not exist: choose 'energy', 'momentum', 'slider', 'joint', 'inner'"),
+    ({"observe": ("enrgy",)}, "observe: 'enrgy' does not exist: choose 'energy', 'momentum', 'slider', 'joint', 'spring'"),
     ({"observe": "energy"}, r"observe: must be a sequence of kinds, as in \('energy',\), got 'energy'"),
     ({"points": {"tip": 3}}, r"point 'tip': must be a node of a beam, a body or a point of one, a mass, or \(beam, s\), got 3"),
     ({"points": {"tip": straight("other", (0, 0, 0), (1, 0, 0)).end}}, "point 'tip': beam 'other' is not in scene 'free beam'"),

@@ -116,11 +116,6 @@ class AxisJoint(Link):
         """Names of the arguments for its coordinate and its motor, and the unit of the coordinate."""
         return ("angle", "torque", "rad") if self.coordinates[0] else ("distance", "force", "m")
 
-    def of(self, what: str, k: int) -> float:
-        """Stiffness, damping or rest value of coordinate k."""
-        value = getattr(self, what)
-        return float(value[k] if isinstance(value, tuple) else value)
-
     def _check_forces(self) -> None:
         """Refuse what contradicts each other on the coordinate that it leaves free."""
         who, (place, motor, unit) = self.label, self.words
@@ -151,6 +146,12 @@ def _place(node: NodeRef) -> Array:
     if isinstance(owner, Beam):
         return np.asarray(owner.reference(owner.node_s[node.index])[0][0])
     return np.asarray(owner.position + node.offset @ owner.directors)
+
+
+def number_of(joint: AxisJoint, what: str, k: int) -> float:
+    """Stiffness, damping or rest value, by the name of the argument, of coordinate k of a joint."""
+    value = getattr(joint, what)
+    return float(value[k] if isinstance(value, tuple) else value)
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
