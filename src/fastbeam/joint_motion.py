@@ -15,7 +15,6 @@ from .kernels.joint_motion import LOSS, MOTION, VALUE, WORK, JointMotion
 from .kernels.work import State
 from .load_times import mean_factors
 from .plane import Plane, numbers_of
-from .scene.joints import number_of
 
 Array = np.ndarray
 # a value in the history that differs more from that of the coordinates belongs to another state
@@ -184,7 +183,7 @@ def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: 
     turn = np.array([law.turn for law in laws])
     x = np.array([law.reference for law in laws])
     distance = np.sum((x[:, 1, 0] - x[:, 0, 0]) * np.array([law.axes[0, 0] for law in laws]), axis=1)
-    numbers = {name: np.array([number_of(part, name, k) for part, *_, k in found]) for name in ("stiffness", "damping", "rest")}
+    numbers = {name: np.array([part.numbers[name][k] for part, *_, k in found]) for name in ("stiffness", "damping", "rest")}
     motors = [part.motor for part, *_ in found]
     is_angle = np.array([x[2] for x in found], np.int64)
     count = len(found)

@@ -25,7 +25,6 @@ from .kernels.terms import NoTies
 from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from .scene import Bushing
-from .scene.joints import number_of
 from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
@@ -127,7 +126,7 @@ def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
     for part, nodes in links.with_axes:
         moved = part.motor is not None or part.is_given
         for k, is_angle in enumerate(part.coordinates):
-            if not moved and number_of(part, "stiffness", k) * number_of(part, "rest", k) == 0.0:
+            if not moved and part.numbers["stiffness"][k] * part.numbers["rest"][k] == 0.0:
                 continue
             pushes, turns = np.zeros((n, 3)), np.zeros((n, 3))
             (turns if is_angle else pushes)[nodes[1]] = part.axes[0] / np.linalg.norm(part.axes[0])

@@ -116,6 +116,12 @@ class AxisJoint(Link):
         """Names of the arguments for its coordinate and its motor, and the unit of the coordinate."""
         return ("angle", "torque", "rad") if self.coordinates[0] else ("distance", "force", "m")
 
+    @property
+    def numbers(self) -> dict[str, tuple[float, ...]]:
+        """Stiffness, damping and rest value of every coordinate, by the names of the arguments."""
+        return {what: value if isinstance(value := getattr(self, what), tuple) else (float(value),)
+                for what in ("stiffness", "damping", "rest")}
+
     def _check_forces(self) -> None:
         """Refuse what contradicts each other on the coordinate that it leaves free."""
         who, (place, motor, unit) = self.label, self.words
@@ -146,12 +152,6 @@ def _place(node: NodeRef) -> Array:
     if isinstance(owner, Beam):
         return np.asarray(owner.reference(owner.node_s[node.index])[0][0])
     return np.asarray(owner.position + node.offset @ owner.directors)
-
-
-def number_of(joint: AxisJoint, what: str, k: int) -> float:
-    """Stiffness, damping or rest value, by the name of the argument, of coordinate k of a joint."""
-    value = getattr(joint, what)
-    return float(value[k] if isinstance(value, tuple) else value)
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
