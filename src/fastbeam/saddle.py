@@ -13,6 +13,7 @@ singular value is near round-off; else SuperLU goes on.
 """
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -128,8 +129,10 @@ class Factors:
                 kernels.call_pardiso(self._tables, kernels.RELEASE, self._tables.b, self._tables.x)
         self._tables = None
 
-    def __del__(self) -> None:
-        self._release()
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # then modules may be gone before this, and the memory goes with the process
+        if not python_ends():
+            self._release()
 
 
 def factors_for(backend: str) -> Factors | None:
