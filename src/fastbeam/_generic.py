@@ -96,9 +96,9 @@ class GenericFunction:
         self._asked.update(x for x in of if _outside.is_term(x))
         return self._nearest([_ancestors(x) for x in arguments[:self._depth]])
 
-    def covers(self, of: type) -> bool:
-        """Whether there is an implementation for values of a class, whatever the other arguments are."""
-        return self._nearest([of.__mro__]) is not None
+    def covers(self, *of: type) -> bool:
+        """Whether there is an implementation for first arguments of these classes, whatever the other arguments are."""
+        return self._nearest([x.__mro__ for x in of[:self._depth]]) is not None
 
     def implementation(self, *arguments: Any) -> Any:
         """The implementation for these values.

@@ -162,7 +162,8 @@ class CondensedIteration(Iteration):
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         # links, drag, user forces, what joints leave free: all that has no pass of its own
         own_passes = Beams, Inner, Sliding, Bodies, PlanarBodies, Ties, PlanarTies, MovedRows, Held
-        others = tuple(x for x in owner.terms if assemble.covers(type(x)) and not isinstance(x, own_passes))
+        others = tuple(x for x in owner.terms if not isinstance(x, own_passes)
+                       and assemble.covers(type(x), type(owner.system.method)))
         self._ties = model.ties
         self._carriers: list[Group] = []
         if model.carriers is not None:
