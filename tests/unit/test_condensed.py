@@ -164,7 +164,7 @@ def test_steps_of_random_nets_are_the_same(seed: int, strain: str, degree: int, 
     assert results[0].info["iterations"] == results[1].info["iterations"]
 
 
-@pytest.mark.parametrize("kind", ["springs", pytest.param("drag", marks=pytest.mark.slow),
+@pytest.mark.parametrize("kind", ["springs", "drag", pytest.param("bushing", marks=pytest.mark.slow),
                                   pytest.param("loops", marks=pytest.mark.slow)])
 def test_what_couples_nodes_of_a_net_acts_where_it_is_condensed(kind: str) -> None:
     net = grid(4)
@@ -174,6 +174,9 @@ def test_what_couples_nodes_of_a_net_acts_where_it_is_condensed(kind: str) -> No
     parts: list[Any] = [net]
     if kind == "springs":
         parts += [ground, fb.Clamp(ground), fb.Spring(net.node(15), ground, stiffness=50.0, length=1.0)]
+    if kind == "bushing":
+        parts += [body, fb.Bushing(net.node(15), body, "mount", stiffness=(9, 8, 7, 0.2, 0.3, 0.4),
+                                   damping=(0.1, 0.1, 0.1, 0.01, 0.01, 0.01))]
     if kind == "drag":
         rope = fb.Beam.straight("rope", corner, corner + (0.0, 0.0, -2.0), section=net.sections[0], elements=4)
         parts += [rope, fb.RigidConnection(net.node(15), rope.start), fb.Drag("air", rope, normal=2.0, air=(1, 0, 0))]
