@@ -14,11 +14,11 @@ from .kernels import step as kernels
 from .kernels.spring import Springs
 from .kernels.step import OK
 from .kernels.work import State
-from .linsolve import SMALL, load_mkl
+from .linsolve import SMALL, check_backend, load_mkl
 from .load_times import load_factors, mean_factors
 from .maps import mass_map, tie_map
 from .model import Model, check_model
-from .newton import BACKENDS, Stepper
+from .newton import Stepper
 from .observe import POINTS, Observer
 from .saddle import Factors
 from .starting import check_start
@@ -366,8 +366,7 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         A step fails.
     """
     check_model("adjoint_run", model)
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    check_backend(backend)
     unknown = [name for name, there in (
         ("sliders", model.n_sliders), ("joints with multipliers", len(model.kept)),
         ("damping", model.damped is not None or bool(model.losses)), ("joints with axes", model.motions is not None),

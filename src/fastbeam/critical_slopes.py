@@ -6,18 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arguments import Names, Number, Word, checked, number
+from .arguments import Names, Number, Word, checked
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .load_times import load_factors_at
 from .model import Model
-from .newton import BACKENDS
 from .parameters import CHANGES, SHARE, SIXTH, Family
 from .response import OutOfPlane, Response, at_shape
 from .saddle import Saddle
-from .sensitivities import check_derivable, which_build
+from .sensitivities import family_of, which_build
 from .starting import check_start
-from .statics import START, held_sliders, which_sliders
+from .statics import START, which_sliders
 
 Array = np.ndarray
 # a state whose tangent has no eigenvector this near to zero, or whose nodes would move by this much, is no critical point
@@ -159,14 +158,8 @@ def critical_sensitivity(build: Callable[..., Any], values: Mapping[str, float],
     ConvergenceError
         Several directions become unstable at once.
     """
-    numbers_of = {name: number(f"critical_sensitivity, values: parameter {name!r}", x) for name, x in values.items()}
-    sizes = {name: number(f"critical_sensitivity, scale: parameter {name!r}", x) for name, x in (scale or {}).items()}
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-    family = Family(build, numbers_of, sizes)
+    family, stays = family_of("critical_sensitivity", build, values, scale, held, backend)
     model = family.model
-    stays = held_sliders(model, held)
-    check_derivable("critical_sensitivity", model, stays)
     state, _ = check_start(model, state, 1.0, at_rest=True)
 
     def factors(of: Model, factor: float = load_factor) -> Array:

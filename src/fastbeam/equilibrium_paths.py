@@ -12,9 +12,9 @@ from .arguments import Anything, Count, Number, Refusal, Word, checked, shown, w
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.work import State
+from .linsolve import check_backend
 from .load_times import load_path, which_times
 from .model import Model, check_model
-from .newton import BACKENDS
 from .observe import POINTS, Observer
 from .progress import Progress
 from .resolution import Resolution
@@ -115,8 +115,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if model.user_forces:
         raise SceneError(f"solve_path: user force {model.user_forces[0]!r} is no load that grows by one factor; use "
                          "solve_static, which scales it, or leave it out")
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    check_backend(backend)
     step = min(step, largest_step)
     if not smallest_step <= step:
         raise SceneError(f"step: needs smallest_step <= step and <= largest_step, got {smallest_step:g}, {step:g} and "

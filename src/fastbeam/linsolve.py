@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ._jit import link_library
-from .errors import BackendError
+from .errors import BackendError, SceneError
 from .halves import Each, Halves, cut, on_threads, settings
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
@@ -27,6 +27,7 @@ Array = np.ndarray
 REPRODUCIBLE = 8
 # unknowns below which PARDISO runs on one thread
 SMALL = 5000
+BACKENDS = ("auto", "pardiso", "superlu")
 # unknowns from which on a matrix is cut in two, where results have to be the same bits on any number of threads
 HALVES_FROM = 8000
 # relative residual up to which a solution of slender beams may be round-off of their stiff directions; its backward error decides
@@ -35,6 +36,17 @@ ILL_CONDITIONED = 1e-2
 ZERO_EIGENVALUE = 1e-13
 # where all pivots lie above this share of their diagonal entries no eigenvalue is zero
 CLEAR_PIVOT = 1e-6
+
+
+def check_backend(backend: str) -> None:
+    """Refuse what is no name of a solver.
+
+    Raises
+    ------
+    SceneError
+    """
+    if backend not in BACKENDS:
+        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
 
 
 def load_mkl() -> Any | None:

@@ -78,7 +78,7 @@ class Modes:
         SceneError
             There is no such mode.
         """
-        self._check(k)
+        _check_number(self, k)
         return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
@@ -104,7 +104,7 @@ class Modes:
         SceneError
             There is no such mode.
         """
-        self._check(k)
+        _check_number(self, k)
         a = amplitude * float(np.cos(phase))
         rate = -amplitude * (float(self.angular[k]) or 1.0) * float(np.sin(phase))
         x, turn = self.displacements[k], self.spins[k]
@@ -129,10 +129,6 @@ class Modes:
 
     def _repr_html_(self) -> str:
         return notebook.text(f"Modes of {self.info['scene']}", self.table())
-
-    def _check(self, k: int) -> None:
-        if k >= len(self):
-            raise SceneError(f"mode {k} does not exist: there are {len(self)}, counted from 0")
 
 
 class DampedModes:
@@ -196,8 +192,7 @@ class DampedModes:
         SceneError
             There is no such mode.
         """
-        if k >= len(self):
-            raise SceneError(f"mode {k} does not exist: there are {len(self)}, counted from 0")
+        _check_number(self, k)
         a = amplitude * np.exp(1j * phase)
         x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
         return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]), np.real(a * rate * x),
@@ -216,3 +211,8 @@ class DampedModes:
 
     def _repr_html_(self) -> str:
         return notebook.text(f"Damped modes of {self.info['scene']}", self.table())
+
+
+def _check_number(modes: Modes | DampedModes, k: int) -> None:
+    if k >= len(modes):
+        raise SceneError(f"mode {k} does not exist: there are {len(modes)}, counted from 0")

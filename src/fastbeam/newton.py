@@ -26,7 +26,7 @@ from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from .kernels.user_force import UserForceTimes
 from .kernels.work import State
-from .linsolve import LinearSystem
+from .linsolve import LinearSystem, check_backend
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
@@ -46,7 +46,6 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 _announce = cache(announce_first_use)
 # doubles of a dense border beyond which a failed step is not repeated with one
 LARGEST_BORDER = 250_000_000
-BACKENDS = ("auto", "pardiso", "superlu")
 MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
            NOT_FINITE: "the Newton iteration diverged"}
 
@@ -108,8 +107,7 @@ class Stepper:
                  backend: str = "auto", method: Method = Method(), t: float = 0.0, memory: Array | None = None,
                  augmentation: float = AUGMENTATION, threads: int | None = None, static: bool = False,
                  symmetric: bool = False) -> None:
-        if backend not in BACKENDS:
-            raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+        check_backend(backend)
         self.max_iterations = count("max_iterations", max_iterations)
         _announce()
         compared = method.middle is not None or method.parameters is not None

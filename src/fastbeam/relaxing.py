@@ -19,9 +19,10 @@ from .joint_motion import check_motions
 from .kernels.joint_motion import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
+from .linsolve import check_backend
 from .load_times import load_factors_at
 from .model import Model, check_model
-from .newton import BACKENDS, Stepper
+from .newton import Stepper
 from .observe import OBSERVED, POINTS, Observer
 from .prescribed import PrescribedMotions
 from .progress import Progress
@@ -105,8 +106,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     """
     check_model("relax", model)
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    check_backend(backend)
     check_motions(model.motions, None, 1, True)
     if model.released is not None:
         raise SceneError("relax: a support lets go (until=); leave that out for the equilibrium, or run in time")

@@ -10,9 +10,9 @@ from .arguments import Count, Flag, Listing, Names, Number, Refusal, Word, check
 from .errors import ConvergenceError, SceneError
 from .frequency_slopes import FrequencySlopes, Linearised, frequency_slopes
 from .kernels.work import State
+from .linsolve import check_backend
 from .load_times import factor_at, load_factors_at
 from .model import Model
-from .newton import BACKENDS
 from .observe import Observer
 from .objective import Linear, Objective
 from .parameters import CHANGES, Family
@@ -322,14 +322,20 @@ def which_build(value: Any) -> Callable[..., Any]:
     return value
 
 
-def check_derivable(who: str, model: Model, stays: Array) -> None:
-    """Refuse what a scene has whose derivatives by parameters are not known; who: the function that was called, stays: sliders
-    that are held, bool [S].
+def family_of(who: str, build: Callable[..., Any], values: Mapping[str, Any], scale: Mapping[str, Any] | None,
+              held: bool | str | Sequence[str], backend: str) -> tuple[Family, Array]:
+    """The scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was called.
 
     Raises
     ------
     SceneError
+        A value is no number, there is no such backend, or the scene has something whose derivatives by parameters are not known.
     """
+    numbers_of = {name: number(f"{who}, values: parameter {name!r}", x) for name, x in values.items()}
+    sizes = {name: number(f"{who}, scale: parameter {name!r}", x) for name, x in (scale or {}).items()}
+    check_backend(backend)
+    family = Family(build, numbers_of, sizes)
+    model, stays = family.model, held_sliders(family.model, held)
     check_slider_forces(who, model, stays)
     if model.prescribed is not None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
@@ -340,6 +346,7 @@ def check_derivable(who: str, model: Model, stays: Array) -> None:
     if model.motions is not None and model.motions.holds.given.size:
         raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
                          "which is not known; use differences of equilibria")
+    return family, stays
 
 
 @checked(build=which_build, values=Names("must map names of parameters to numbers"),
@@ -388,14 +395,8 @@ def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale
     ConvergenceError
         There is no equilibrium, or its tangent is singular: it has no derivatives.
     """
-    numbers_of = {name: number(f"sensitivity, values: parameter {name!r}", x) for name, x in values.items()}
-    sizes = {name: number(f"sensitivity, scale: parameter {name!r}", x) for name, x in (scale or {}).items()}
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
-    family = Family(build, numbers_of, sizes)
+    family, stays = family_of("sensitivity", build, values, scale, held, backend)
     model = family.model
-    stays = held_sliders(model, held)
-    check_derivable("sensitivity", model, stays)
     result = None
     if state is None:
         if load_factor != 1.0:

@@ -15,9 +15,10 @@ from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
+from .linsolve import check_backend
 from .load_times import load_factors_at
 from .model import Model, check_model
-from .newton import BACKENDS, Outcome
+from .newton import Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
 from .reactions import StaticReactions
@@ -135,8 +136,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     stays = held_sliders(model, held)
     check_slider_forces("solve_static", model, stays, rubbing=True)
     asked = _rubbing(model, named_sliders(model, "rest_intervals", rest_intervals), stays, rest_intervals)
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    check_backend(backend)
     load_step = min(load_step, largest_load_step)
     if not smallest_step <= load_step:
         raise SceneError(f"load_step: needs 0 < smallest_step <= load_step <= 1, got {smallest_step!r} and {load_step!r}")

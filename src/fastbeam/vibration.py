@@ -12,10 +12,10 @@ from .eigen import Eigen, SingularError, lowest
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .linearised import Linearisation
+from .linsolve import check_backend
 from .load_times import load_factors_at
 from .mode_shapes import DampedModes, Modes
 from .model import Model, check_model
-from .newton import BACKENDS
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 
@@ -111,8 +111,7 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     check_model(who, model)
     stays = held_sliders(model, held)
     check_slider_forces(who, model, stays)
-    if backend not in BACKENDS:
-        raise SceneError(f"backend {backend!r} does not exist: choose 'auto', 'pardiso' or 'superlu'")
+    check_backend(backend)
     flat = model.asked_for_plane if planar is None else planar
     if flat and model.plane is None:
         raise SceneError(f"planar=True: scene {model.scene_name!r} does not stay in a plane: {model.not_planar}")
