@@ -134,10 +134,10 @@ class Variant:
         self._made: dict[tuple[tuple[str, Any], ...], Model] = {}
 
     def __call__(self, **more: Any) -> Model:
-        """The model; more: options that are left open."""
+        """The model; more: options that are left open, or others."""
         key = tuple(sorted(more.items()))
         if key not in self._made:
-            self._made[key] = compile_scene(self._scene, **self._options, **more)
+            self._made[key] = compile_scene(self._scene, **{**self._options, **more})
         return self._made[key]
 
 
