@@ -154,7 +154,8 @@ class Backward:
         rows = 8 * (core.n_nodes + 1)
         size = core.q0.size
         return Adjoint(NoTies() if core.ties is None else core.ties, mass.indptr.astype(np.int64),
-                       mass.indices.astype(np.int64), mass.data, core.gravity_weight, core.loads, pattern.rows.astype(np.int64),
+                       mass.indices.astype(np.int64), mass.data, core.gravity_weight,
+                       core.pattern.row_of[core.spin_root].astype(np.int64), core.loads, pattern.rows.astype(np.int64),
                        pattern.columns.astype(np.int64), aligned(self.system.work.blocks.size * (pattern.plan is not None)),
                        aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(3)), *(np.zeros(size) for _ in range(4)))
 
@@ -239,7 +240,7 @@ class Backward:
         """After the first step, from coordinates q."""
         core, found, n = self.core, self.found, self.core.n_nodes
         stiffness, viscosity, inertia = self._of_beams()
-        spins = found.turn.reshape(-1, 8)[core.pattern.row_of[core.spin_root], core.dim:len(core.dofs)]
+        spins = found.turn.reshape(-1, 8)[core.pattern.row_of, core.dim:len(core.dofs)]
         rate, rows = self.adjoint.rate.copy(), aligned(8 * (n + 1))
         kernels.pull_ties(self.adjoint.ties, rate)
         kernels.lower(core.dofs, core.pattern.row_of, q, rate, rows)

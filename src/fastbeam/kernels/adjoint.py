@@ -54,7 +54,7 @@ class Found(NamedTuple):
     """What a backward pass adds up, besides sections."""
 
     force: np.ndarray    # float64 [d N]: by forces on all nodes
-    turn: np.ndarray     # float64 [8 (rows + 1)]: solutions, whose spins belong to moments
+    turn: np.ndarray     # float64 [8 (rows + 1)]: solutions of all nodes by rows, whose spins belong to moments
     load: np.ndarray     # float64 [n, K]: by the factors of load vectors in every step
     weight: np.ndarray   # float64 [n, d]: by gravity in every step
     place: np.ndarray    # float64 [n, P, d]: by forces on observed points in every step
@@ -73,6 +73,7 @@ class Adjoint(NamedTuple):
     mass_column: np.ndarray   # int64 [*]
     mass: np.ndarray          # float64 [*]
     heavy: np.ndarray         # float64 [N]: mass of a node on which gravity acts
+    spin_row: np.ndarray      # int64 [N]: row whose spin a node has
     loads: np.ndarray         # float64 [K, 8 (rows + 1)]: load vectors
     block_row: np.ndarray     # int64 [blocks]
     block_column: np.ndarray  # int64 [blocks]
@@ -401,21 +402,24 @@ def begin_back(terms, system, adjoint, steps, h, k):
 
 @kernel
 def collect(sums, system, adjoint, steps, found, h, k):
-    """What step k adds to all derivatives, with its adjoint rates."""
+    """What step k adds to all derivatives, with its adjoint rates. Rows of tied nodes follow from those of their targets."""
     d = dim(system.dofs)
     vectors = coordinates(system.dofs) // d
-    rates = adjoint.rates
+    rates, every = adjoint.rates, adjoint.rest
     add_sections.each(sums, system, rates, steps.gravity, k, h)
     for i in range(adjoint.heavy.shape[0]):
         for c in range(d):
             w = rates[d * vectors * i + c]
             found.force[d * i + c] += w
             found.weight[k, c] += adjoint.heavy[i] * w
+            every[8 * system.row_of[i] + c] = w
+        for c in range(d, len(system.dofs)):
+            every[8 * system.row_of[i] + c] = adjoint.x[8 * adjoint.spin_row[i] + c]
     for i in range(found.turn.shape[0]):
-        found.turn[i] += adjoint.x[i]
+        found.turn[i] += every[i]
     for j in range(adjoint.loads.shape[0]):
-        for i in range(adjoint.x.shape[0]):
-            found.load[k, j] += adjoint.loads[j, i] * adjoint.x[i]
+        for i in range(every.shape[0]):
+            found.load[k, j] += adjoint.loads[j, i] * every[i]
     for m in range(found.place_node.shape[0]):
         for a in range(vectors):
             for c in range(d):
