@@ -74,7 +74,8 @@ class NaiveAdjoint:
         for k in range(last - 1, -1, -1):
             start, end = steps.q[k].reshape(shape), steps.q[k + 1].reshape(shape)
             factor = np.ones(1) if model.gravity_time is None else mean_factors(model.gravity_time, self.t[k:k + 1], np.full(1, h))
-            kernels.external_forces(model.loads, load_factors(model, self.t[k:k + 1], np.full(1, h))[0], self.stepper.work.f_ext)
+            factors = load_factors(model, self.t[k:k + 1], np.full(1, h))[0]
+            kernels.external_forces(model.loads, factors, self.stepper.work.f_ext)
             right = a + 2.0 / h * self.lower(end, b)
             x = splu(self.tangent(steps.q[k], steps.v[k], steps.dphi[k], steps.theta[k])).solve(right, trans="T")
             back = self.tangent(steps.q[k + 1], -steps.v[k + 1], -steps.dphi[k], -steps.theta[k])

@@ -11,7 +11,10 @@ from .arguments import Anything, Count, Names, Number, Word, checked, numbers, s
 from .backward import Backward, Stretch, Sums, Weights
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
+from .kernels.ball_joint import BallJoints
 from .kernels.bushing import Bushings
+from .kernels.distance_joint import DistanceJoints
+from .kernels.joint_conditions import JointConditions
 from .kernels.spring import Springs
 from .kernels.spring_laws import SpringLaws
 from .kernels.step import OK
@@ -28,8 +31,8 @@ from .statics import START
 Array = np.ndarray
 # bytes that the steps of a run may take
 MOST = 4e9
-# links whose forces are symmetric in time, exact derivatives included
-SYMMETRIC = Springs, SpringLaws, Bushings
+# links whose forces are symmetric in time, with exact derivatives
+SYMMETRIC = Springs, SpringLaws, Bushings, BallJoints, DistanceJoints, JointConditions
 
 
 class RunSectionGradient(NamedTuple):
@@ -128,14 +131,16 @@ class AdjointRun:
         state, work = stepper.core_state, stepper.work
         nodes, dim = self.model.n_nodes, stepper.core.dim
         out = Stretch(first, np.empty((n + 1, state.q.size)), np.empty((n + 1, state.q.size)), np.empty((n, dim * nodes)),
-                      np.empty((n, (len(stepper.core.dofs) - dim) * nodes)))
+                      np.empty((n, (len(stepper.core.dofs) - dim) * nodes)), np.empty((n + 1, state.s.size)),
+                      np.empty((n, state.force.size)))
         for k in range(n + 1):
-            out.q[k], out.v[k] = state.q, state.v
+            out.q[k], out.v[k], out.s[k] = state.q, state.v, state.s
             if k < n:
                 outcome = stepper.advance(0.0, self._h, 1, first + k)
                 if outcome.status != OK:
                     raise failure(stepper, outcome, float(self.t[first + k]), first + k)
                 out.dphi[k], out.theta[k] = work.dphi[:out.dphi.shape[1]], work.theta[:out.theta.shape[1]]
+                out.force[k] = state.force
         return out
 
     def _again(self, first: int) -> Stretch:
@@ -296,11 +301,14 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     check_model("adjoint_run", model)
     check_backend(backend)
     unknown = [name for name, there in (
-        ("sliders", model.n_sliders), ("joints with multipliers", len(model.kept)),
-        ("joints with axes", model.motions is not None), ("supports that move", model.prescribed is not None),
-        ("supports that let go", model.released is not None), ("user forces", model.user_forces),
-        ("links of other kinds than springs, dampers and bushings", any(not isinstance(x, SYMMETRIC) for x in model.links)))
-        if there]
+        ("friction, drives, stops, locks or contact that lets go", model.slider_forces is not None),
+        ("sleeves", model.sleeves is not None), ("sliders on nets of condensed beams", model.carriers is not None),
+        ("springs, dampers, motors, friction, stops or given motions of joints with axes", model.motions is not None and (
+            model.motions.acts or model.motions.holds.held.size > 0 or model.motions.holds.stopped.size > 0)),
+        ("supports that move", model.prescribed is not None), ("supports that let go", model.released is not None),
+        ("user forces", model.user_forces),
+        ("links of other kinds than springs, dampers, bushings and joints", any(
+            not isinstance(x, SYMMETRIC) for x in model.links))) if there]
     if unknown:
         raise SceneError(f"adjoint_run: steps with {', '.join(unknown)} have no adjoint here; use differences of runs")
     n = round(t_end / step)

@@ -12,6 +12,7 @@ import numpy as np
 from .assembly import strain_sets
 from .kernels import adjoint as kernels
 from .kernels.adjoint import Adjoint, Found, Steps, Wanted
+from .kernels.adjoint_border import Border, NoBorder
 from .kernels.section_sums import SectionSums
 from .kernels.terms import Loads, NoTies
 from .kernels.work import aligned
@@ -19,10 +20,11 @@ from .linsolve import SMALL, load_mkl
 from .load_times import load_factors, mean_factors
 from .maps import vector_masses
 from .model import Model
-from .newton import Stepper
+from .newton import AUGMENTATION, Stepper
 from .planar import strain_maps
 from .saddle import Factors
 from .section_gradient import beam_numbers
+from .workspace import contact_of, entries_of
 
 Array = np.ndarray
 # s; compiled calls last about as long, so that Ctrl-C is seen between them
@@ -39,6 +41,10 @@ class Stretch(NamedTuple):
     first : int
     q, v : float64 [n + 1, 12 N], in a plane [n + 1, 4 N]
     dphi, theta : float64 [n, 3 N], in a plane [n, 2 N] and [n, N]
+    s : float64 [n + 1, S]
+        Places of sliders.
+    force : float64 [n, F]
+        Of constraints.
     """
 
     first: int
@@ -46,6 +52,8 @@ class Stretch(NamedTuple):
     v: Array
     dphi: Array
     theta: Array
+    s: Array
+    force: Array
 
     def in_space(self, plane: Any) -> Stretch:
         """The same with coordinates in space."""
@@ -53,7 +61,8 @@ class Stretch(NamedTuple):
         n = len(self.dphi)
         dphi = self.dphi.reshape(n, -1, 2) @ plane.axes[:2]
         return Stretch(self.first, rows[0] + plane._above, rows[1], dphi.reshape(n, -1),
-                       (self.theta[:, :, None] * plane.axes[2]).reshape(n, -1))
+                       (self.theta[:, :, None] * plane.axes[2]).reshape(n, -1), self.s,
+                       np.array([plane.forces(x) for x in self.force]) if self.force.size else self.force)
 
 
 class Weights(NamedTuple):
@@ -118,6 +127,8 @@ class Backward:
         self.h, self.times = h, t + h * np.arange(n)
         self.axes = np.eye(3) if self.plane is None else self.plane.axes
         self.within = self.axes[:self.core.dim]
+        if stepper.contact is not None:
+            stepper.contact = contact_of(self.core, entries_of(self.core, bounded=False))
         self.terms, self.system = stepper.terms, stepper.system
         self.timed = any(x is not None for x in model.load_times)
         self.wanted, self.adjoint = self._wanted(wanted), self._adjoint()
@@ -153,11 +164,20 @@ class Backward:
         mass = vector_masses(core)
         rows = 8 * (core.n_nodes + 1)
         size = core.q0.size
-        return Adjoint(NoTies() if core.ties is None else core.ties, mass.indptr.astype(np.int64),
+        return Adjoint(NoTies() if core.ties is None else core.ties, self._border(), mass.indptr.astype(np.int64),
                        mass.indices.astype(np.int64), mass.data, core.gravity_weight,
                        core.pattern.row_of[core.spin_root].astype(np.int64), core.loads, pattern.rows.astype(np.int64),
-                       pattern.columns.astype(np.int64), aligned(self.system.work.blocks.size * (pattern.plan is not None)),
-                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(3)), *(np.zeros(size) for _ in range(4)))
+                       pattern.columns.astype(np.int64),
+                       aligned(8 * len(core.dofs) * (core.n_blocks + 1) * (pattern.plan is not None)),
+                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(4)), *(np.zeros(size) for _ in range(4)))
+
+    def _border(self) -> Border | NoBorder:
+        core = self.core
+        if not core.n_constraints:
+            return NoBorder()
+        m = core.border * core.n_constraints
+        return Border(np.zeros(core.n_sliders), *(np.zeros(m) for _ in range(3)), np.zeros((m, 8 * (core.n_nodes + 1))),
+                      *(np.zeros((m, m)) for _ in range(2)), np.zeros(m), core.softness / AUGMENTATION)
 
     def _found(self, n: int, observed: Sequence[tuple[Array, Array]]) -> Found:
         core, d = self.core, self.core.dim
@@ -191,7 +211,7 @@ class Backward:
     def through(self, part: Stretch) -> None:
         """Backward through some steps, the last ones that are left."""
         first, n = part.first, len(part.dphi)
-        steps = Steps(part.q, part.v, part.dphi, part.theta, self.gravity[first:first + n])
+        steps = Steps(part.q, part.v, part.dphi, part.theta, part.s, part.force, self.gravity[first:first + n])
         found = self.found._replace(load=self.found.load[first:first + n], weight=self.found.weight[first:first + n],
                                     place=self.found.place[first:first + n])
         terms = self.terms
@@ -228,11 +248,15 @@ class Backward:
                                    is_solved)
 
         half(False)
-        n, rows = len(self.core.dofs), self.core.pattern.n
-        x = self.solver.solve(self.system.work.blocks, self.adjoint.right.reshape(-1, 8)[:rows, :n].reshape(-1))
+        n, rows, border = len(self.core.dofs), self.core.pattern.n, self.adjoint.border
+        right = self.adjoint.right.reshape(-1, 8)[:rows, :n].reshape(-1)
+        bordered = isinstance(border, Border)
+        x = self.solver.solve(self.system.work.blocks, np.concatenate((right, border.right)) if bordered else right)
         if x is None:
             raise ArithmeticError(first + k)
-        self.adjoint.x.reshape(-1, 8)[:rows, :n] = x.reshape(rows, n)
+        self.adjoint.x.reshape(-1, 8)[:rows, :n] = x[:right.size].reshape(rows, n)
+        if bordered:
+            border.y[:] = x[right.size:]
         half(True)
 
     # --- what was found ---------------------------------------------------------------------------------------------------
@@ -313,15 +337,39 @@ class _Outside:
         self.structure = numbered.indices, numbered.indptr
         self.mkl = load_mkl()
 
+    def _bordered(self, matrix: Any) -> Any:
+        """With columns and lines of constraints, by columns."""
+        from scipy import sparse
+        contact, core = self.stepper.contact, self.stepper.core
+        assert contact is not None
+        n, size = len(core.dofs), core.border
+        count = len(contact.entries)
+        free = np.ones((core.pattern.n, n))
+        if core.held is not None:
+            free[core.held.row] *= 1 - (core.held.mask[:, None] >> np.arange(n) & 1)
+        parts = []
+        for of in (contact.column, contact.line):
+            out = np.zeros((core.pattern.n, n, count, size))
+            for k in range(count):
+                for m in range(contact.entries[k]):
+                    out[contact.row[k, m], :, k] += of[k].reshape(-1, n, 8)[m, :, :size]
+            parts.append(sparse.csr_matrix((free[:, :, None, None] * out).reshape(core.pattern.n * n, count * size)))
+        corner = sparse.block_diag([x.reshape(8, 8)[:size, :size] for x in contact.corner])
+        return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
+
     def solve(self, blocks: Array, right: Array) -> Array | None:
-        """x [rows n] with K^T x = right; None where K is singular."""
+        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular."""
         from scipy import sparse
         if self.structure is None:
             self._begin()
-        matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(right.size, right.size))
+        n = len(self.stepper.core.dofs) * self.stepper.core.pattern.n
+        matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(n, n))
+        if right.size > n:
+            matrix = self._bordered(matrix)
         back = matrix.T
         solved: Any = None
-        if self.mkl is not None:
+        # the structure of a border changes as sliders go on
+        if self.mkl is not None and right.size == n:
             if self.factors is None:
                 self.factors = Factors(self.mkl, threads=1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads())
             if self.factors.factor(back.tocsr()):
@@ -336,7 +384,7 @@ class _Outside:
                 except RuntimeError:
                     return None
             solved = partial(lu.solve, trans="T")
-        x = solved(right)
+        x = np.asarray(solved(right))
         size = float(np.linalg.norm(right)) or 1.0
         for _ in range(2):
             rest = right - back @ x

@@ -14,20 +14,15 @@ import numpy as np
 
 from .._generic import generic, in_memory
 from .._jit import kernel
-from .algebra import add2, add3, cross, cross2, ld2, ld3, perp, st2, st3, vld, vst
-from .chain import NoSide, factor
+from .adjoint_border import add_transposed, begin_border, drop_held, end_border, put_slides, solve_step
+from .algebra import add2, add3, cross, cross2, ld2, ld3, perp, st2, st3
 from .kinds import Plane, Space, coordinates, dim
-from .lanes import flush_column
-from .nodes import Held
 from .planar_nodes import PlanarTies, turned
 from .section_sums import add_sections
 from .step import assemble_step, put_loads
 from .terms import NoTies
 from .ties import Ties, tie_coordinates
 from .work import copy
-
-# relative residual of a solution with the transposed tangent: refined above the first, not accepted above the second
-REFINE_AT, REFUSE_AT = 1e-13, 1e-9
 
 
 class Steps(NamedTuple):
@@ -37,6 +32,8 @@ class Steps(NamedTuple):
     v: np.ndarray        # float64 [n + 1, C N]
     dphi: np.ndarray     # float64 [n, d N]
     theta: np.ndarray    # float64 [n, n_spin N]
+    s: np.ndarray        # float64 [n + 1, S]
+    force: np.ndarray    # float64 [n, F]: of all constraints
     gravity: np.ndarray  # float64 [n, d]: mean gravity over every step, m/s^2
 
 
@@ -69,6 +66,7 @@ class Adjoint(NamedTuple):
     """The adjoint, and the constants that its recursion needs."""
 
     ties: Any                 # of ties.py or planar_nodes.py, or NoTies
+    border: Any               # adjoint_border.Border or NoBorder
     mass_start: np.ndarray    # int64 [V + 1]: masses of the V vectors of all nodes (position, directors), by rows
     mass_column: np.ndarray   # int64 [*]
     mass: np.ndarray          # float64 [*]
@@ -83,6 +81,7 @@ class Adjoint(NamedTuple):
     x: np.ndarray             # float64 [8 (rows + 1)]: solution of a step
     right: np.ndarray         # float64 [8 (rows + 1)]: its right-hand side
     rest: np.ndarray          # float64 [8 (rows + 1)]
+    both: np.ndarray          # float64 [8 (rows + 1)]
     middle: np.ndarray        # float64 [C N]
     rates: np.ndarray         # float64 [C N]: adjoint rates of all coordinates in the middle of a step
     inertia: np.ndarray       # float64 [C N]
@@ -112,11 +111,6 @@ def follow_ties(ties, rates_out):
 @generic
 def pull_ties(ties, y):
     """The transpose: forces on tied nodes go to their targets."""
-
-
-@generic
-def drop_held(term, dofs, shape_out):
-    """Zero in held rows."""
 
 
 @lift.register(Space)
@@ -233,15 +227,6 @@ def pull_in_plane(ties, y):
                 add2(y, t + 2, 1, a * m - b * perp(m))
 
 
-@drop_held.register(Held)
-@kernel
-def drop_held_rows(held, dofs, shape_out):
-    for k in range(held.row.shape[0]):
-        for c in range(len(dofs)):
-            if (held.mask[k] >> c) & 1:
-                shape_out[8 * held.row[k] + c] = 0.0
-
-
 @kernel
 def multiply_mass(adjoint, d, rates, y_out):
     """Mass matrix times rates of all coordinates, d of a vector."""
@@ -266,107 +251,9 @@ def add_weights(wanted, k, rate, factor, d, y_out):
                     y_out[o + c] += factor * wanted.share[m, a] * wanted.weight[wanted.series[m], k, c]
 
 
-# --- transposed solutions -------------------------------------------------------------------------------------------------
-@kernel
-def add_transposed(rows, columns, blocks, factor, x, y_out, dofs):
-    """y_out += factor K^T x for blocks at `rows`, `columns` [blocks]."""
-    n = len(dofs)
-    for k in range(rows.shape[0]):
-        o = 8 * n * k
-        xo = 8 * rows[k]
-        yo = 8 * columns[k]
-        y = vld(y_out, yo, 0)
-        for c in range(n):
-            y += (factor * x[xo + c]) * vld(blocks, o + 8 * c, 0)
-        vst(y_out, yo, 0, y)
-
-
-@kernel
-def take_transposed(blocks, b, x, xo, yo, dofs):
-    """x[yo] -= B^T x[xo] for the block at b, rows of 8."""
-    y = vld(x, yo, 0)
-    for c in range(len(dofs)):
-        y -= x[xo + c] * vld(blocks, b + 8 * c, 0)
-    vst(x, yo, 0, y)
-
-
-@kernel
-def solve_diagonal(blocks, d, pivots, p, x, o, dofs):
-    """x[o] <- D^-T x[o] with the factors of a diagonal block and their exchanges."""
-    n = len(dofs)
-    for i in range(n):
-        s = x[o + i]
-        for j in range(i):
-            s -= blocks[d + 8 * j + i] * x[o + j]
-        x[o + i] = s * blocks[d + 9 * i]
-    for i in range(n - 1, -1, -1):
-        s = x[o + i]
-        for j in range(i + 1, n):
-            s -= blocks[d + 8 * j + i] * x[o + j]
-        x[o + i] = s
-    if pivots[p] >= 0:
-        for k in range(n - 1, -1, -1):
-            m = pivots[p + k]
-            t = x[o + k]
-            x[o + k] = x[o + m]
-            x[o + m] = t
-
-
-@kernel
-def solve_transposed(plan, blocks, pivots, x, dofs):
-    """x <- K^-T x with factors of `chain.factor`, K = L U: U has D^-1 K_ij, L has the factored diagonal blocks and K_ji."""
-    n = len(dofs)
-    block = 8 * n
-    for i in range(plan.diagonal.shape[0]):
-        for k in range(plan.start[i], plan.start[i + 1]):
-            take_transposed(blocks, block * plan.upper[k], x, 8 * i, 8 * plan.column[k], dofs)
-    for i in range(plan.diagonal.shape[0] - 1, -1, -1):
-        for k in range(plan.start[i], plan.start[i + 1]):
-            take_transposed(blocks, block * plan.lower[k], x, 8 * plan.column[k], 8 * i, dofs)
-        solve_diagonal(blocks, block * plan.diagonal[i], pivots, n * i, x, 8 * i, dofs)
-        flush_column(x, 8 * i, 1, dofs)
-
-
-@kernel
-def residual_of(adjoint, dofs):
-    """adjoint.rest <- right - K^T x with the kept tangent. Returns its norm next to that of the right-hand side."""
-    rest = adjoint.rest
-    copy(adjoint.right, rest)
-    add_transposed(adjoint.block_row, adjoint.block_column, adjoint.kept, -1.0, adjoint.x, rest, dofs)
-    size = 0.0
-    left = 0.0
-    for i in range(0, rest.shape[0] - 8, 8):
-        for c in range(len(dofs)):
-            size += adjoint.right[i + c] * adjoint.right[i + c]
-            left += rest[i + c] * rest[i + c]
-    return np.sqrt(left / size) if size > 0.0 else np.sqrt(left)
-
-
-@kernel
-def solve_step(plan, adjoint, system):
-    """Solve with the transposed tangent in system.work.blocks, refined where it has to be; False where that fails."""
-    work, dofs = system.work, system.dofs
-    for i in range(adjoint.kept.shape[0]):
-        adjoint.kept[i] = work.blocks[i]
-    # NaN fails the comparison too
-    if not factor(plan, work.blocks, work.pivots, NoSide(), dofs) > 1e-14:
-        return False
-    copy(adjoint.right, adjoint.x)
-    solve_transposed(plan, work.blocks, work.pivots, adjoint.x, dofs)
-    left = residual_of(adjoint, dofs)
-    for _ in range(3):
-        if left <= REFINE_AT:
-            break
-        solve_transposed(plan, work.blocks, work.pivots, adjoint.rest, dofs)
-        for i in range(adjoint.x.shape[0]):
-            adjoint.x[i] += adjoint.rest[i]
-        left = residual_of(adjoint, dofs)
-    return left <= REFUSE_AT
-
-
 # --- one step backward ----------------------------------------------------------------------------------------------------
 @kernel
-def put_step(system, steps, k, back):
+def put_step(system, border, steps, k, back):
     """Step k of a run into the work arrays; back: the same step from its end by -h."""
     state, work = system.state, system.work
     sign = -1.0 if back else 1.0
@@ -378,6 +265,7 @@ def put_step(system, steps, k, back):
         work.dphi[i] = sign * steps.dphi[k, i]
     for i in range(steps.theta.shape[1]):
         work.theta[i] = sign * steps.theta[k, i]
+    put_slides.call(border, system, steps, k, at, 2 * k + 1 - at)
     work.increment.control[0] = 0.0
 
 
@@ -385,7 +273,7 @@ def put_step(system, steps, k, back):
 def begin_back(terms, system, adjoint, steps, h, k):
     """Tangent of step k, and the right-hand side of (13.9)."""
     dofs = system.dofs
-    put_step(system, steps, k, False)
+    put_step(system, adjoint.border, steps, k, False)
     put_loads.each(terms, system, k)
     assemble_step(terms, system, h)
     y = adjoint.forces
@@ -396,6 +284,7 @@ def begin_back(terms, system, adjoint, steps, h, k):
     copy(adjoint.shape, adjoint.right)
     lower.call(dofs, system.row_of, adjoint.middle, y, adjoint.right)
     drop_held.each(terms, dofs, adjoint.right)
+    begin_border.call(adjoint.border, system)
     for i in range(adjoint.right.shape[0] - 8, adjoint.right.shape[0]):
         adjoint.right[i] = 0.0
 
@@ -443,12 +332,13 @@ def end_back(terms, system, sums, adjoint, steps, wanted, found, h, k, row):
     follow_ties.call(adjoint.ties, adjoint.rates)
     multiply_mass(adjoint, d, adjoint.rates, adjoint.inertia)
     collect(sums, system, adjoint, steps, found, h, k)
-    put_step(system, steps, k, True)
+    put_step(system, adjoint.border, steps, k, True)
     assemble_step(terms, system, -h)
     shape, y = adjoint.shape, adjoint.forces
     for i in range(shape.shape[0]):
         shape[i] = 0.0
     add_transposed(adjoint.block_row, adjoint.block_column, system.work.blocks, -1.0, adjoint.x, shape, dofs)
+    end_border.call(adjoint.border, system, adjoint.x, shape)
     for i in range(y.shape[0]):
         y[i] = 4.0 / (h * h) * adjoint.inertia[i] - (2.0 / h) * adjoint.rate[i]
         adjoint.rate[i] = 2.0 / h * adjoint.inertia[i] - adjoint.rate[i]
@@ -501,7 +391,7 @@ def go_back(all_terms, whole_system, plan, sums, whole_adjoint, all_steps, all_w
     wanted, found = in_memory(all_wanted), in_memory(all_found)
     for k in range(last - 1, first - 1, -1):
         begin_back(terms, system, adjoint, steps, h, k)
-        if not solve_step(plan, adjoint, system):
+        if not solve_step.call(adjoint.border, plan, terms, adjoint, system):
             return k + 1
         end_back(terms, system, sums, adjoint, steps, wanted, found, h, k, row + k)
     return first
