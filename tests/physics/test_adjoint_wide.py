@@ -152,3 +152,44 @@ def test_a_scene_in_its_plane_and_in_space() -> None:
     e, node = 1e-3, flat._points["tip"][0][0]
     exact = float(SIXTH @ np.array([of(run_damped(True, {"side": k * e}), places, {}) for k in AWAY])) / e
     assert out.forces[node, 1] == pytest.approx(exact, rel=1e-7)
+
+
+def held(EA: float = 1e4, m: float = 0.5, pull: float = 3.0, way: float = 0.0) -> Any:  # noqa: N803
+    """A bead on a beam, a loop of rigid parts with a hinge, a rod that keeps its length."""
+    one = fb.Section(EA=EA, GA2=4e3, GA3=5e3, GJ=4.0, EI2=5.0, EI3=6.0, rhoA=1.0, rhoI2=0.02, rhoI3=0.03)
+    a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=one, elements=4, degree=2)
+    bead = fb.PointMass("bead", mass=m)
+    body = fb.RigidBody("body", mass=0.7, inertia=(0.02, 0.03, 0.04), position=(2, 1.2, 0.3))
+    arm = fb.RigidBody("arm", mass=0.4, inertia=(0.02, 0.03, 0.04), position=(2, 2.0, 0.3))
+    scene = fb.Scene(a, bead, body, arm, fb.Clamp(a.start), fb.Slider("ring", bead, a, at=0.6, rate=1.0),
+                     fb.BallJoint(a.end, body.point((0, -1.2, -0.3))),
+                     fb.RevoluteJoint(body.point((0, 0.4, 0)), arm.point((0, -0.4, 0)), axis=(0, 0.6, 0.8)),
+                     fb.DistanceJoint(fb.GROUND.point((2, 2, 2)), arm.point((0, 0.1, 0)))).add(
+        fb.Load("pull", a.end, force=(0, pull, 0.5 * pull), time=lambda t: 1 + t), fb.Load("way", bead, force=(0, way, 0)))
+    return scene, {"tip": a.end, "body": body.point((0.1, 0, 0)), "bob": bead, "middle": arm}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["auto", "sparse"])
+def test_a_slider_and_joints_with_multipliers(solver: str) -> None:
+    places, rates = weights(3)
+
+    def go(**values: float) -> Any:
+        scene, points = held(**values)
+        return fb.adjoint_run(fb.compile_scene(scene), t_end=STEPS * STEP, step=STEP, points=points)
+
+    run = go()
+    if solver == "sparse":
+        # the same equations as one sparse matrix
+        known = run.model.uneliminated
+        object.__setattr__(run.model, "uneliminated", lambda planar, solver: known(planar=planar))
+    by = run.gradient(points=places, velocities=rates)
+    assert run.outside == 0
+    node = run._points["bob"][0][0]
+    found = {"EA": by.sections["a"].stiffness[0, 0, 0], "m": by.masses["bead"], "way": by.forces[node, 1],
+             "pull": float((1 + run.t[:-1] + 0.5 * STEP) @ by.factors["load 'pull'"]) / 3.0}
+    # velocities of rigid loops have more round-off
+    for name, value in dict(EA=1e4, m=0.5, pull=3.0, way=0.0).items():
+        e = {"m": 0.06, "pull": 0.02}.get(name, 0.01) * (value or 1.0)
+        around = [of(go(**{name: value + k * e}), places, rates) for k in AWAY]
+        assert found[name] == pytest.approx(float(SIXTH @ np.array(around)) / e, rel=1e-7), name

@@ -437,7 +437,7 @@ def calls(folder: Path) -> dict[str, Call]:
                 at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
         "adjoint_run": Call(fb.adjoint_run, dict(model=held(), t_end=2e-3, step=1e-3), dict(
             model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping),
-            max_iterations=is_count, backend=is_text)),
+            max_iterations=is_count, backend=is_text, keep_every=is_count)),
         "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(

@@ -264,6 +264,17 @@ def column_product(contact, k, j, x, dofs):
 
 
 @kernel
+def column_size(contact, k, j, x, dofs):
+    """Sum of the squares of what `column_product` adds up."""
+    n = len(dofs)
+    s = 0.0
+    for m in range(contact.entries[k]):
+        for c in range(n):
+            s += (contact.column[k, 8 * (n * m + c) + j] * x[8 * contact.row[k, m] + c])**2
+    return s
+
+
+@kernel
 def fill_schur(border, system):
     """The complement, its columns of gaps in units of the compliance of what a constraint joins; regularised where constraints
     may be redundant, as theory.md (5.5)."""
@@ -301,9 +312,9 @@ def border_residual(border, terms, adjoint, system):
     for row in range(border.y.shape[0]):
         k = row // size
         j = row - size * k
-        z = column_product(contact, k, j, adjoint.x, dofs)
-        rest = border.right[row] - z
-        whole += z * z + border.right[row] * border.right[row]
+        rest = border.right[row] - column_product(contact, k, j, adjoint.x, dofs)
+        # products may cancel: those of a joint that keeps its length vanish
+        whole += column_size(contact, k, j, adjoint.x, dofs) + border.right[row] * border.right[row]
         for i in range(size):
             rest -= contact.corner[k, 8 * i + j] * border.y[size * k + i]
             whole += (contact.corner[k, 8 * i + j] * border.y[size * k + i])**2
