@@ -16,7 +16,8 @@ TINY = 1e-40
 
 
 class SectionGradient(NamedTuple):
-    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam.
+    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam. The
+    strains of the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
 
     Attributes
     ----------
