@@ -73,7 +73,9 @@ class NaiveAdjoint:
         a, b = self.lower(steps.q[last].reshape(shape), self.of_places[last]), self.of_rates[last].reshape(-1)
         for k in range(last - 1, -1, -1):
             start, end = steps.q[k].reshape(shape), steps.q[k + 1].reshape(shape)
-            factor = np.ones(1) if model.gravity_time is None else mean_factors(model.gravity_time, self.t[k:k + 1], np.full(1, h))
+            factor = np.ones(1)
+            if model.gravity_time is not None:
+                factor = mean_factors(model.gravity_time, self.t[k:k + 1], np.full(1, h))
             factors = load_factors(model, self.t[k:k + 1], np.full(1, h))[0]
             kernels.external_forces(model.loads, factors, self.stepper.work.f_ext)
             right = a + 2.0 / h * self.lower(end, b)

@@ -271,8 +271,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     Parameters
     ----------
     model : Model
-        Beams, nets, bodies and masses with supports, joints, sliders, springs, dampers, bushings, drag, damped sections, loads and
-        gravity.
+        Beams, nets, bodies and masses with supports, joints, sliders, springs, dampers, bushings, drag, damped sections, loads
+        and gravity.
     t_end, step : float
         s; as many steps as fit, the last one ending within round-off of t_end.
     start : State, optional
@@ -294,8 +294,9 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     Raises
     ------
     SceneError
-        Friction, drives, stops and locks of sliders, sleeves, springs, motors and given motions of joints with axes, supports that
-        move or let go and user forces, whose steps have no adjoint here; steps that do not fit into t_end, or into the memory.
+        Friction, drives, stops and locks of sliders, sleeves, springs, motors and given motions of joints with axes, supports
+        that move or let go and user forces, whose steps have no adjoint here; steps that do not fit into t_end, or into the
+        memory.
     ConvergenceError
         A step fails.
     """

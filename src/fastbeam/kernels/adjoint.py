@@ -76,7 +76,7 @@ class Adjoint(NamedTuple):
     block_row: np.ndarray     # int64 [blocks]
     block_column: np.ndarray  # int64 [blocks]
     kept: np.ndarray          # float64 [8 n (blocks + 1)]: the tangent before its factors
-    shape: np.ndarray         # float64 [8 (rows + 1)]: adjoint of shapes
+    shapes: np.ndarray        # float64 [8 (rows + 1)]: adjoint of shapes
     rate: np.ndarray          # float64 [C N]: that of velocities
     x: np.ndarray             # float64 [8 (rows + 1)]: solution of a step
     right: np.ndarray         # float64 [8 (rows + 1)]: its right-hand side
@@ -281,7 +281,7 @@ def begin_back(terms, system, adjoint, steps, h, k):
         y[i] = (2.0 / h) * adjoint.rate[i]
         adjoint.middle[i] = steps.q[k + 1, i]
     pull_ties.call(adjoint.ties, y)
-    copy(adjoint.shape, adjoint.right)
+    copy(adjoint.shapes, adjoint.right)
     lower.call(dofs, system.row_of, adjoint.middle, y, adjoint.right)
     drop_held.each(terms, dofs, adjoint.right)
     begin_border.call(adjoint.border, system)
@@ -334,7 +334,7 @@ def end_back(terms, system, sums, adjoint, steps, wanted, found, h, k, row):
     collect(sums, system, adjoint, steps, found, h, k)
     put_step(system, adjoint.border, steps, k, True)
     assemble_step(terms, system, -h)
-    shape, y = adjoint.shape, adjoint.forces
+    shape, y = adjoint.shapes, adjoint.forces
     for i in range(shape.shape[0]):
         shape[i] = 0.0
     add_transposed(adjoint.block_row, adjoint.block_column, system.work.blocks, -1.0, adjoint.x, shape, dofs)
@@ -357,13 +357,13 @@ def begin_last(terms, system, adjoint, wanted, q, row):
     for i in range(adjoint.rate.shape[0]):
         adjoint.rate[i] = 0.0
         adjoint.forces[i] = 0.0
-    for i in range(adjoint.shape.shape[0]):
-        adjoint.shape[i] = 0.0
+    for i in range(adjoint.shapes.shape[0]):
+        adjoint.shapes[i] = 0.0
     add_weights(wanted, row, 0, 1.0, d, adjoint.forces)
     add_weights(wanted, row, 1, 1.0, d, adjoint.rate)
     pull_ties.call(adjoint.ties, adjoint.forces)
-    lower.call(system.dofs, system.row_of, q, adjoint.forces, adjoint.shape)
-    drop_held.each(terms, system.dofs, adjoint.shape)
+    lower.call(system.dofs, system.row_of, q, adjoint.forces, adjoint.shapes)
+    drop_held.each(terms, system.dofs, adjoint.shapes)
 
 
 @kernel

@@ -41,7 +41,7 @@ class SectionSums(NamedTuple):
     strains: Any           # strain_sets.SimoReissner or GreenLagrange with the law of the run
     tables: ElementTables
     stiffness: np.ndarray  # float64 [G 36 8], in a plane [G 9 8]: by C, not symmetric
-    viscosity: np.ndarray  # float64, as stiffness: by D, where the law has it
+    viscosity: np.ndarray  # float64 [G 36 8], in a plane [G 9 8]: by D, empty where the law has none
     inertia: np.ndarray    # float64 [G 3 8], in a plane [G 2 8]: by rhoA, rhoI2, rhoI3
 
 
