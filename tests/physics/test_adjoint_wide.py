@@ -193,3 +193,28 @@ def test_a_slider_and_joints_with_multipliers(solver: str) -> None:
         e = {"m": 0.06, "pull": 0.02}.get(name, 0.01) * (value or 1.0)
         around = [of(go(**{name: value + k * e}), places, rates) for k in AWAY]
         assert found[name] == pytest.approx(float(SIXTH @ np.array(around)) / e, rel=1e-7), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_loop_of_redundant_hinges(planar: Any) -> None:
+    """Four bars: in space three of the conditions of its hinges follow from others."""
+    def go(m: float = 0.7, F: float = 1.0) -> Any:  # noqa: N803
+        inertia, y = (0.02, 0.03, 0.04), (0, 1, 0)
+        a = fb.RigidBody("a", mass=m, inertia=inertia, position=(0, 0, 0.5))
+        b = fb.RigidBody("b", mass=0.5, inertia=inertia, position=(0.75, 0, 1.1))
+        c = fb.RigidBody("c", mass=0.6, inertia=inertia, position=(1.5, 0, 0.6))
+        scene = fb.Scene(a, b, c, fb.RevoluteJoint(fb.GROUND, a.point((0, 0, -0.5)), axis=y),
+                         fb.RevoluteJoint(a.point((0, 0, 0.5)), b.point((-0.75, 0, -0.1)), axis=y),
+                         fb.RevoluteJoint(b.point((0.75, 0, 0.1)), c.point((0, 0, 0.6)), axis=y),
+                         fb.RevoluteJoint(fb.GROUND, c.point((0, 0, -0.6)), axis=y), fb.Load("push", b, force=(F, 0, 0)),
+                         gravity=(0, 0, -9.81))
+        return fb.adjoint_run(fb.compile_scene(scene, planar=planar), t_end=0.2, step=0.01, points={"b": b, "c": c})
+
+    run, places = go(), {"b": np.array([1, 0, 0.5]), "c": np.array([0, 0, 1.0])}
+    by = run.gradient(points=places)
+    assert run.outside == 0 and (run._stepper.plane is None) == (planar is False)
+    for name, found, value in (("m", by.masses["a"], 0.7), ("F", by.forces[run._points["b"][0][0], 0], 1.0)):
+        e = 0.02 * value
+        around = [sum(x.point(p)[-1] @ w for p, w in places.items()) for x in (go(**{name: value + k * e}) for k in AWAY)]
+        assert found == pytest.approx(float(SIXTH @ np.array(around)) / e, rel=1e-8), name
