@@ -28,7 +28,7 @@ def symbol_of(function: Any, arguments: tuple[Any, ...]) -> str:
 
 
 def _classes(kinds: Iterable[Any]) -> Iterator[str]:
-    """Where the named tuples among types, and among what these hold, are defined: a type has no more than the name of its class."""
+    """Where named tuples among types, and among what these hold, are defined: a type has no more than the name of its class."""
     for kind in kinds:
         of = getattr(kind, "instance_class", None)
         if of is not None:
