@@ -44,8 +44,8 @@ def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any
     given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint),
                                   ("min_step", min_step), ("max_step", max_step)) if x is not None]
     if given:
-        raise SceneError(f"{given[0]}: order=4 with what dissipates extrapolates two runs, and there is no {given[0]} between them; "
-                         "leave it out, or use order=2")
+        raise SceneError(f"{given[0]}: order=4 with what dissipates extrapolates two runs, and there is no {given[0]} between "
+                         "them; leave it out, or use order=2")
 
 
 def between(coarse: Array, fine: Array) -> Array:
@@ -54,7 +54,7 @@ def between(coarse: Array, fine: Array) -> Array:
 
 
 def triads_between(coarse: Array, fine: Array) -> Array:
-    """The same for triads [..., 3, 3], directors in rows: from fine on by a third of the rotation that leads there from coarse."""
+    """The same for triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to it."""
     turn = np.einsum("...ia,...ib->...ab", fine, coarse)
     axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
                            turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
@@ -116,9 +116,9 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     for run in (coarse, fine):
         if run.state is None or run.t[-1] != t_end:
             why = run.events[-1]["text"] if run.events else "it ended early"
-            raise ConvergenceError(f"order=4 with what dissipates extrapolates two runs, and one of them ended at t = {run.t[-1]:g} s: "
-                                   f"{why}; end the run before that, or use order=2", step=int(run.info["steps"]),
-                                   time=float(run.t[-1]), state=run.state)
+            raise ConvergenceError(f"order=4 with what dissipates extrapolates two runs, and one of them ended at t = "
+                                   f"{run.t[-1]:g} s: {why}; end the run before that, or use order=2",
+                                   step=int(run.info["steps"]), time=float(run.t[-1]), state=run.state)
     rows = [np.flatnonzero(np.isin(a.t, b.t)) for a, b in ((coarse, fine), (fine, coarse))]
     shapes = [np.flatnonzero(np.isin(a.t_snap, b.t_snap)) for a, b in ((coarse, fine), (fine, coarse))]
     series = {}
@@ -139,9 +139,9 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     known = {(event["kind"], event["text"]) for event in fine.events}
     events = [*fine.events, *(event for event in coarse.events if (event["kind"], event["text"]) not in known)]
     if not info["difference"] <= NEAR:
-        events.append({"kind": "extrapolation", "time": t_end, "text":
-                       f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size of "
-                       "the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run"})
+        text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size of "
+                "the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
+        events.append({"kind": "extrapolation", "time": t_end, "text": text})
     velocities = None if fine.velocities is None else between(coarse.velocities[shapes[0]], fine.velocities[shapes[1]])
     result = Result(t=fine.t[rows[1]], series=series, model_text=fine.model_text, info=info, names=fine.names,
                     t_snap=fine.t_snap[shapes[1]], phi=between(coarse.phi[shapes[0]], fine.phi[shapes[1]]),

@@ -118,9 +118,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
         raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
                          "follows; use order=2")
     if composed and backward:
-        other = ", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""
-        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in; use "
-                         f"order=2{other}")
+        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in, and "
+                         "what rubs, hits or is locked has kinks in time, over which two runs cannot be extrapolated either; use order=2")
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:

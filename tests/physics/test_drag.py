@@ -96,9 +96,8 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit() -> None:
 
 def test_what_drag_does_not_go_together_with_is_refused() -> None:
     model = in_the_wind(True)
-    for options, says in (({"order": 4}, "backward in time"), ({"method": "midpoint"}, "does not know drag")):
-        with pytest.raises(fb.SceneError, match=says):
-            fb.simulate(model, t_end=0.1, step=0.01, progress=False, **options)
+    with pytest.raises(fb.SceneError, match="does not know drag"):
+        fb.simulate(model, t_end=0.1, step=0.01, progress=False, method="midpoint")
     with pytest.raises(fb.SceneError, match="planar|plane"):
         beam = rope()
         fb.compile_scene(fb.Scene(beam, fb.Drag("air", beam, normal=1.0, air=(0, 1, 0)), fb.Clamp(beam.start),
