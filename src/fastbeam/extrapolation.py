@@ -139,8 +139,8 @@ def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: floa
     known = {(event["kind"], event["text"]) for event in fine.events}
     events = [*fine.events, *(event for event in coarse.events if (event["kind"], event["text"]) not in known)]
     if not info["difference"] <= NEAR:
-        text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size of "
-                "the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
+        text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size "
+                "of the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
         events.append({"kind": "extrapolation", "time": t_end, "text": text})
     velocities = None if fine.velocities is None else between(coarse.velocities[shapes[0]], fine.velocities[shapes[1]])
     result = Result(t=fine.t[rows[1]], series=series, model_text=fine.model_text, info=info, names=fine.names,

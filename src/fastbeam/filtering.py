@@ -1,4 +1,4 @@
-"""Steps that dissipate high frequencies by one number, the spectral radius at infinity (theory.md (4.20))."""
+"""Steps that dissipate high frequencies by one number, the spectral radius at infinity (theory.md (6.2))."""
 from __future__ import annotations
 
 from typing import Any
@@ -22,7 +22,7 @@ TURN = 1e-5
 
 
 def filter_factors(rho_inf: float) -> tuple[float, float, float]:
-    """a, b, kappa of theory.md (4.20)."""
+    """a, b, kappa of theory.md (6.2)."""
     chi = (1.0 - rho_inf) / (1.0 + rho_inf)
     return 4.0 * chi**2 / (3.0 * (1.0 + 3.0 * chi)), chi**2 / 12.0, 2.0 / (1.0 + 3.0 * chi)
 
@@ -35,11 +35,11 @@ def check_filtered(order: int, model: Model, observe: Any) -> None:
     SceneError
     """
     if order != 2:
-        raise SceneError("rho_inf: what is dissipated in a step goes with odd powers of it, so that the order is 2; use order=2, or "
-                         "leave rho_inf out")
+        raise SceneError("rho_inf: what is dissipated in a step goes with odd powers of it, so that the order is 2; use order=2, "
+                         "or leave rho_inf out")
     if model.damped is not None:
-        raise SceneError(f"rho_inf: {model.damped.labels[0]} has damping of its own, which grows with the frequency; leave rho_inf "
-                         "out, or the damping of sections")
+        raise SceneError(f"rho_inf: {model.damped.labels[0]} has damping of its own, which grows with the frequency; leave "
+                         "rho_inf out, or the damping of sections")
     if model.simo is None and model.green is None:
         raise SceneError("rho_inf: the scene has no beams, whose strains it is that are filtered; leave it out")
     if "reaction" in observe:
@@ -65,7 +65,8 @@ def filter_of(model: Model, beams: Beams, factors: tuple[float, float, float], l
     live = tables.rows[meta[:, LIST, None] + np.arange(8)] < model.n_nodes
     n = int(first[-1]) - begin
     return StrainFilter(beams.strains._replace(law=Filtered(2.0 * factors[0] + 4.0 * factors[1])), own, np.array([begin]),
-                        live.astype(float).reshape(-1), np.array(factors), tab[begin:].copy(), *(np.zeros(n) for _ in range(2)), np.zeros(2 * n + 2), np.zeros(n),
+                        live.astype(float).reshape(-1), np.array(factors), tab[begin:].copy(),
+                        np.zeros(n), np.zeros(n), np.zeros(2 * n + 2), np.zeros(n),
                         np.zeros(n), lost)
 
 
@@ -78,8 +79,8 @@ class FilteringStepper(Stepper):
         Energies dissipated since the start and stored in the filters, J.
     """
 
-    def __init__(self, model: Model, weights: Array, state: State | None, max_iterations: int, backend: str, method: Any, t: float,
-                 memory: Array | None, augmentation: float, threads: int | None) -> None:
+    def __init__(self, model: Model, weights: Array, state: State | None, max_iterations: int, backend: str, method: Any,
+                 t: float, memory: Array | None, augmentation: float, threads: int | None) -> None:
         if model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
         self.lost = np.zeros(2)

@@ -77,8 +77,8 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
         All but the first are for comparison: same equations, sliders and solvers, but they conserve less. The last two have
         order 2 only and no step control.
     rho_inf : float in [0, 1]
-        Spectral radius at infinity. Of 'energy_momentum' (default: none, as 1): high frequencies of beams are dissipated, momenta are
-        kept, and what is lost is in `Result.balance` (theory.md (4.20)). Of 'generalized_alpha' (default 0.8).
+        Spectral radius at infinity. Of 'energy_momentum' (default: none, as 1): high frequencies of beams are dissipated, momenta
+        are kept, and what is lost is in `Result.balance` (theory.md (6.2)). Of 'generalized_alpha' (default 0.8).
     start, t_start : State or Checkpoint, float
         Go on from a state (`result.state`) at its time; default: the model's initial state at 0. From a checkpoint
         (`result.checkpoint`, `load_checkpoint`) the run goes on bit for bit; it knows its time. A state that joints, supports or
@@ -219,7 +219,8 @@ class _Run(Encounters):
         self.checkpoint, self.checkpoint_every, self.last_checkpoint = checkpoint, checkpoint_every, time.perf_counter()
         self.info: dict[str, Any] = {
             "scene": model.scene_name, "method": stepper.method.label, "order": order, "step": clock.step, "t_end": t_end,
-            "conserved": conserved(model, observer.lost is not None), "unknowns": stepper.core.own_unknowns, "versions": dict(_versions())}
+            "conserved": conserved(model, observer.lost is not None), "unknowns": stepper.core.own_unknowns,
+            "versions": dict(_versions())}
         at_end = stepper.method.at_end
         if observer.slider:
             self.info["contact_force"] = AT_END if at_end else AT_ROWS

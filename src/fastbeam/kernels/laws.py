@@ -1,5 +1,6 @@
 """How stresses follow strains at a point: elastically, with the viscosity of Kelvin and Voigt (theory.md (2.5)), or with filters
-that dissipate high frequencies (4.20), as types that strain sets carry. In a plane stresses and strains are vectors of three, in space lanes in scratch.
+that dissipate high frequencies (6.2), as types that strain sets carry. In a plane stresses and strains are vectors of three, in
+space lanes in scratch.
 
 Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
@@ -33,7 +34,7 @@ class TangentOfKelvinVoigt(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """S = C (E + more (E_n+1 - E_n)/2), theory.md (4.20); what the filters know before the step is in the reference strains."""
+    """S = C (E + more (E_n+1 - E_n)/2), theory.md (6.2); what the filters know before the step is in the reference strains."""
 
     more: float
 

@@ -1,4 +1,4 @@
-"""Dissipation of high frequencies by two filters of the strains of every point (theory.md (4.20)), as a term: what their stress
+"""Dissipation of high frequencies by two filters of the strains of every point (theory.md (6.2)), as a term: what their stress
 adds to the reference strains of a run, and what filters and energies become after a step.
 
 Arrays: constants [*] and reference [*], addresses of a group's tables and of its reference strains; scratch [*], its numbers in
