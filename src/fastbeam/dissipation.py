@@ -93,8 +93,8 @@ class Dragged:
         return any(time is not None for time in self.times)
 
     def schedule(self, given: Array, terms: tuple[Any, ...], times: Array, steps: Array) -> AirSchedule:
-        """The air in steps from these times on, of these sizes, s; given: float64 [*], the `air` of the tables of the model; terms:
-        those of the run."""
+        """The air in steps from these times on, of these sizes, s; given: float64 [*], the `air` of the tables of the model;
+        terms: those of the run."""
         own = next(term for term in terms if isinstance(term, Drag))
         factors = np.ones((len(times), len(self.times)))
         for k, time in enumerate(self.times):
