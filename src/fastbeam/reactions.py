@@ -16,6 +16,7 @@ from .kernels.work import State
 from .load_times import load_factors
 from .newton import Outcome, Stepper
 from .released import OwnSupports
+from .twisting import with_known_twist
 
 Array = np.ndarray
 
@@ -42,7 +43,7 @@ class Reactions:
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
         of = self.own if static else stepper
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
-        self.terms = tuple(term for term in terms if id(term) not in left_out)
+        self.terms = tuple(term for term in with_known_twist(terms, of.terms) if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
         # joints with multipliers, and which of them every link belongs to
