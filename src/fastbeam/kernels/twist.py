@@ -5,7 +5,7 @@ that stays what it is in the step: h = D_2* . d_3(s) = sin(x - x*), x the angle 
 does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest = h x'_n/2, an increment that leaves it at rest,
 
     it sticks   h = 0 at the end of the step, |mu_23| <= mu r F_n
-    it slips    mu_23 = -sign mu r F_n,   sign that of the velocity at the end of the step, which is that of h there      (5.14)
+    it slips    mu_23 Dh = -sign mu r F_n Dx,   sign that of the velocity at the end of the step, which is that of h      (5.14)
 
 Which of the two holds is decided as for joints (joint_drive.py): anew in every iteration, never putting energy in. F_n is that of
 the last iteration.
@@ -28,13 +28,15 @@ from .slider import begin_passage, motion_along
 from .terms import spread_nodes
 
 # numbers of a sleeve that rubs in `State.history`: angle of the section in it, rad, against d_2, d_3 at t = 0 with h = sin(x);
-# sign of its velocity; 1 where friction holds it since a step before
-TWIST = 3
-ANGLE, SIGN, STICKS = range(TWIST)
+# sign of its velocity; 1 where friction holds it since a step before; the largest moment of friction in the last step, N m
+TWIST = 4
+ANGLE, SIGN, STICKS, MOST = range(TWIST)
 # increment, rad, below which a section that sticks is at rest
 LEFT = 1e-12
 # of the compliance that was found: rows of moments that are known are written in this unit, which is to be the smaller one
 UNIT = 1e-3
+# Dh up to which (x* in the middle of the step) Dx/Dh is taken from its series
+SHORT_WAY = 1e-4
 
 
 class Twist(NamedTuple):
@@ -48,6 +50,7 @@ class Twist(NamedTuple):
     soft: np.ndarray    # float64 [O]: compliance of what a sleeve joins, where the section stuck last
     way: np.ndarray     # float64 [O]: Dh of the last iteration
     most: np.ndarray    # float64 [O]: largest moment of friction in the last iteration, N m
+    before: np.ndarray  # float64 [2 O]: moment and largest moment of the step before where it stuck, N m
     sign: np.ndarray    # int64 [O]: sign of the velocity at the end of the step, as taken in this iteration
     flips: np.ndarray   # int64 [O]: how often an iteration of this step has changed the sign
     judged: np.ndarray  # int64 [O]: how many iterations of this step have asked for the sign
@@ -73,6 +76,15 @@ def most_of_twist(twist, sleeves, term, system, k, o):
 
 
 @kernel
+def angle_per_way(start, end):
+    """Dx/Dh of a step, for h at its start and at its end: friction does the work mu r F_n Dx."""
+    way = end - start
+    if abs(way) < SHORT_WAY or abs(start) >= 1.0 or abs(end) >= 1.0:
+        return 1.0 + way * way / 24.0
+    return (np.arcsin(end) - np.arcsin(start)) / way
+
+
+@kernel
 def section_of(basis, row, dofs, q, nodes, lo, hi, j):
     """d_j + 1 over lo to before hi of `nodes_of` a curve, with the shape functions of a row of basis."""
     out = zero_vector(dofs)
@@ -95,6 +107,10 @@ def begin_rubbing(twist, sleeves, term, system, h):
         twist.sign[o] = int(state.history[twist.place[o] + SIGN])
         twist.flips[o] = 0
         twist.judged[o] = 0
+        twist.soft[o] = 0.0
+        sticks = 1.0 if state.history[twist.place[o] + STICKS] != 0.0 else 0.0
+        twist.before[2 * o] = sticks * state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
+        twist.before[2 * o + 1] = sticks * state.history[twist.place[o] + MOST]
         aim(twist, sleeves, o, twist.start[o])
         rest = 0.5 * h * rate_of_twist(sleeves, term, system, k, o)
         twist.rest[o] = rest if twist.sign[o] != 0 or abs(rest) > LEFT else 0.0
@@ -153,21 +169,23 @@ def rub_section(twist, sleeves, term, system, k, o, nodes, lo, hi):
             contact.residual[c, 2] = end + ahead * twist.soft[o] * state.force[f]
             return 1.0
     else:
-        sign = judge(twist, o, state.force[f], most, end)
+        sign = judge(twist, o, state.force[f] + twist.before[2 * o], most + twist.before[2 * o + 1], end)
         twist.flips[o] += sign != twist.sign[o]
         twist.sign[o] = sign
         if sign == 0:
             contact.residual[c, 2] = end
             return 1.0
-    state.force[f] = -twist.sign[o] * most
+    state.force[f] = -twist.sign[o] * most * angle_per_way(end - twist.way[o], end)
     contact.residual[c, 2] = 0.0
-    contact.corner[c, 18] = UNIT * contact.compliance[c] if contact.compliance[c] > 0.0 else 1.0
+    # the compliance of a step before is not part of the state
+    contact.corner[c, 18] = UNIT * contact.compliance[c] if twist.judged[o] > 1 and contact.compliance[c] > 0.0 else 1.0
     return 0.0
 
 
 @kernel
 def judge(twist, o, moment, most, end):
-    """Sign of the velocity at the end of the step, from the moment of the last iteration and h at the end."""
+    """Sign of the velocity at the end of the step, from the moment of the last iteration and its bound, with those of the step
+    before where it stuck, and h at the end. The mean of two steps decides, as moments alternate from step to step, (4.5)."""
     sign = twist.sign[o]
     if twist.judged[o] == 1:
         return sign
@@ -192,7 +210,8 @@ def twist_takes_energy(twist, sleeves, system):
         if twist.judged[o] < JUDGED:
             settled = False
         moment = system.state.force[system.contact.first_force[sleeves.first[0] + o] + 2]
-        if twist.sign[o] == 0 and abs(moment) > twist.most[o] * (1.0 + 1e-12):
+        bound = (twist.most[o] + twist.before[2 * o + 1]) * (1.0 + 1e-12)
+        if twist.sign[o] == 0 and abs(moment + twist.before[2 * o]) > bound:
             # it slips: the next iteration takes the other branch
             settled = False
         if twist.rest[o] != 0.0 and twist.clock[0] > 0.0:
@@ -231,4 +250,5 @@ def account_rubbing(twist, sleeves, term, system, h):
         state.history[own + ANGLE] = angle
         state.history[own + SIGN] = twist.sign[o]
         state.history[own + STICKS] = 1.0 if twist.sign[o] == 0 else 0.0
+        state.history[own + MOST] = twist.most[o]
         state.history[HISTORY * k + FRICTION_LOSS] -= moment * way
