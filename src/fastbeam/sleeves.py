@@ -59,7 +59,8 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
     arm = np.array([x.friction.coefficient * x.radius if x.radius is not None and x.friction else 0.0 for x in scene.sleeves])
     place = np.full(n, -1, np.int64)
     place[model.twisting] = model.twist_place + TWIST * np.arange(model.twisting.size)
-    return table._replace(twist=Twist(arm, place, table.axes.copy(), *np.zeros((5, n)), np.zeros(2 * n), *np.zeros((3, n), np.int64), np.zeros(1)))
+    work = *np.zeros((5, n)), np.zeros(2 * n), *np.zeros((3, n), np.int64), np.zeros(1)
+    return table._replace(twist=Twist(arm, place, table.axes.copy(), *work))
 
 
 def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:
