@@ -10,7 +10,7 @@ does exactly the work mu_23 Dh, whatever the step. With x* = x_n + rest and rest
 Which of the two holds is decided as for joints (joint_drive.py): anew in every iteration, never putting energy in. F_n is that of
 the last iteration.
 
-Arrays: q, v [12 N].
+Arrays: q, v [12 N]; basis [5, n] as `Contact.basis`.
 """
 from __future__ import annotations
 
