@@ -70,6 +70,7 @@ def test_a_shaft_slows_down_and_rests_where_friction_has_taken_its_energy() -> N
         assert balanced(result)
 
 
+@pytest.mark.slow
 def test_the_law_of_friction_has_order_two() -> None:
     # torque and friction, so that it never stops: (T - M)/J
     def end(step: float) -> float:
@@ -125,6 +126,7 @@ def test_a_run_goes_on_bit_for_bit_and_rows_tell_the_coordinates(tmp_path: Any) 
     assert abs(np.exp(1j * angle) - np.exp(1j * whole.slider("s")["twist"][-1])) < 1e-12
 
 
+@pytest.mark.slow
 def test_supports_take_the_moment_of_friction() -> None:
     result = go(0.01, 1e-3, 2.0, observe=("energy", "slider", "reaction"))
     (name,) = [x for x in result.names["reactions"] if "holder" in x]
@@ -132,13 +134,17 @@ def test_supports_take_the_moment_of_friction() -> None:
     np.testing.assert_allclose(result.reaction(name)["moment"][1:, 0], result.slider("s")["twist_moment"][1:], rtol=2e-6)
 
 
-def test_a_plane_has_no_twist_and_statics_know_no_friction_of_it() -> None:
+def test_statics_know_no_friction_of_a_twist() -> None:
+    with pytest.raises(fb.SceneError, match="sleeve 's': radius"):
+        fb.solve_static(shaft())
+
+
+@pytest.mark.slow
+def test_a_plane_has_no_twist() -> None:
     flat, without = (shaft(planar=True, radius=radius) for radius in (RADIUS, None))
     assert flat.plane is not None
     result, other = (run(model, 0.02, 1e-3) for model in (flat, without))
     assert np.max(np.abs(result.slider("s")["twist"])) == 0.0 and np.array_equal(result.state.q, other.state.q)
-    with pytest.raises(fb.SceneError, match="sleeve 's': radius"):
-        fb.solve_static(shaft())
 
 
 @pytest.mark.slow
