@@ -154,7 +154,7 @@ def test_balance_and_momenta_of_flexible_parts_that_fly(kind: str) -> None:
     result = run(model, 1.0, 5e-3)
     s = result.slider("sleeve")
     assert balanced(result) and result.drift("lin_mom") < 1e-12 and result.drift("ang_mom") < 1e-12
-    assert np.ptp(s["twist"]) > 0.01 and np.all(np.diff(s["friction_loss"]) > -1e-11)
+    assert np.ptp(s["twist"]) > (0.01 if kind == "body" else 1e-4) and np.all(np.diff(s["friction_loss"]) > -1e-11)
     # without friction of the twist less is lost
     less = run(fb.compile_scene(flying(kind, keyed=False, length=0.3, friction=0.1), planar=False), 1.0, 5e-3)
     assert less.slider("sleeve")["friction_loss"][-1] < s["friction_loss"][-1]
