@@ -55,8 +55,9 @@ def with_twist(scene: Scene, model: Model) -> Sleeves | None:
     table = model.sleeves
     if table is None or not model.twisting.size:
         return table
-    n = len(scene.sleeves)
-    arm = np.array([x.friction.coefficient * x.radius if x.radius is not None and x.friction else 0.0 for x in scene.sleeves])
+    every: list[Any] = list(scene.sleeves)
+    n = len(every)
+    arm = np.array([x.friction.coefficient * x.radius if x.radius is not None else 0.0 for x in every])
     place = np.full(n, -1, np.int64)
     place[model.twisting] = model.twist_place + TWIST * np.arange(model.twisting.size)
     work = *np.zeros((5, n)), np.zeros(2 * n), *np.zeros((3, n), np.int64), np.zeros(1)
