@@ -12,6 +12,7 @@ from .arguments import Anything, Count, Flag, Instance, Listing, Name, Number, N
 from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
+from .exact_contact import ExactSolver, Observed
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -38,6 +39,7 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
+CONTACTS = ("mesh", "exact")
 # of `simulate`'s what there is at rest
 RECORDED = ("energy", "spring", "section", "reaction")
 
@@ -65,13 +67,13 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
-         rest_intervals=which_sliders, raise_loads=Flag())
+         rest_intervals=which_sliders, raise_loads=Flag(), contact=Word(CONTACTS))
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
-                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True) -> Result:
+                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contact: str = "mesh") -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -153,7 +155,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
     if model.n_constraints:
-        solver = SlidingSolver(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
+        kind = ExactSolver if contact == "exact" and model.n_sliders else SlidingSolver
+        solver = kind(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
     if model.prescribed is not None and at_time is not None:
@@ -161,7 +164,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
-    observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+    observed = "slider", *(kind for kind in observe if kind in RECORDED)
+    observer = Observer(model, observed, points)
     reactions = StaticReactions(solver) if observer.reactions else None
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                             **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
@@ -170,11 +174,16 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
+        loads = factor * factors if raise_loads else factors
+        shown = solver.state
         if observer.needs_forces:
-            found = reactions.at(factors if not raise_loads else factor * factors) if reactions else ()
+            found = reactions.at(loads) if reactions else ()
             observer.add_forces(row, np.concatenate((solver.state.force, found)), factor)
+        if isinstance(solver, ExactSolver) and solver.found is not None:
+            row |= solver.row(Observed(observed, points or {}), at_time or 0.0, loads, factor)
+            shown = solver.shown
         buffer.append(row, factor)
-        q = solver.state.q.reshape(-1, 4, 3)
+        q = shown.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
 
     def finish() -> Result:
@@ -233,6 +242,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         bar.close()
         if isinstance(solver, SlidingSolver):
             info |= solver.at_rest(asked, factors)
+        if isinstance(solver, ExactSolver):
+            info["force_along"] = solver.forces_along()
         counted_in = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
         counted = solver.signs(factors, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
