@@ -300,9 +300,9 @@ class Element(NamedTuple):
             out = out + factor * h * np.einsum("g,gn,gc->nc", unit.mass_weight[0], unit.mass_phi_values[0], values)
         return out
 
-    def slopes(self) -> tuple[Array, Array]:
-        """Derivatives of strain energy less the work of what acts along it, by the places of both ends, N [2], and by the
-        coordinates of its nodes [p + 1, 4, 3]."""
+    def slopes(self, sides: tuple[int, ...]) -> tuple[Array, Array]:
+        """Derivatives of strain energy less the work of what acts along it, by the places of both ends, N [2], of which those of
+        `sides` count, and by the coordinates of its nodes [p + 1, 4, 3]."""
         beam, q, unit, h = self.beam, self.q, _unit(self.beam.degree), self.ends[1] - self.ends[0]
         dir_s = unit.dir_s[0] / h
         # from the first node: differences of large coordinates are exact
@@ -319,7 +319,7 @@ class Element(NamedTuple):
                   - float(np.sum(by[:, 4:] * k))) / h
         out = np.array([-longer, longer])
         place = q[:, 0]
-        for side in (0, 1):
+        for side in sides:
             for way, share in STENCIL:
                 there = self.moved(side, way * STEP * h)
                 out[side] -= share / (STEP * h) * (float(np.einsum("g,gi,gi->", weight, stress, there.reference()))
@@ -357,15 +357,15 @@ def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array) ->
 def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, element: Element) -> None:
     """ends: contacts at both ends that move, or -1."""
     step = STEP * (element.ends[1] - element.ends[0])
-    slopes = element.slopes()[0]
-    for side, k in enumerate(ends):
-        if k < 0:
-            continue
+    sides = tuple(side for side in (0, 1) if ends[side] >= 0)
+    slopes = element.slopes(sides)[0]
+    for side in sides:
+        k = ends[side]
         sign = cut.places[k].sign
         out.slope[k] += sign * slopes[side]
         bend, force = np.zeros(2), np.zeros_like(element.q)
         for way, share in STENCIL:
-            found = element.moved(side, way * step).slopes()
+            found = element.moved(side, way * step).slopes(sides)
             bend += share / step * found[0]
             force += share / step * found[1]
         out.bend[k, k] += bend[side]
