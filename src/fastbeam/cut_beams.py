@@ -64,23 +64,23 @@ def refuse(scene: Scene) -> None:
         Names the slider and what it would need.
     """
     for slider in scene.sliders:
-        who = f"solve_static: contact='exact': {slider.kind} {slider.name!r}"
+        who = f"solve_static: contacts='exact': {slider.kind} {slider.name!r}"
         if isinstance(slider.point.owner, Knot) or isinstance(slider.beam, Switch):
             raise SceneError(f"{who} belongs to a {'crossing' if isinstance(slider.point.owner, Knot) else 'switch'}, which only "
-                             "contact='mesh' knows; leave contact= out")
+                             "contacts='mesh' knows; leave contacts= out")
         for beam in slider.beams:
             if isinstance(beam, NetBeam):
                 raise SceneError(f"{who} is on {beam.label}, whose elements are equal; make it a Beam of its own, or leave "
                                  "contact= out")
             if beam.interpolation != "lagrange":
                 raise SceneError(f"{who} is on {beam.label} with interpolation 'bspline', whose curve has no kink at a contact; "
-                                 "use interpolation='lagrange', or leave contact= out")
+                                 "use interpolation='lagrange', or leave contacts= out")
             for part in scene.parts:
                 loaded = (isinstance(part, UserForce) and part.at is beam
                           or isinstance(part, DistributedLoad) and part.beam is beam and part.moment is not None)
                 if loaded:
                     raise SceneError(f"{who} is on {beam.label}, along which {part.kind} {part.name!r} acts, whose work by the "
-                                     "place of an element end is not known; put it on nodes, or leave contact= out")
+                                     "place of an element end is not known; put it on nodes, or leave contacts= out")
 
 
 def _kept(scene: Scene, beam: Beam) -> Array:
@@ -328,24 +328,34 @@ class Element(NamedTuple):
 
 
 class Along(NamedTuple):
-    """Of the energy of a scene by the arc lengths of S contacts, coordinates of nodes fixed. NaN where a contact stands on a node
-    that other parts refer to, at an end of its beam, or with another one."""
+    """Of the energy of a scene by the arc lengths of S contacts. NaN where a contact stands on a node that other parts refer to,
+    at an end of its beam, or with another one.
 
-    slope: Array     # float64 [S], N
-    bend: Array      # float64 [S, S], N/m
-    forces: Array    # float64 [S, 12 N]: derivatives of the forces on the coordinates of all nodes
+    Coordinates of nodes that move along with an element end may be those of the points of the beam that they come to: in an
+    equilibrium the energy changes by as much, and the normal force, which is round-off of a stiff beam, has no part in it.
+    """
+
+    slope: Array     # float64 [S], N: nodes come along; without the work of the contact forces on the nodes of the contacts
+    bend: Array      # float64 [S, S], N/m: second derivatives, nodes fixed
+    forces: Array    # float64 [S, 12 N]: derivatives of the forces on the coordinates of all nodes, nodes fixed
+    node: Array      # int64 [S]: of the contacts, -1 where there is no slope
+    way: Array       # float64 [S, 2, 3]: of these nodes by s, position and spin
 
 
 def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array) -> Along:
     """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the ids of the given
     ones."""
     size = len(cut.places)
-    out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)))
+    out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)), np.full(size, -1), np.zeros((size, 2, 3)))
     for i, slots in cut.slots.items():
         beam = cut.new[i]
         first, p = numbers.start(beam), beam.degree
         free = [slot.contacts[0] if len(slot.contacts) == 1 and not slot.stays else -1 for slot in slots]
-        out.slope[[k for k in free if k >= 0]] = 0.0
+        for e, k in enumerate(free):
+            if k >= 0:
+                out.slope[k], out.node[k] = 0.0, first + p * e
+                out.way[k] = cut.places[k].sign * _way(p, [(slots[e].at - slots[e - 1].at, q[out.node[k] - p:][:p + 1]),
+                                                           (slots[e + 1].at - slots[e].at, q[out.node[k]:][:p + 1])])
         for e in range(len(slots) - 1):
             ends = free[e], free[e + 1]
             if max(ends) >= 0:
@@ -354,22 +364,42 @@ def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array) ->
     return out
 
 
+def _slopes_at_nodes(p: int, h: float, q: Array) -> tuple[Array, Array]:
+    """Derivatives by the arc length of positions and spins [p + 1, 3] at the nodes of an element of length h."""
+    unit = _unit(p)
+    slope = np.einsum("an,nic->aic", unit.curve("own").evaluate(unit.node_s)[2], q - q[:1]) / h
+    return slope[:, 0], 0.5 * np.cross(q[:, 1:], slope[:, 1:]).sum(axis=1)
+
+
+def _way(p: int, sides: list[tuple[float, Array]]) -> Array:
+    """The mean of both sides of a node [2, 3], of elements with their lengths and coordinates."""
+    left, right = (_slopes_at_nodes(p, h, q) for h, q in sides)
+    return 0.5 * np.array([a[-1] + b[0] for a, b in zip(left, right)])
+
+
 def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, element: Element) -> None:
     """ends: contacts at both ends that move, or -1."""
-    step = STEP * (element.ends[1] - element.ends[0])
+    h = element.ends[1] - element.ends[0]
+    step, degree = STEP * h, element.beam.degree
     sides = tuple(side for side in (0, 1) if ends[side] >= 0)
-    slopes = element.slopes(sides)[0]
+    slopes, gradient = element.slopes(sides)
+    along = _slopes_at_nodes(degree, h, element.q)
+    force, moment = gradient[:, 0], np.cross(element.q[:, 1:], gradient[:, 1:]).sum(axis=1)
     for side in sides:
         k = ends[side]
         sign = cut.places[k].sign
-        out.slope[k] += sign * slopes[side]
-        bend, force = np.zeros(2), np.zeros_like(element.q)
-        for way, share in STENCIL:
+        # nodes inside come along as far as they move, that of the contact with the mean of its two sides
+        share = np.abs(_unit(degree).node_s - (1.0 - side))
+        share[-side] = 0.0
+        work = float(share @ np.sum(force * along[0] + moment * along[1], axis=1))
+        out.slope[k] += sign * (slopes[side] + work) + float(force[-side] @ out.way[k, 0] + moment[-side] @ out.way[k, 1])
+        bend, change = np.zeros(2), np.zeros_like(element.q)
+        for way, weight in STENCIL:
             found = element.moved(side, way * step).slopes(sides)
-            bend += share / step * found[0]
-            force += share / step * found[1]
+            bend += weight / step * found[0]
+            change += weight / step * found[1]
         out.bend[k, k] += bend[side]
         other = ends[1 - side]
         if other >= 0:
             out.bend[k, other] += sign * cut.places[other].sign * bend[1 - side]
-        out.forces.reshape(len(out.slope), -1, 4, 3)[k, nodes] += sign * force
+        out.forces.reshape(len(out.slope), -1, 4, 3)[k, nodes] += sign * change

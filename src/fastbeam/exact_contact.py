@@ -33,6 +33,8 @@ MOST, LEAST_SHARE = 60, 1e-6
 REACH = 0.1
 # eigenvalues of the second derivatives by the places that are round-off, next to the largest
 FLAT = 1e-9
+# share of the largest contact force that is round-off along a beam
+NOISE = 1e-13
 
 
 class Observed(NamedTuple):
@@ -73,8 +75,8 @@ class ExactSolver(SlidingSolver):
             along = self.along
             for k in np.flatnonzero(along.rubs | np.any(np.isfinite(along.stops), axis=1) & ~along.held).tolist():
                 name, what = model.names["sliders"][k], "friction" if along.rubs[k] else "rigid stops"
-                raise SceneError(f"solve_static: contact='exact': slider {name!r} has {what}, which only contact='mesh' knows; hold "
-                                 f"it where it stands with held=({name!r},), or leave contact= out")
+                raise SceneError(f"solve_static: contacts='exact': slider {name!r} has {what}, which only contacts='mesh' knows; hold "
+                                 f"it where it stands with held=({name!r},), or leave contacts= out")
 
     # --- the equilibrium ----------------------------------------------------------------------------------------------
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
@@ -147,11 +149,11 @@ class ExactSolver(SlidingSolver):
         """Increments of the free s [F], downhill; None where a contact runs off its beam."""
         bend = found.bend if self.along is None else found.bend - np.diag(self.along.known(found.cut.s)[1][free])
         size, axes = np.linalg.eigh(bend)
-        least = max(FLAT * float(np.max(np.abs(size))), 1e-300)
-        # along what changes nothing contacts stay; on a ridge they go down from it
         along = axes.T @ push
-        flat = np.abs(size) <= least
-        way = -axes @ np.where(flat, 0.0, along / np.where(flat, 1.0, np.abs(size)))
+        # where round-off pushes they stay; on a ridge they go down from it
+        force = float(np.max(np.abs(found.solver.state.force), initial=0.0))
+        least = max(FLAT * float(np.max(np.abs(size))), NOISE * force / float(np.max(self.lengths)), 1e-300)
+        way = -axes @ np.where(np.abs(along) <= NOISE * force, 0.0, along / np.maximum(np.abs(size), least))
         s, ends = found.cut.s[free], self.ends[free]
         room = np.where(way > 0.0, ends[:, 1] - s, s - ends[:, 0])
         if np.any((room <= CLOSE * self.lengths[free]) & (np.abs(way) > room)):
@@ -213,6 +215,7 @@ class ExactSolver(SlidingSolver):
         """Slopes at an equilibrium, and what the free contacts' second derivatives need; None where its tangent is singular."""
         model, q = solver.stepper.model, solver.state.q
         along = energy_along(cut, model.numbers, self._acting(cut, factors), q.reshape(-1, 4, 3))
+        self._less_contact_forces(solver, along)
         if not free.size:
             return Found(cut, solver, along.slope, np.zeros((0, 0)), [])
         saddle, right = solver._assembled(np.zeros(self.held.size, bool))
@@ -227,6 +230,17 @@ class ExactSolver(SlidingSolver):
             ahead.append(Increment(x[:n], np.zeros(self.held.size), x[n + self.held.size:]))
         bend = bend + by @ np.array([x.nodes for x in ahead]).T
         return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead)
+
+    def _less_contact_forces(self, solver: SlidingSolver, along: Along) -> None:
+        """Take the work of the contact forces on the nodes of the contacts from the slopes."""
+        contacts, state = solver.contacts, solver.stepper.core_state
+        loads = contacts.loads(contacts.weights(state.s), solver.state.q, state.force).reshape(-1, 8)
+        for k in np.flatnonzero(along.node >= 0):
+            row = loads[solver.core.pattern.row_of[along.node[k]]]
+            way = along.way[k].reshape(-1)
+            if contacts.axes is not None:
+                way = np.concatenate((contacts.axes[:2] @ way[:3], contacts.axes[2:] @ way[3:]))
+            along.slope[k] -= float(row[:way.size] @ way)
 
     def _by_unknowns(self, solver: SlidingSolver, along: Along, free: Array) -> Array:
         """Derivatives of the forces on the unknowns of the rows by the free s, [F, m]."""

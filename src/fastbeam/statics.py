@@ -67,13 +67,13 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
-         rest_intervals=which_sliders, raise_loads=Flag(), contact=Word(CONTACTS))
+         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS))
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
-                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contact: str = "mesh") -> Result:
+                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh") -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -155,7 +155,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
     if model.n_constraints:
-        kind = ExactSolver if contact == "exact" and model.n_sliders else SlidingSolver
+        kind = ExactSolver if contacts == "exact" and model.n_sliders else SlidingSolver
         solver = kind(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
