@@ -6,6 +6,7 @@ that the mesh does not show (theory.md 8.1). Contacts are numbered like the slid
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -45,6 +46,11 @@ class Place(NamedTuple):
     beam: Beam
     at: float
     sign: int
+
+
+def replace_slot(slot: Slot, way: float) -> Slot:
+    """The same end elsewhere."""
+    return slot._replace(at=slot.at + way)
 
 
 def place_of(slider: Any, s: float) -> Place:
@@ -233,6 +239,20 @@ class Cut:
             x = q[new.span(part if beam is None else beam)]
             out[given.span(part)] = x if beam is None else along(beam.basis, part.node_s, x)
 
+    def shifted(self, k: int, way: float) -> Cut:
+        """The same with contact k by a little elsewhere; its nodes, and beams, are these."""
+        out = copy(self)
+        i = id(self.places[k].beam)
+        here = [replace_slot(slot, self.places[k].sign * way) if k in slot.contacts else slot for slot in self.slots[i]]
+        out.slots = {**self.slots, i: here}
+        return out
+
+    def length_at(self, k: int) -> float:
+        """Of the shorter element beside contact k, m."""
+        slots = self.slots[id(self.places[k].beam)]
+        e = next(e for e, slot in enumerate(slots) if k in slot.contacts)
+        return min(abs(slots[e].at - slots[j].at) for j in (e - 1, e + 1) if 0 <= j < len(slots))
+
     def _with_nodes(self) -> list[Any]:
         return [*self.given.beams, *self.given.nets, *self.given.bodies, *self.given.masses]
 
@@ -342,15 +362,16 @@ class Along(NamedTuple):
     way: Array       # float64 [S, 2, 3]: of these nodes by s, position and spin
 
 
-def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array) -> Along:
-    """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the ids of the given
-    ones."""
+def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array, only: int = -1) -> Along:
+    """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the ids of the given ones;
+    only: the one contact of which the slope is asked for, without second derivatives."""
     size = len(cut.places)
     out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)), np.full(size, -1), np.zeros((size, 2, 3)))
     for i, slots in cut.slots.items():
         beam = cut.new[i]
         first, p = numbers.start(beam), beam.degree
         free = [slot.contacts[0] if len(slot.contacts) == 1 and not slot.stays else -1 for slot in slots]
+        free = [k if only in (-1, k) else -1 for k in free]
         for e, k in enumerate(free):
             if k >= 0:
                 out.slope[k], out.node[k] = 0.0, first + p * e
@@ -360,7 +381,7 @@ def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array) ->
             ends = free[e], free[e + 1]
             if max(ends) >= 0:
                 nodes = first + p * e + np.arange(p + 1)
-                _add_element(out, cut, ends, nodes, Element(beam, acting[i], (slots[e].at, slots[e + 1].at), q[nodes]))
+                _add_element(out, cut, ends, nodes, Element(beam, acting[i], (slots[e].at, slots[e + 1].at), q[nodes]), only < 0)
     return out
 
 
@@ -377,8 +398,8 @@ def _way(p: int, sides: list[tuple[float, Array]]) -> Array:
     return 0.5 * np.array([a[-1] + b[0] for a, b in zip(left, right)])
 
 
-def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, element: Element) -> None:
-    """ends: contacts at both ends that move, or -1."""
+def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, element: Element, second: bool) -> None:
+    """ends: contacts at both ends that move, or -1; second: whether with second derivatives."""
     h = element.ends[1] - element.ends[0]
     step, degree = STEP * h, element.beam.degree
     sides = tuple(side for side in (0, 1) if ends[side] >= 0)
@@ -393,6 +414,8 @@ def _add_element(out: Along, cut: Cut, ends: tuple[int, int], nodes: Array, elem
         share[-side] = 0.0
         work = float(share @ np.sum(force * along[0] + moment * along[1], axis=1))
         out.slope[k] += sign * (slopes[side] + work) + float(force[-side] @ out.way[k, 0] + moment[-side] @ out.way[k, 1])
+        if not second:
+            continue
         bend, change = np.zeros(2), np.zeros_like(element.q)
         for way, weight in STENCIL:
             found = element.moved(side, way * step).slopes(sides)

@@ -33,6 +33,8 @@ MOST, LEAST_SHARE = 60, 1e-6
 REACH = 0.1
 # eigenvalues of the second derivatives by the places that are round-off, next to the largest
 FLAT = 1e-9
+# step of differences by the place of a contact, as a share of the shorter element beside it
+BEND_STEP = 5e-5
 # share of the largest contact force that is round-off along a beam
 NOISE = 1e-13
 
@@ -214,7 +216,8 @@ class ExactSolver(SlidingSolver):
     def _looked_at(self, cut: Cut, solver: SlidingSolver, factors: Array, free: Array) -> Found | None:
         """Slopes at an equilibrium, and what the free contacts' second derivatives need; None where its tangent is singular."""
         model, q = solver.stepper.model, solver.state.q
-        along = energy_along(cut, model.numbers, self._acting(cut, factors), q.reshape(-1, 4, 3))
+        acting = self._acting(cut, factors)
+        along = energy_along(cut, model.numbers, acting, q.reshape(-1, 4, 3))
         self._less_contact_forces(solver, along)
         if not free.size:
             return Found(cut, solver, along.slope, np.zeros((0, 0)), [])
@@ -229,7 +232,22 @@ class ExactSolver(SlidingSolver):
                 return None
             ahead.append(Increment(x[:n], np.zeros(self.held.size), x[n + self.held.size:]))
         bend = bend + by @ np.array([x.nodes for x in ahead]).T
+        for i, k in enumerate(free):
+            if along.node[k] >= 0:
+                bend[i, i] = self._bend(cut, solver, acting, int(k), ahead[i])
         return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead)
+
+    def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[int, Acting], k: int, ahead: Increment) -> float:
+        """Derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way that they
+        take, because in the sum of derivatives that of the normal force of a stiff beam is left as round-off."""
+        step, saved, slope = BEND_STEP * cut.length_at(k), solver._saved(), []
+        for way in (step, -step):
+            solver._move(Increment(way * ahead.nodes, ahead.s, way * ahead.force))
+            there = energy_along(cut.shifted(k, way), solver.stepper.model.numbers, acting, solver.state.q.reshape(-1, 4, 3), k)
+            self._less_contact_forces(solver, there)
+            slope.append(float(there.slope[k]))
+            solver._restore(saved)
+        return (slope[0] - slope[1]) / (2.0 * step)
 
     def _less_contact_forces(self, solver: SlidingSolver, along: Along) -> None:
         """Take the work of the contact forces on the nodes of the contacts from the slopes."""
