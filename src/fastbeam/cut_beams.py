@@ -15,7 +15,7 @@ import numpy as np
 
 from .basis import Basis, build_basis
 from .errors import SceneError
-from .scene import Beam, Crossing, DistributedLoad, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Switch, UserForce
+from .scene import Beam, Crossing, DistributedLoad, InitialVelocity, Path, RigidMotion, Scene, Sleeve, Slider, Switch, UserForce
 from .scene.beams import NodeRef
 from .scene.crossings import Knot
 from .scene.nets import NetBeam
@@ -141,6 +141,14 @@ def moved(slots: list[Slot], contacts: dict[int, float]) -> list[Slot] | None:
     return out if np.all(np.diff(now) >= LEAST * np.diff(x)) else None
 
 
+class PointSleeve(Sleeve):
+    """A sleeve that holds the section of the reference at one point, whatever the mesh."""
+
+    @property
+    def section_at_start(self) -> Array:
+        return np.asarray(self.beam.reference(self.at)[1][0])
+
+
 # --- the scene ----------------------------------------------------------------------------------------------------------
 class Cut:
     """A scene whose beams have element ends at contacts.
@@ -219,9 +227,10 @@ class Cut:
                 changed[field.name] = new
         if isinstance(x, Sleeve):
             # friction needs a bore, and none of those that are held slips
-            changed |= {"length": 0.0, "friction": None, "key_radius": None, "point": self._swapped(_on_axis(x))}
-        if "beam" in changed or "curve" in changed or isinstance(x, Sleeve):
-            changed |= {"curve": "own"} if hasattr(x, "curve") else {}
+            changed |= {"length": 0.0, "friction": None, "key_radius": None, "axis": None, "point": self._swapped(_on_axis(x))}
+            return PointSleeve(**{field.name: getattr(x, field.name) for field in fields(x) if field.init} | changed)
+        if isinstance(x, Slider) and changed:
+            changed["curve"] = "own"
         return replace(x, **changed) if changed else x
 
     # --- coordinates --------------------------------------------------------------------------------------------------
