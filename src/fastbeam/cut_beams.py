@@ -1,7 +1,7 @@
-"""Beams whose elements end at contacts: the same scene on another mesh, and the energy of its elements by the places of their ends.
+"""Beams whose elements end at contacts: the same scene on another mesh, and energies of elements by the places of their ends.
 
 At an element end a point force, or moment, is what polynomials in each element beside it can follow exactly: there is nothing
-that the mesh does not show (theory.md 8.1). Contacts are numbered like the sliders of the scene.
+that the mesh does not show (theory.md 8). Contacts are numbered like the sliders of the scene.
 """
 from __future__ import annotations
 
@@ -375,7 +375,8 @@ def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array, on
     """At coordinates q [N, 4, 3] of the nodes of the cut scene. acting: on the beams with contacts, by the ids of the given ones;
     only: the one contact of which the slope is asked for, without second derivatives."""
     size = len(cut.places)
-    out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)), np.full(size, -1), np.zeros((size, 2, 3)))
+    out = Along(np.full(size, np.nan), np.zeros((size, size)), np.zeros((size, q.size)), np.full(size, -1),
+                np.zeros((size, 2, 3)))
     for i, slots in cut.slots.items():
         beam = cut.new[i]
         first, p = numbers.start(beam), beam.degree
@@ -390,7 +391,8 @@ def energy_along(cut: Cut, numbers: Any, acting: dict[int, Acting], q: Array, on
             ends = free[e], free[e + 1]
             if max(ends) >= 0:
                 nodes = first + p * e + np.arange(p + 1)
-                _add_element(out, cut, ends, nodes, Element(beam, acting[i], (slots[e].at, slots[e + 1].at), q[nodes]), only < 0)
+                element = Element(beam, acting[i], (slots[e].at, slots[e + 1].at), q[nodes])
+                _add_element(out, cut, ends, nodes, element, only < 0)
     return out
 
 

@@ -1,4 +1,4 @@
-"""Equilibria whose contacts are element ends: what an element cannot show at a contact is not there (theory.md 8.1).
+"""Equilibria whose contacts are element ends: what an element cannot show at a contact is not there (theory.md 8).
 
 The equilibrium on the mesh as it is comes first. Then the beams are cut at their contacts, with everything held where it is; the
 force along the beam is the derivative of the energy by the place of that element end, and contacts that are free go with Newton's
@@ -77,8 +77,8 @@ class ExactSolver(SlidingSolver):
             along = self.along
             for k in np.flatnonzero(along.rubs | np.any(np.isfinite(along.stops), axis=1) & ~along.held).tolist():
                 name, what = model.names["sliders"][k], "friction" if along.rubs[k] else "rigid stops"
-                raise SceneError(f"solve_static: contacts='exact': slider {name!r} has {what}, which only contacts='mesh' knows; hold "
-                                 f"it where it stands with held=({name!r},), or leave contacts= out")
+                raise SceneError(f"solve_static: contacts='exact': slider {name!r} has {what}, which only contacts='mesh' knows; "
+                                 f"hold it where it stands with held=({name!r},), or leave contacts= out")
 
     # --- the equilibrium ----------------------------------------------------------------------------------------------
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:

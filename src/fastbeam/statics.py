@@ -110,13 +110,19 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     raise_loads : bool
         False: loads and drives act in full from the first step on, and the load factor is how far supports that move, and
         prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
+    contacts : {'mesh', 'exact'}
+        Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
+        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points. Without friction and
+        rigid stops of sliders that are free; on beams with Lagrange elements that are no part of a net.
 
     Returns
     -------
     Result
         With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
-        (`Result.slider`). `info["unstable_directions"]` and `info["free_directions"]` count the negative and the zero eigenvalues
-        of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
+        (`Result.slider`). With `contacts="exact"` the state is that of the given mesh, all sliders held in their exact places,
+        and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that other parts
+        refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the negative and
+        the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
         or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
@@ -128,7 +134,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     Raises
     ------
     SceneError
-        A scene that is not compiled, an argument out of range, something that is held by nothing, a slider that does not exist.
+        A scene that is not compiled, an argument out of range, something that is held by nothing, a slider that does not exist,
+        or is of a kind that contacts='exact' does not know.
     ConvergenceError
         The smallest load step fails, or a slider runs off its beam; carries the last equilibrium and the result until then.
     Interrupted

@@ -25,7 +25,8 @@ def in_sleeves(starts: Array, length: float, places: tuple[float, ...], section:
     """A rod through sleeves 0, 1, ... at `places` along it, its start at `starts`; weights at its tips, a pull at its start."""
     along = np.array((np.cos(tilt), np.sin(tilt), 0.0))
     rod = fb.Beam.straight("rod", starts, starts + length * along, section=section, elements=elements)
-    scene = fb.Scene(rod, fb.Load("left", rod.start, force=(-tail, -tips[0], 0)), fb.Load("right", rod.end, force=(0, -tips[1], 0)))
+    scene = fb.Scene(rod, fb.Load("left", rod.start, force=(-tail, -tips[0], 0)),
+                     fb.Load("right", rod.end, force=(0, -tips[1], 0)))
     for k, place in enumerate(places):
         body = fb.RigidBody(f"holder {k}", mass=1.0, inertia=(1, 1, 1), position=starts + place * along)
         held = fb.Clamp(body)
@@ -52,9 +53,10 @@ def test_the_driving_force_of_a_sleeve_is_the_same_anywhere_in_an_element() -> N
 @pytest.mark.parametrize(("EA", "GA", "length", "moment"), [
     (100.0, 50.0, 0.781766570482762683, 0.762167960491649111), (1e4, 1e4, 0.794141219048179469, 0.774537926766662602)])
 def test_a_pull_on_the_tail_holds_a_bent_rod_in_a_sleeve(EA: float, GA: float, length: float, moment: float) -> None:
-    """Unit weight at the tip, the pull 0.3 on the tail of a rod that stretches and shears: it rests, unstably, where this length is
-    outside (by quadratures, 18 digits); the pull grows by 0.684 per length there."""
-    _, model = in_sleeves(np.array((length - 2.0, 0.0, 0.0)), 2.0, (2.0 - length,), rod_section(EA, GA), 20, tips=(0.0, 1.0), tail=0.3)
+    """Unit weight at the tip, the pull 0.3 on the tail of a rod that stretches and shears: it rests, unstably, where this length
+    is outside (by quadratures, 18 digits); the pull grows by 0.684 per length there."""
+    _, model = in_sleeves(np.array((length - 2.0, 0.0, 0.0)), 2.0, (2.0 - length,), rod_section(EA, GA), 20, tips=(0.0, 1.0),
+                          tail=0.3)
     found = fb.solve_static(model, held=True, contacts="exact")
     off = abs(found.info["force_along"]["sleeve 0"]) / 0.684 / length
     print(f"EA = {EA:g}: length off by {off:.1e}")
@@ -101,10 +103,12 @@ def test_two_sleeves_hold_a_piece_of_the_elastica(angle: float, length: float, m
 
 # --- places of rest -----------------------------------------------------------------------------------------------------
 def arc_model(first: float, at: float = 2.3, **slider: Any) -> fb.Model:
-    """A heavy bead on a soft arc of 6.4 m whose first element is longer or shorter than the others; its lowest point is at 3.2."""
+    """A heavy bead on a soft arc of 6.4 m whose first element is longer or shorter than the others; its lowest point is at
+    3.2 m."""
     length = 6.4
-    wire = fb.Beam.arc("wire", (-4 * np.sin(0.8), 0, -4 * np.cos(0.8)), (np.cos(0.8), 0, -np.sin(0.8)), (np.sin(0.8), 0, np.cos(0.8)),
-                       radius=4.0, angle=1.6, degree=3, elements=[0.0, *np.linspace(first * length / 16, length, 16)],
+    sin, cos = np.sin(0.8), np.cos(0.8)
+    wire = fb.Beam.arc("wire", (-4 * sin, 0, -4 * cos), (cos, 0, -sin), (sin, 0, cos), radius=4.0, angle=1.6, degree=3,
+                       elements=[0.0, *np.linspace(first * length / 16, length, 16)],
                        section=fb.Section(EA=1e4, GA2=5e3, GA3=5e3, GJ=20, EI2=20, EI3=20, rhoA=1, rhoI2=1e-3, rhoI3=1e-3))
     bead = fb.PointMass("bead", mass=2.0)
     scene = fb.Scene(wire, bead, fb.Clamp(wire.start), fb.Clamp(wire.end), fb.Slider("run", bead, wire, at=at, **slider),
@@ -117,14 +121,15 @@ def bead_on_arc(first: float, contacts: str, **slider: Any) -> fb.Result:
 
 
 def test_a_bead_rests_at_the_lowest_point_of_a_soft_arc_on_any_mesh() -> None:
-    off = {contacts: [abs(bead_on_arc(first, contacts).state.s[0] - 3.2) for first in (0.37, 0.6, 0.85)] for contacts in ("mesh", "exact")}
+    off = {contacts: [abs(bead_on_arc(first, contacts).state.s[0] - 3.2) for first in (0.37, 0.6, 0.85)]
+           for contacts in ("mesh", "exact")}
     print("off the lowest point by", {kind: [f"{x:.1e}" for x in of] for kind, of in off.items()})
     assert min(off["mesh"]) > 1e-3 and max(off["exact"]) < 2e-6
 
 
 def test_a_cable_slides_through_a_ring_to_its_exact_place() -> None:
-    """10.4 m of cable between pins 10 m apart under 1 N/m, through a ring 4 m from the first: place, force and energy by shooting,
-    14 digits; sixth order in the mesh."""
+    """10.4 m of cable between pins 10 m apart under 1 N/m, through a ring 4 m from the first: place, force and energy by
+    shooting, 14 digits; sixth order in the mesh."""
     exact = 4.01464735216394, np.array((-1.8223662565596, -7.3986151581613)), 2.97164044176569
     section = fb.Section(EA=1e4, GA2=5e3, GA3=5e3, GJ=20.0, EI2=20.0, EI3=20.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
     errors = []
@@ -197,11 +202,13 @@ def test_in_space_on_paths_and_on_curved_beams_the_force_along_is_the_derivative
         right = fb.Beam.straight("right", end + (2.0, -1.0, 0.5), end, section=section, elements=3)
         way = fb.Path("way", [left, (right, -1)])
         at = left.length + 0.9
-        ring, eye = fb.PointMass("ring", mass=3.0), fb.RigidBody("eye", mass=1, inertia=(1, 1, 1), position=left.reference(1.1)[0][0])
-        scene = fb.Scene(left, right, ring, eye, fb.Clamp(left.start), fb.RigidConnection(left.end, right.end), fb.Pin(right.start),
+        ring = fb.PointMass("ring", mass=3.0)
+        eye = fb.RigidBody("eye", mass=1, inertia=(1, 1, 1), position=left.reference(1.1)[0][0])
+        scene = fb.Scene(left, right, ring, eye, fb.Clamp(left.start), fb.RigidConnection(left.end, right.end),
+                         fb.Pin(right.start), fb.Load("push", left.node(3), force=(1, 2, -5)),
                          fb.Slider("run", ring, on=way, at=at, drive=fb.Drive(position=lambda t: at + shift * t * t)),
                          fb.Sleeve("hold", eye, left, at=1.1, drive=fb.Drive(position=lambda t: 1.1 + 0.5 * shift * t * t)),
-                         fb.Spring(eye, fb.GROUND.point((0, 0, -2)), stiffness=30.0), fb.Load("push", left.node(3), force=(1, 2, -5)),
+                         fb.Spring(eye, fb.GROUND.point((0, 0, -2)), stiffness=30.0),
                          gravity=(0.0, 1.0, -9.81))
         return fb.solve_static(fb.compile_scene(scene), contacts="exact", at_time=1.0)
 

@@ -123,6 +123,7 @@ def test_what_cannot_be_exact_is_refused_by_name() -> None:
         fb.solve_static(model, contacts="exact")
     a = fb.Beam.straight("a", (0, 0, 0), (1, 0, 0), section=SOFT, elements=2)
     b = fb.Beam.straight("b", (0.4, -1, 0), (0.4, 1, 0), section=SOFT, elements=2)
-    scene = fb.Scene(a, b, *(fb.Clamp(x) for beam in (a, b) for x in (beam.start, beam.end)), fb.Crossing("x", a, b, at=(0.4, 1.0)))
+    scene = fb.Scene(a, b, *(fb.Clamp(x) for beam in (a, b) for x in (beam.start, beam.end)),
+                     fb.Crossing("x", a, b, at=(0.4, 1.0)))
     with pytest.raises(fb.SceneError, match="belongs to a crossing, which only contacts='mesh' knows"):
         fb.solve_static(fb.compile_scene(scene), contacts="exact")
