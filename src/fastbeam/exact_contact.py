@@ -72,6 +72,7 @@ class ExactSolver(SlidingSolver):
         assert isinstance(model.uneliminated, Variant)
         self.scene, self.backend, self.at_time = model.uneliminated.scene, backend, at_time
         self.found: Found | None = None
+        self.why_stuck = ""
         refuse(self.scene)
         if self.along is not None:
             along = self.along
@@ -110,7 +111,7 @@ class ExactSolver(SlidingSolver):
         for _ in range(MOST if free.size else 0):
             self.interrupts.serve()
             if found is None or np.isnan(self._push(found, free)).any():
-                return self._no_slope(cut, free), sizes
+                return (NOT_CONVERGED if found is None else self._no_slope(cut, free)), sizes
             push = self._push(found, free)
             way = self._way(found, free, push)
             if way is None:
@@ -136,10 +137,16 @@ class ExactSolver(SlidingSolver):
 
     def _no_slope(self, cut: Cut, free: Array) -> int:
         """A contact came to a node that other parts refer to, to another contact or to an end."""
-        for k in free:
+        names = self.stepper.model.names["sliders"]
+        for k in free.tolist():
             slot = next(x for x in cut.slots[id(cut.places[k].beam)] if k in x.contacts)
             if slot.stays or len(slot.contacts) > 1:
-                self.stuck, self.last_s = int(k), cut.s.copy()
+                self.stuck, self.last_s = k, cut.s.copy()
+                other = [names[j] for j in slot.contacts if j != k]
+                what = f"slider {other[0]!r}" if other else "an end of its beam, or a node that other parts refer to"
+                self.why_stuck = (f"slider {names[k]!r} stands at the same place as {what}, at s = {cut.s[k]:.6g} m, where the "
+                                  f"force along the beam has no exact value of its own. Hold it (held=({names[k]!r},)), or take "
+                                  "contacts='mesh'")
         return SLIDER_END
 
     def _push(self, found: Found, free: Array) -> Array:
@@ -157,11 +164,11 @@ class ExactSolver(SlidingSolver):
         least = max(FLAT * float(np.max(np.abs(size))), NOISE * force / float(np.max(self.lengths)), 1e-300)
         way = -axes @ np.where(np.abs(along) <= NOISE * force, 0.0, along / np.maximum(np.abs(size), least))
         s, ends = found.cut.s[free], self.ends[free]
-        room = np.where(way > 0.0, ends[:, 1] - s, s - ends[:, 0])
-        if np.any((room <= CLOSE * self.lengths[free]) & (np.abs(way) > room)):
-            self.runaway = int(free[np.argmax(np.abs(way) - room)])
+        to_end = np.where(way > 0.0, ends[:, 1] - s, s - ends[:, 0])
+        if np.any((to_end <= CLOSE * self.lengths[free]) & (np.abs(way) > to_end)):
+            self.runaway = int(free[np.argmax(np.abs(way) - to_end)])
             return None
-        most = np.minimum(REACH * self.lengths[free], TO_END * room)
+        most = np.minimum(REACH * self.lengths[free], TO_END * to_end)
         return np.asarray(way * min(1.0, float(np.min(most / np.maximum(np.abs(way), 1e-300)))))
 
     def _moved(self, found: Found, s: Array, way: Array, factors: Array, free: Array) -> Found | None:

@@ -122,7 +122,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         (`Result.slider`). With `contacts="exact"` the state is that of the given mesh, all sliders held in their exact places,
         and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that other parts
         refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the negative and
-        the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
+        the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load
+        was passed, or is met,
         or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
@@ -372,6 +373,8 @@ def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Resul
     if solver.runaway >= 0:
         text = (f"slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it where it is "
                 f"(held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it")
+    elif isinstance(solver, ExactSolver) and solver.why_stuck:
+        text = solver.why_stuck
     else:
         text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: a "
                 "kink of its curve at an element end, where it has no direction to rest on. Let it run on curve='c1', or hold "

@@ -102,7 +102,7 @@ def test_two_sleeves_hold_a_piece_of_the_elastica(angle: float, length: float, m
 
 
 # --- places of rest -----------------------------------------------------------------------------------------------------
-def arc_model(first: float, at: float = 2.3, **slider: Any) -> fb.Model:
+def arc_model(first: float, at: float = 2.3, other: float = 0.0, **slider: Any) -> fb.Model:
     """A heavy bead on a soft arc of 6.4 m whose first element is longer or shorter than the others; its lowest point is at
     3.2 m."""
     length = 6.4
@@ -113,6 +113,9 @@ def arc_model(first: float, at: float = 2.3, **slider: Any) -> fb.Model:
     bead = fb.PointMass("bead", mass=2.0)
     scene = fb.Scene(wire, bead, fb.Clamp(wire.start), fb.Clamp(wire.end), fb.Slider("run", bead, wire, at=at, **slider),
                      gravity=(0, 0, -9.81))
+    if other:
+        second = fb.PointMass("second", mass=2.0)
+        scene.add(second, fb.Slider("two", second, wire, at=other))
     return fb.compile_scene(scene)
 
 
@@ -148,6 +151,14 @@ def test_a_cable_slides_through_a_ring_to_its_exact_place() -> None:
         print(f"{elements} elements: s {errors[-1][0]:.1e} m, force {errors[-1][1]:.1e} N, energy {errors[-1][2]:.1e} J")
     assert np.all(np.array(errors[1]) < (1e-9, 1e-7, 1e-7))
     assert np.all(np.array(errors[0])[1:] > 20.0 * np.array(errors[1])[1:])
+
+
+def test_beads_that_meet_are_refused_and_one_that_is_held_is_passed_by_none() -> None:
+    """Two that are free would rest at the same place; beside one that is held the other rests on its side."""
+    with pytest.raises(fb.ConvergenceError, match="slider '.*' stands at the same place as slider '.*', at s = 3.2 m, where"):
+        fb.solve_static(arc_model(1.0, other=4.4), contacts="exact", load_step=0.5)
+    found = [fb.solve_static(arc_model(first, other=4.4), contacts="exact", load_step=0.5, held="two") for first in (0.6, 1.0)]
+    assert found[0].state.s[0] == pytest.approx(found[1].state.s[0], abs=1e-5) and found[0].state.s[0] > 3.2
 
 
 # --- what else has to fit -----------------------------------------------------------------------------------------------
