@@ -16,7 +16,8 @@ import fastbeam as fb
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path += [str(ROOT / "examples" / "study"), str(ROOT / "tests"), str(ROOT / "tests" / "physics")]
-RUNS = (("mass_on_cable", 0.5, 2.5e-3), ("mass_on_cantilever", 2.0, 1e-2), ("body_on_beam", 1.0, 5e-3), ("beam_on_beam", 1.0, 5e-3))
+RUNS = (("mass_on_cable", 0.5, 2.5e-3), ("mass_on_cantilever", 2.0, 1e-2), ("body_on_beam", 1.0, 5e-3),
+        ("beam_on_beam", 1.0, 5e-3))
 
 
 def ends_at(name: str, elements: int, curve: str, t_end: float, step: float) -> tuple[np.ndarray, np.ndarray]:
