@@ -161,6 +161,27 @@ def test_beads_that_meet_are_refused_and_one_that_is_held_is_passed_by_none() ->
     assert found[0].state.s[0] == pytest.approx(found[1].state.s[0], abs=1e-5) and found[0].state.s[0] > 3.2
 
 
+@pytest.mark.slow
+def test_a_sleeve_slides_to_the_same_place_of_a_curved_beam_in_space_on_any_mesh() -> None:
+    """A heavy holder with a load to the side, whose sleeve lets it slide, on an arc that bends and twists."""
+    section = fb.Section(EA=2e3, GA2=1e3, GA3=1.2e3, GJ=80.0, EI2=100.0, EI3=120.0, rhoA=1.0, rhoI2=0.02, rhoI3=0.03)
+
+    def place(elements: int, contacts: str) -> float:
+        arc = fb.Beam.arc("arc", (-2, 0, 0), (0.6, 0, -0.8), (0.8, 0, 0.6), radius=2.5, angle=1.6, section=section,
+                          elements=elements)
+        body = fb.RigidBody("holder", mass=5, inertia=(1, 1, 1), position=arc.reference(1.55)[0][0])
+        scene = fb.Scene(arc, body, fb.Clamp(arc.start), fb.Clamp(arc.end), fb.Sleeve("run", body, arc, at=1.55),
+                         fb.Load("side", body, force=(0, 8, 0)), gravity=(0, 0, -9.81))
+        found = fb.solve_static(fb.compile_scene(scene), contacts=contacts)
+        assert found.info["unstable_directions"] == 0
+        return float(found.state.s[0])
+
+    exact = place(16, "exact")
+    off = {contacts: [abs(place(n, contacts) - exact) for n in (4, 8)] for contacts in ("mesh", "exact")}
+    print(f"off by {off}")
+    assert min(off["mesh"]) > 1e-3 and off["exact"][0] < 5e-6 and off["exact"][1] < 3e-7
+
+
 # --- what else has to fit -----------------------------------------------------------------------------------------------
 def test_the_force_along_is_the_derivative_of_the_energy() -> None:
     """Also with weight and loads along the beam and two contacts in one element, of which one is free."""
