@@ -16,10 +16,11 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS
+from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
 from .resultants import Sections
 from .sections_held import Section, sections
+from .twisting import angles, push_of_twist
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
@@ -42,6 +43,8 @@ class Observer:
     kinds : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
         Positions to record, velocities and section forces where these are asked for.
+    lost : float64 [2], optional
+        Energies that filters of strains have dissipated and store, J, as the stepper keeps them.
 
     Raises
     ------
@@ -49,8 +52,9 @@ class Observer:
         An unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
-        self.model = model
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None,
+                 lost: Array | None = None) -> None:
+        self.model, self.lost = model, lost
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
@@ -70,11 +74,12 @@ class Observer:
         self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
         # whether rows hold forces of joints that are unknowns
         self.held = self.joint and model.motions.holds.held.size > 0
-        self.balance = self.energy and model.balances
+        self.balance = self.energy and (model.balances or lost is not None)
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
         self._directions: list[Section] = []
+        self._angles = np.zeros(0)
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -87,6 +92,7 @@ class Observer:
             out |= {"center": (3,), "inner_energy": (), "inner_spin": (3,)}
         if self.moments:
             out["contact_moment"] = (self.model.n_sliders, 3)
+            out |= dict.fromkeys(TWISTING, (self.model.n_sliders,)) if self.model.twisting.size else {}
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
@@ -96,6 +102,8 @@ class Observer:
             out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
         if self.energy:
             out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
+        if self.energy and self.lost is not None:
+            out["filter_loss"] = (2,)
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.model.motions is not None:
@@ -153,6 +161,10 @@ class Observer:
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
             self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
+            if model.twisting.size:
+                self._angles = angles(model, state.history)
+                out["twist"] = np.zeros(model.n_sliders)
+                out["twist"][model.sleeve_pairs[:, 0]] = self._angles
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
@@ -210,6 +222,10 @@ class Observer:
             stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
             sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
         stored += float(np.sum(lost)) - float(np.sum(put_in))
+        if self.lost is not None:
+            out["filter_loss"] = self.lost.copy()
+            stored += float(np.sum(self.lost))
+            sizes.append(float(np.sum(np.abs(self.lost))))
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
             sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
@@ -244,6 +260,13 @@ class Observer:
                 row["contact_moment"][k] = section.moment(mu)
                 push[k] = section.values(1) @ mu[:section.pairs]
                 edges[k] = bore @ (np.hypot(mu[0], mu[1]), abs(mu[2]))
+            if self.model.twisting.size:
+                row["twist_moment"] = np.zeros(s)
+            for o in self.model.twisting.tolist():
+                k, section = self.model.sleeve_pairs[o, 0], self._directions[o]
+                row["twist_moment"][k] = -own[o, 2]
+                row["contact_moment"][k] += own[o, 2] * section.axes[0]
+                push[k] += own[o, 2] * push_of_twist(section, self._angles[o])
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,
@@ -331,13 +354,13 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
     return float(total)
 
 
-def conserved(model: Model) -> list[str]:
+def conserved(model: Model, filtered: bool = False) -> list[str]:
     """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
     out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
-    if model.balances:
+    if model.balances or filtered:
         out.append("balance")
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
-    if not (model.accounts_loads or model.losses or model.works or exchanging):
+    if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
     if not len(model.loads) and not held and model.drag is None:
