@@ -14,7 +14,7 @@ _WHERE = {
               "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef",
               "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
               "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
-              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce"],
+              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce", "Winch"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
         Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,
         Stops as Stops, Switch as Switch, UniversalJoint as UniversalJoint, UserForce as UserForce,
+        Winch as Winch,
     )
     from .errors import (
         BackendError as BackendError, ConvergenceError as ConvergenceError, Interrupted as Interrupted,

@@ -15,6 +15,7 @@ from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.user_force import UserForces
+from .kernels.winch import Winches
 from .kernels.work import State, Work
 from .model import Model
 
@@ -70,7 +71,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
-    links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
+    links = [x._replace(work=law_work) if isinstance(x, (UserForces, Winches)) else x for x in model.links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

@@ -197,6 +197,11 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
         tangents = [slopes @ nodes.phi[number] for number, _, slopes, _ in sides]
         rates = np.linalg.lstsq(np.stack((tangents[0], -tangents[1]), axis=1), moving[1] - moving[0], rcond=None)[0]
         v[sides[0][3]] = 0.5 * (moving[0] + moving[1] + rates[0] * tangents[0] + rates[1] * tangents[1])
+    for winch in scene.winches:
+        # points of a rope move as its ends do
+        ends = v[[nodes.number(winch.drum), nodes.number(winch.load)]]
+        share = (np.arange(1, winch.segments) / winch.segments)[:, None]
+        v[[nodes.start(point) for point in winch.points]] = (1.0 - share) * ends[0] + share * ends[1]
 
 
 def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:

@@ -27,6 +27,7 @@ from .scene.joints import AxisJoint
 from .scene.links import Link, label_of
 from .spring_laws import spring_laws
 from .user_forces import Loaded
+from .winches import Ropes
 
 Array = np.ndarray
 
@@ -212,7 +213,7 @@ class Links:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
-        self.loaded = Loaded(scene, nodes)
+        self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
         self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
@@ -261,13 +262,13 @@ class Links:
     @property
     def touched(self) -> Array:
         """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
-        return np.unique(np.concatenate([self.loaded.node, *(group.node.reshape(-1) for group in self.groups)]))
+        return np.unique(np.concatenate([self.loaded.node, self.ropes.node.reshape(-1), *(group.node.reshape(-1) for group in self.groups)]))
 
     @property
     def pairs(self) -> Array:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self.nodes)
-        out = [np.zeros(0, np.int64)]
+        out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
         for group in self.groups:
             if group.entry.couples:
                 a, b = self._root[group.node].T
@@ -311,6 +312,8 @@ class Links:
         if self.loaded.forces:
             q = np.concatenate((self.nodes.phi[:, None], self.nodes.directors), axis=1)
             out.append(self.loaded.table(row_of, blocks, q, loads_at))
+        if self.ropes.winches:
+            out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
 
 

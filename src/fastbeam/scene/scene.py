@@ -31,14 +31,16 @@ from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
+from fastbeam.scene.winch import Winch
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
+                           Winch)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -120,7 +122,7 @@ class Scene(notebook.Parts):
         """
         for part in parts:
             self.parts.append(part)
-            self.parts.extend(part.members if isinstance(part, Crossing) else ())
+            self.parts.extend(part.members if isinstance(part, (Crossing, Winch)) else ())
         return self
 
     # --- parts by kind ------------------------------------------------------------------------------------------------
@@ -196,6 +198,11 @@ class Scene(notebook.Parts):
     def user_forces(self) -> list[UserForce]:
         """All forces by functions of the user's own."""
         return self._of(UserForce)
+
+    @property
+    def winches(self) -> list[Winch]:
+        """All winches."""
+        return self._of(Winch)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -375,8 +382,8 @@ class Scene(notebook.Parts):
             if id(part) in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(id(part))
-            if isinstance(part, Crossing):
-                # its point has its name
+            if isinstance(part, (Crossing, Winch)):
+                # its point, or its drive, has its name
                 continue
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
@@ -473,7 +480,8 @@ class Scene(notebook.Parts):
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce,
+                     Winch)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
