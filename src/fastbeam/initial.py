@@ -56,6 +56,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             if not scene.project_velocities:
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
+            if scene.winches:
+                raise SceneError(f"{text}: project_velocities does not know winches; give velocities that agree")
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))

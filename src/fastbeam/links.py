@@ -262,7 +262,8 @@ class Links:
     @property
     def touched(self) -> Array:
         """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
-        return np.unique(np.concatenate([self.loaded.node, self.ropes.node.reshape(-1), *(group.node.reshape(-1) for group in self.groups)]))
+        own = self.loaded.node, self.ropes.node.reshape(-1)
+        return np.unique(np.concatenate([*own, *(group.node.reshape(-1) for group in self.groups)]))
 
     @property
     def pairs(self) -> Array:

@@ -12,6 +12,7 @@ from .kernels.work import State
 from .mapping import nodes_of_curve, within_round
 from .model import Model
 from .multipliers import gap_matrix
+from .winches import refuse_winches
 from .workspace import contact_of
 
 Array = np.ndarray
@@ -84,6 +85,8 @@ def free_unknowns(model: Model, state: State | None = None) -> Array:
 def mass_map(model: Model) -> Any:
     """Mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]."""
     from scipy import sparse
+    # the inertia of a rope couples its nodes with its length
+    refuse_winches("what works with the masses of nodes (modes, responses, blows, mend_start)", model)
     n = model.n_nodes
     # [4 N, 4 N] over (phi, d1, d2, d3) of the nodes, the same in all three directions
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]

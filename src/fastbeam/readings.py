@@ -39,7 +39,8 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "point_velocity": "record it with simulate(..., observe=('velocity', ...), points={'tip': beam.end})",
          "section_force": "record it with simulate(..., observe=('section', ...), points={'root': (beam, 0.0)})",
          "reaction": "record it with simulate(..., observe=('reaction', ...))",
-         **dict.fromkeys(("spring_length", "bushing_energy", "winch_length"), "record it with simulate(..., observe=('spring', ...))"),
+         **dict.fromkeys(("spring_length", "bushing_energy", "winch_length"),
+                         "record it with simulate(..., observe=('spring', ...))"),
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 NAMED = Word()
 SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", "M3")))
@@ -105,8 +106,8 @@ class Readings:
 
     @checked(name=NAMED)
     def winch(self, name: str) -> dict[str, np.ndarray]:
-        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), and the tension at the drum and at the load, both
-        (N). Needs `observe=("spring", ...)`.
+        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the drum and at the load (N).
+        Needs `observe=("spring", ...)`.
 
         Raises
         ------

@@ -86,53 +86,36 @@ def free_length(rope, k, q):
 
 @kernel
 def mean_stretch(e0, e1):
-    """Mean of max(e, 0) from e0 to e1, and its derivatives by e0 and e1."""
+    """Mean of max(e, 0) from e0 to e1, and its derivative by e1."""
     if e0 >= 0.0 and e1 >= 0.0:
-        return 0.5 * (e0 + e1), 0.5, 0.5
+        return 0.5 * (e0 + e1), 0.5
     if e0 <= 0.0 and e1 <= 0.0:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0
     way = abs(e1 - e0)
     e = max(e0, e1)
     mean = 0.5 * e * e / way
-    up, down = e / way - mean / way, mean / way
-    return (mean, up, down) if e0 > e1 else (mean, down, up)
-
-
-@kernel
-def slope_of_rest(l, a, b):
-    """Divided difference of max(l - y, 0)^2/y from y = a to b, and its derivatives by l and b."""
-    if l > a and l > b:
-        return 1.0 - l * l / (a * b), -2.0 * l / (a * b), l * l / (a * b * b)
-    if l <= a and l <= b:
-        return 0.0, 0.0, 0.0
-    way = abs(b - a)
-    short = min(a, b)
-    y = l - short
-    value = -y * y / (short * way)
-    slope = -2.0 * y / (short * way)
-    if b > a:
-        return value, slope, y * y / (short * way * way)
-    return value, slope, -slope + y * y / (short * short * way) - y * y / (short * way * way)
+    return mean, mean / way if e0 > e1 else (e - mean) / way
 
 
 @kernel
 def pull_of(rope, k, step):
-    """Discrete gradient of EA (l - y)^2/(2 y), y = L/N, where l > y, symmetric in both."""
-    n = rope.segments[k]
-    half = 0.5 * rope.stiffness[k]
+    """Discrete gradient of EA max(e, 0)^2/(2 y) in e = l - y and y = L/N: on the length l it is the mean of the force over the
+    elongations of the step, however far l and y have gone together."""
+    n, ea = rope.segments[k], rope.stiffness[k]
     a, b = dot(step.r0, step.r0)**0.5, dot(step.r1, step.r1)**0.5
     y0, y1 = step.l0 / n, step.l1 / n
-    f0, _, f0_end = mean_stretch(a - y0, b - y0)
-    f1, f1_start, f1_end = mean_stretch(a - y1, b - y1)
+    e0, e1 = a - y0, b - y1
+    mean, slope = mean_stretch(e0, e1)
     both = a + b
-    tension = half * (f0 / y0 + f1 / y1)
+    inverse = 0.5 * ea * (1.0 / y0 + 1.0 / y1)
+    product = ea / (y0 * y1)
+    tension, by_end = inverse * mean, inverse * slope
+    by_rest = -0.5 * ea * mean / (y1 * y1) - by_end
+    e0, e1 = max(e0, 0.0), max(e1, 0.0)
+    stored = 0.25 * product * (e0 * e0 + e1 * e1)
     share = 2.0 * tension / both
-    lead = (2.0 * half * (f0_end / y0 + f1_end / y1) - share) / (both * b)
-    by_rest = -half * ((f1_start + f1_end) / y1 + f1 / (y1 * y1))
-    g0, _, g0_rest = slope_of_rest(a, y0, y1)
-    g1, g1_lead, g1_rest = slope_of_rest(b, y0, y1)
-    return Pull(share, lead, 2.0 * by_rest / (both * n), 0.5 * half * (g0 + g1) / n, 0.5 * half * g1_lead / (n * b),
-                0.5 * half * (g0_rest + g1_rest) / (n * n))
+    return Pull(share, (2.0 * by_end - share) / (both * b), 2.0 * by_rest / (both * n), -(tension + stored) / n,
+                -(by_end + 0.5 * product * e1) / (n * b), (0.5 * product * e1 + stored / y1 - by_rest) / (n * n))
 
 
 @kernel
@@ -304,7 +287,7 @@ def add_momentum(p, x, out):
 
 @kernel
 def motion_of_ropes(rope, q, v, out):
-    """Add kinetic energy and momenta as `observe.motion` puts them; out[0]: energy, [1:4], [4:7] momenta, [7], [8] their sizes."""
+    """Add kinetic energy and momenta to out, as `observe.motion` puts them."""
     for k in range(rope.below.shape[0]):
         a, b, drum = 12 * rope.node[k, 0], 12 * rope.node[k, 1], 12 * rope.node[k, 2]
         length = free_length(rope, k, q)

@@ -53,8 +53,9 @@ class Coil(RopePoint):
 
 
 @checked(name=Name(), drum=Node(fixed=True), load=Node(fixed=True), stiffness=Number(above=0.0, unit="N"),
-         mass_per_length=Number(above=0.0, unit="kg/m"), length=LENGTH, length_at=OfTime("m"), tension=OfTime("N", or_number=True),
-         total=LENGTH, inertia=Number(least=0.0, unit="kg"), segments=Count(1, MOST_SEGMENTS))
+         mass_per_length=Number(above=0.0, unit="kg/m"), length=LENGTH, length_at=OfTime("m"),
+         tension=OfTime("N", or_number=True), total=LENGTH, inertia=Number(least=0.0, unit="kg"),
+         segments=Count(1, MOST_SEGMENTS))
 @dataclass(frozen=True, eq=False)
 class Winch:
     """A rope between a drum and a load, of which the drum pays out or reels in some: cranes, hoists, tethers (theory.md 4).
