@@ -10,6 +10,7 @@ from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
+from .kernels.line_force import LineForces
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GreenLagrange, SimoReissner
@@ -71,7 +72,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
-    links = [x._replace(work=law_work) if isinstance(x, (UserForces, Winches)) else x for x in model.links]
+    links = [x._replace(work=law_work) if isinstance(x, (UserForces, LineForces, Winches)) else x for x in model.links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

@@ -43,7 +43,7 @@ from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .prescribed import released_of
 from .report import describe
-from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring, Switch
+from .scene import Beam, Bushing, Damper, LineForce, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
 from .scene.winch import Coil
 from .sleeves import sleeves_of
@@ -190,7 +190,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
-        user_forces=tuple(force.name for force in laws),
+        user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce)[0])),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
     model = with_drag(model, blocks.diagonal)
     if scene.knots:

@@ -22,11 +22,11 @@ from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
 from .kernels.terms import assemble
 from .numbering import NodeList
-from .scene import BallJoint, Bushing, Damper, DistanceJoint, Scene, Spring
+from .scene import BallJoint, Bushing, Damper, DistanceJoint, LineForce, Scene, Spring
 from .scene.joints import AxisJoint
 from .scene.links import Link, label_of
 from .spring_laws import spring_laws
-from .user_forces import Loaded
+from .user_forces import Loaded, line_forces
 from .winches import Ropes
 
 Array = np.ndarray
@@ -137,6 +137,7 @@ REGISTRY = [
     Entry(Spring, _springs, takes=lambda x: type(x) is Spring and not x.has_law),
     Entry(Damper, spring_laws, takes=lambda x: type(x) in (Spring, Damper) and x.has_law),
     Entry(Bushing, bushings),
+    Entry(LineForce, line_forces),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
     Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
     Entry(AxisJoint, joint_conditions),
@@ -290,7 +291,7 @@ class Links:
     @property
     def losses(self) -> tuple[str, ...]:
         """What takes energy away, springs, dampers and bushings, for the balance."""
-        return tuple(f"damping of {label_of(part)}" for group in self.groups for part in group.parts
+        return tuple(f"{getattr(part, 'takes', 'damping of')} {label_of(part)}" for group in self.groups for part in group.parts
                      if getattr(part, "is_damped", False))
 
     def of(self, *nouns: type) -> tuple[list[Any], Array]:

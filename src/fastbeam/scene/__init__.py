@@ -9,6 +9,7 @@ from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import GROUND
 from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint, RevoluteJoint, UniversalJoint
+from fastbeam.scene.line_force import LineForce
 from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
@@ -29,8 +30,8 @@ from fastbeam.scene.winch import Winch
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net",
-    "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint",
-    "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
-    "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
+    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "LineForce", "Load",
+    "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
+    "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",
+    "Sleeve", "Slider", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
 ]
