@@ -191,11 +191,21 @@ def compiled_law(function: Callable[..., float]) -> Any:
     return numba.cfunc("float64(float64, float64, float64)")(function)
 
 
-def compiled_force(law: Callable[..., None], n: int) -> tuple[Any, Any]:
-    """A law of a user force with n parameters as machine code that kernels call by its `.address`, and for Python; the code lives
-    as long as these objects."""
+def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
+    """A law of a user force with n parameters, times a function of time, as machine code that kernels call by its `.address`, and
+    for Python; the code lives as long as these objects."""
     from numba import carray, types
     inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
+    if time is not None:
+        steady, factor = inner, numba.njit(error_model="numpy")(time)
+
+        @numba.njit(error_model="numpy")
+        def inner(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+            steady(t, x, directors, velocity, spin, parameters, force, moment)
+            share = factor(t)
+            for i in range(3):
+                force[i] *= share
+                moment[i] *= share
 
     @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:

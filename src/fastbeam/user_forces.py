@@ -107,7 +107,8 @@ def compiled_law(force: UserForce | LineForce) -> tuple[int, Any]:
     """
     try:
         make = _tension if isinstance(force, LineForce) else _compiled
-        compiled = make(force.law, force.parameters.size)
+        timed = (force.time,) if getattr(force, "time", None) is not None else ()
+        compiled = make(force.law, force.parameters.size, *timed)
     except Exception as failed:
         text = " ".join(str(failed).split())[:300]
         raise SceneError(f"{force.kind} {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
@@ -120,17 +121,18 @@ _compiled, _tension = cache(compiled_force), cache(compiled_tension)
 
 def try_law(force: UserForce, compiled: Any, q: Array) -> None:
     """Call a law once in Python and once compiled, at the start."""
-    who = f"user force {force.name!r}"
+    who = f"{force.kind} {force.name!r}"
+    factor = 1.0 if getattr(force, "time", None) is None else float(force.time(0.0))
     given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), np.array(force.parameters)
     found = []
-    for function in (force.law, compiled):
+    for function, share in ((force.law, factor), (compiled, 1.0)):
         out = np.zeros(3), np.zeros(3)
         try:
             with np.errstate(all="ignore"):
                 function(*given, *out)
         except Exception as failed:
             raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
-        found.append(np.concatenate(out))
+        found.append(share * np.concatenate(out))
     _agree(who, found, "force and moment")
 
 

@@ -17,6 +17,7 @@ from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
+from fastbeam.scene.follower import as_force
 from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
@@ -186,18 +187,19 @@ class Scene(notebook.Parts):
 
     @property
     def loads(self) -> list[Load]:
-        """All loads on nodes."""
-        return self._of(Load)
+        """All loads on nodes that keep their direction."""
+        return [load for load in self._of(Load) if not load.follower]
 
     @property
     def distributed(self) -> list[DistributedLoad]:
-        """All loads along beams."""
-        return self._of(DistributedLoad)
+        """All loads along beams that keep their direction."""
+        return [load for load in self._of(DistributedLoad) if not load.follower]
 
     @property
     def user_forces(self) -> list[UserForce]:
-        """All forces by functions of the user's own."""
-        return self._of(UserForce)
+        """All forces by functions of the user's own, and loads that turn with what they act on."""
+        turning = [as_force(load) for load in [*self._of(Load), *self._of(DistributedLoad)] if load.follower]
+        return self._of(UserForce) + turning
 
     @property
     def winches(self) -> list[Winch]:
