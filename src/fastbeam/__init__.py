@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
               "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load", "Lock", "Net",
               "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
               "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
@@ -41,7 +41,8 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
-        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Crossing as Crossing,
+        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Controller as Controller,
+        Crossing as Crossing,
         CylindricalJoint as CylindricalJoint,
         Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
         Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, LineForce as LineForce, Load as Load,

@@ -111,6 +111,7 @@ class Model:
         of both hold the same numbers of the steps before.
     user_forces, needs_forward_steps : tuple of str
         Names of the forces that follow laws of the user's own, and of those among them that dissipate.
+    controllers : tuple of Controller
     find_holding : callable that makes `holding` when it is first asked for
     """
 
@@ -174,6 +175,7 @@ class Model:
     accounts_loads: bool = False
     user_forces: tuple[str, ...] = ()
     needs_forward_steps: tuple[str, ...] = ()
+    controllers: tuple[Any, ...] = ()
     find_holding: Callable[[], Holding] | None = None
 
     @cached_property
@@ -330,6 +332,7 @@ class Model:
         if self.prescribed is not None:
             parts += [self.prescribed.own]
         parts += [] if self.released is None else self.released.arrays
+        parts += [np.array([one.period, one.start, *one.memory]) for one in self.controllers]
         if self.motions is not None:
             holds = self.motions.holds
             parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
@@ -361,6 +364,8 @@ class Model:
         history = np.zeros(self.history_size)
         if self.slider_forces is not None:
             history[:self.work_place] = self.slider_forces.initial_history
+        if self.controllers:
+            history[self.controller_place:] = np.concatenate([[one.start, 0.0, *one.memory] for one in self.controllers])
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def limits_at(self, s: Array) -> Array:
@@ -385,7 +390,12 @@ class Model:
 
     @property
     def history_size(self) -> int:
-        """Numbers that terms remember of the steps before."""
+        """Numbers that terms remember of the steps before, and controllers of their times."""
+        return self.controller_place + sum(one.size for one in self.controllers)
+
+    @property
+    def controller_place(self) -> int:
+        """Where the numbers of controllers begin."""
         return self.motion_place + (0 if self.motions is None else self.motions.size)
 
     @property

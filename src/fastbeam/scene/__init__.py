@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bushing import Bushing
+from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
@@ -29,7 +30,7 @@ from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
     "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "LineForce", "Load",
     "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
     "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",

@@ -14,6 +14,7 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
@@ -38,10 +39,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch
+        | Controller)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
                            InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
-                           Winch)
+                           Winch, Controller)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -205,6 +207,11 @@ class Scene(notebook.Parts):
     def winches(self) -> list[Winch]:
         """All winches."""
         return self._of(Winch)
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """All controllers."""
+        return self._of(Controller)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -483,7 +490,7 @@ class Scene(notebook.Parts):
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
             named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce,
-                     Winch)
+                     Winch, Controller)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
