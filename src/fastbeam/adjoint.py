@@ -372,7 +372,7 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         ("damping", model.damped is not None or bool(model.losses)), ("joints with axes", model.motions is not None),
         ("drag", model.dragged is not None), ("supports that move", model.prescribed is not None),
         ("supports that let go", model.released is not None),
-        ("user forces", model.user_forces), ("links of other kinds than springs", any(
+        ("user forces", model.user_forces), ("controllers", model.controllers), ("links of other kinds than springs", any(
             not isinstance(x, Springs) for x in model.links))) if there]
     if unknown:
         raise SceneError(f"adjoint_run: steps with {', '.join(unknown)} have no adjoint here; use differences of runs")
