@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Number, take
 from .errors import SceneError
 from .kernels.work import State
 from .model import Model
@@ -56,6 +57,24 @@ class Now:
         return float(length), float(force)
 
 
+def _asked(one: Any, now: Now, memory: Array) -> float:
+    """The value of a controller.
+
+    Raises
+    ------
+    SceneError
+        Its law fails, or returns no finite number.
+    """
+    try:
+        found = one.law(now, memory)
+    except Exception as error:
+        text = f"{type(error).__name__}: {str(error)[:200]}"
+        raise SceneError(f"{one.label}: its law failed at t = {now.t:.6g} s, {text}") from error
+    if not np.isfinite(memory).all():
+        raise SceneError(f"{one.label}: its memory is no longer finite at t = {now.t:.6g} s")
+    return float(take(Number(), f"{one.label}: its law at t = {now.t:.6g} s", found))
+
+
 class Sampling:
     """The controllers of a run.
 
@@ -100,7 +119,7 @@ class Sampling:
     def follow(self, state: State) -> None:
         """Let controllers hold what a state says."""
         for one, own in zip(self.controllers, self._parts(state)):
-            one.hold(float(own[0]))
+            one.held[0] = float(own[0])
 
     def ask(self, t: float, stepper: Any) -> None:
         """Those whose time has come."""
@@ -121,12 +140,12 @@ class Sampling:
                     if count:
                         some[name] = row[name][first:first + count]
                 memory = own[2:].copy()
-                value = one.ask(Now(t, some, {**self._names, "points": self._of[k]}), memory)
+                value = _asked(one, Now(t, some, {**self._names, "points": self._of[k]}), memory)
                 found.append((one, own, value, memory))
             first += count
         for one, own, value, memory in found:
             own[0], own[1], own[2:] = value, math.floor(t / one.period + NOW) + 1, memory
-            one.hold(value)
+            one.held[0] = value
 
     def steps(self, t: float, step: float, state: State) -> int:
         """Whole steps from t on that end no later than the next time of a controller, one at least."""

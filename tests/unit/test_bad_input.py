@@ -466,14 +466,14 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved", "velocity",
-                        "section")},
+           for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved",
+                        "velocity", "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
             a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR)),
         "Winch": Call(fb.Winch, dict(name="w", drum=BEAM.start, load=BODY, stiffness=1e3, mass_per_length=1.0), dict(
-            name=is_text, drum=NODE, load=NODE, **dict.fromkeys(("stiffness", "mass_per_length", "length", "total", "inertia"), is_real),
-            length_at=is_function, tension=OF_TIME, segments=is_count)),
+            name=is_text, drum=NODE, load=NODE, stiffness=is_real, mass_per_length=is_real, length=is_real, total=is_real,
+            inertia=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
         "Winch.length_of": Call(fb.Winch("w", BEAM.start, BODY, stiffness=1e3, mass_per_length=1.0,
                                          length_at=lambda t: 2.0 + t * t).length_of, dict(t=0.5), dict(t=is_real)),
         "Controller": Call(fb.Controller, dict(name="c", law=held_value, period=0.1), dict(

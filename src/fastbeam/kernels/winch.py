@@ -12,7 +12,7 @@ circumference, with V. The step keeps T + U exactly: with p = m w
     D(p)/h on the nodes, by 1 - x and x,  -+ k mean(1/L) c on the upper and lower node,  c = (V_0 p_1 + V_1 p_0)/2
     D(p.k s)/h + k c.mean(r)/(L_0 L_1) - mu w_0.w_1/2 on L
 
-Arrays: q, v [12 N]; out [9], of energies [1].
+Arrays: q, q0, q1, v [12 N]; out [9], of energies [1].
 """
 from __future__ import annotations
 

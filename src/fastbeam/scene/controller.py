@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Function, Name, Names, Number, Numbers, checked, take
-from fastbeam.errors import SceneError
+from fastbeam.arguments import Function, Name, Names, Number, Numbers, checked
 from fastbeam.scene import checks
 
 if TYPE_CHECKING:
@@ -73,7 +72,7 @@ class Controller:
     points: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        checks.fill(self, memory=np.array(self.memory, dtype=float), points=dict(self.points or {}), _held=[self.start])
+        checks.fill(self, memory=np.array(self.memory, dtype=float), points=dict(self.points or {}), held=[self.start])
 
     @property
     def label(self) -> str:
@@ -85,27 +84,6 @@ class Controller:
         """Numbers that a state keeps of it: its value, how often it has been asked, its memory."""
         return 2 + len(self.memory)  # type: ignore[arg-type]
 
-    def hold(self, value: float) -> None:
-        """From now on."""
-        self._held[0] = value  # type: ignore[attr-defined]
-
-    def ask(self, now: Any, memory: np.ndarray) -> float:
-        """The value of the law.
-
-        Raises
-        ------
-        SceneError
-            It fails, or returns no finite number.
-        """
-        try:
-            found = self.law(now, memory)
-        except Exception as error:
-            text = f"{type(error).__name__}: {str(error)[:200]}"
-            raise SceneError(f"{self.label}: its law failed at t = {now.t:.6g} s, {text}") from error
-        if not np.isfinite(memory).all():
-            raise SceneError(f"{self.label}: its memory is no longer finite at t = {now.t:.6g} s")
-        return float(take(Number(), f"{self.label}: its law at t = {now.t:.6g} s", found))
-
     def __call__(self, t: float) -> float:
         """What it holds."""
-        return float(self._held[0])  # type: ignore[attr-defined]
+        return float(self.held[0])  # type: ignore[attr-defined]
