@@ -120,6 +120,22 @@ def weight_energy(model: Any, q: Array) -> float:
     return float(out[0])
 
 
+def used_up(model: Any, state: State, h: float) -> str:
+    """What to say where a rope is all on its drum, or all of it is paid out, one step of size h on; empty where none is."""
+    table = ropes_of(model)
+    if table is None:
+        return ""
+    x, v = (y.reshape(-1, 12)[:, 0] for y in (state.q, state.v))
+    for i, k in enumerate(table.first.tolist()):
+        drum = table.node[k, 2]
+        length = table.length[k] + (x[drum] - table.origin[k])
+        ahead = length + 2.0 * h * v[drum]
+        if not 0.0 < ahead <= table.total[i]:
+            what = "all rope is paid out" if ahead > 0.0 else "all rope is on it"
+            return f"{what}, of {model.labels[drum]}: {length:.6g} m are free and change by {v[drum]:.6g} m/s"
+    return ""
+
+
 def refuse_winches(who: str, model: Any) -> None:
     """For what does not know them.
 

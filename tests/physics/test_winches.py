@@ -128,6 +128,8 @@ def test_what_a_rope_cannot_be_is_refused() -> None:
         fb.Winch("w", fb.GROUND.point((0, 0, -2.0)), crate, **more)
     with pytest.raises(fb.SceneError, match="2 m are free"):
         fb.Winch("w", ORIGIN, crate, total=1.0, **more)
+    with pytest.raises(fb.SceneError, match="belongs to a rope that tension= lets go"):
+        fb.Winch("w", ORIGIN, crate, speed=1.0, **more)
     with pytest.raises(fb.SceneError, match="no position"):
         fb.Winch("w", ORIGIN, fb.PointMass("loose", mass=1.0), **more)
     rope = fb.Winch("w", ORIGIN, crate, length_at=lambda t: 2.0 - t, total=3.0, **more)
@@ -160,6 +162,10 @@ def test_a_drum_pulls_with_a_constant_force() -> None:
     exact = solve_ivp(rates, (0.0, 20.0), [start, 0.0], rtol=1e-10, atol=1e-10).y[0, -1]
     assert abs(result.winch("hoist")["length"][-1] - exact) < 1e-4 * (start - exact) and start - exact > 5.0
     assert abs(result.drift("balance")) < 1e-11
+    loose = fb.Winch("loose", ORIGIN, crate, stiffness=1e9, mass_per_length=1.5, length=start, total=51.0, speed=1.0,
+                     segments=1, tension=lambda t: 0.0)
+    with pytest.raises(fb.ConvergenceError, match="all rope is paid out, of drum 'loose drum'"):
+        run(fb.compile_scene(fb.Scene(crate, loose, gravity=(0, 0, -G))), 2.0, 0.01)
 
 
 @pytest.mark.slow

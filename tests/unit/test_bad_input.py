@@ -473,7 +473,7 @@ def calls(folder: Path) -> dict[str, Call]:
             a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR)),
         "Winch": Call(fb.Winch, dict(name="w", drum=BEAM.start, load=BODY, stiffness=1e3, mass_per_length=1.0), dict(
             name=is_text, drum=NODE, load=NODE, stiffness=is_real, mass_per_length=is_real, length=is_real, total=is_real,
-            inertia=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
+            inertia=is_real, speed=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
         "Winch.length_of": Call(fb.Winch("w", BEAM.start, BODY, stiffness=1e3, mass_per_length=1.0,
                                          length_at=lambda t: 2.0 + t * t).length_of, dict(t=0.5), dict(t=is_real)),
         "Controller": Call(fb.Controller, dict(name="c", law=held_value, period=0.1), dict(

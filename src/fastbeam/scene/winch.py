@@ -42,8 +42,8 @@ class RopePoint(PointMass):
 
     kind: ClassVar[str] = "point of rope"
 
-    def __init__(self, name: str, position: Array) -> None:
-        checks.fill(self, name=name, mass=0.0, position=checks.constant(position), velocity=None)
+    def __init__(self, name: str, position: Array, velocity: Array | None = None) -> None:
+        checks.fill(self, name=name, mass=0.0, position=checks.constant(position), velocity=velocity)
 
 
 class Coil(RopePoint):
@@ -55,7 +55,7 @@ class Coil(RopePoint):
 @checked(name=Name(), drum=Node(fixed=True), load=Node(fixed=True), stiffness=Number(above=0.0, unit="N"),
          mass_per_length=Number(above=0.0, unit="kg/m"), length=LENGTH, length_at=OfTime("m"),
          tension=OfTime("N", or_number=True), total=LENGTH, inertia=Number(least=0.0, unit="kg"),
-         segments=Count(1, MOST_SEGMENTS))
+         speed=Number(unit="m/s"), segments=Count(1, MOST_SEGMENTS))
 @dataclass(frozen=True, eq=False)
 class Winch:
     """A rope between a drum and a load, of which the drum pays out or reels in some: cranes, hoists, tethers (theory.md 4).
@@ -87,6 +87,8 @@ class Winch:
         is paid out. Default: the rope on the drum does not count.
     inertia : float
         Of the drum over the square of its radius, kg.
+    speed : float
+        Rate of the free length at t = 0, m/s, where a tension lets it go.
     segments : int
         Of the free part.
 
@@ -124,12 +126,15 @@ class Winch:
     tension: Any = None
     total: float | None = None
     inertia: float = 0.0
+    speed: float = 0.0
     segments: int = 8
 
     def __post_init__(self) -> None:
         who = self.label
         if self.length_at is not None and (self.tension is not None or self.length is not None):
             raise SceneError(f"{who}: length_at gives the length; leave {'length' if self.tension is None else 'tension'} out")
+        if self.speed != 0.0 and self.tension is None:
+            raise SceneError(f"{who}: speed={self.speed:.6g} m/s belongs to a rope that tension= lets go; leave it out")
         ends = [self._place(node) for node in (self.drum, self.load)]
         distance = float(np.linalg.norm(ends[1] - ends[0]))
         if not distance > 0.0:
@@ -141,8 +146,9 @@ class Winch:
         if self.total is not None and self.total < self.length:
             raise SceneError(f"{who}: total={self.total:.6g} m is all rope, and {self.length:.6g} m are free at t = 0")
         shares = np.arange(1, self.segments)[:, None] / self.segments
-        checks.fill(self, points=tuple(RopePoint(f"{self.name} point {k + 1}", x) for k, x in enumerate(
-            ends[0] + shares * (ends[1] - ends[0]))), coil=Coil(f"{self.name} drum", ends[0]))
+        places = ends[0] + shares * (ends[1] - ends[0])
+        checks.fill(self, points=tuple(RopePoint(f"{self.name} point {k + 1}", x) for k, x in enumerate(places)),
+                    coil=Coil(f"{self.name} drum", ends[0], checks.constant(np.array([self.speed, 0.0, 0.0]))))
 
     @property
     def label(self) -> str:
