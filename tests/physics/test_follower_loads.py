@@ -51,6 +51,7 @@ def test_the_equilibrium_of_a_cantilever_whose_end_force_follows() -> None:
     assert np.linalg.norm(tip[:2] - exact[:2]) < 2e-6 and abs(tip[2]) < 1e-12
 
 
+@pytest.mark.slow
 def test_the_work_of_a_force_that_follows_is_in_the_books() -> None:
     model, rod = cantilever(20.0, elements=4, time=lambda t: np.sin(3.0 * t)**2)
     result = fb.simulate(model, t_end=1.0, step=2e-3, progress=False, observe=("energy", "momentum"), points={"tip": rod.end})
