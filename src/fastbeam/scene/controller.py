@@ -3,12 +3,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from fastbeam.arguments import Function, Name, Names, Number, Numbers, checked
 from fastbeam.scene import checks
+from fastbeam.scene.beams import NodeRef
+from fastbeam.scene.parts import PointMass, RigidBody
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -64,12 +66,12 @@ class Controller:
     kind: ClassVar[str] = "controller"
 
     name: str
-    law: Callable[[Any, Any], float]
+    law: Callable[..., float]
     _: KW_ONLY
     period: float
     start: float = 0.0
     memory: ArrayLike = ()
-    points: Mapping[str, Any] | None = None
+    points: Mapping[str, NodeRef | RigidBody | PointMass] | None = None
 
     def __post_init__(self) -> None:
         checks.fill(self, memory=np.array(self.memory, dtype=float), points=dict(self.points or {}), held=[self.start])

@@ -123,7 +123,7 @@ class Winch:
     mass_per_length: float
     length: float | None = None
     length_at: Callable[[float], float] | None = None
-    tension: Any = None
+    tension: float | Callable[[float], float] | None = None
     total: float | None = None
     inertia: float = 0.0
     speed: float = 0.0
