@@ -338,6 +338,7 @@ class Model:
             parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
+            parts += [np.array([time is None for time in self.dragged.times])] if self.dragged.timed else []
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -364,8 +365,7 @@ class Model:
         history = np.zeros(self.history_size)
         if self.slider_forces is not None:
             history[:self.work_place] = self.slider_forces.initial_history
-        if self.controllers:
-            history[self.controller_place:] = np.concatenate([[one.start, 0.0, *one.memory] for one in self.controllers])
+        history[self.controller_place:] = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def limits_at(self, s: Array) -> Array:
