@@ -46,7 +46,7 @@ from .report import describe
 from .scene import Beam, Bushing, Damper, LineForce, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
 from .scene.winch import Coil
-from .sleeves import sleeves_of
+from .sleeves import rubbing_sleeves, sleeves_of, with_twist
 from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
@@ -186,7 +186,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
-        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
+        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), twisting=rubbing_sleeves(scene),
+        accounts_loads=accounts,
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
@@ -195,7 +196,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
-    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
+    model = replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
+    return replace(model, sleeves=with_twist(scene, model))
 
 
 def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:

@@ -25,6 +25,7 @@ from .kernels.sleeve import Sleeves
 from .kernels.slider import Sliders
 from .kernels.substructures import Substructures
 from .kernels.ties import Ties
+from .kernels.twist import TWIST
 from .kernels.work import State
 from .mapping import state_for
 from .multipliers import KeptLink
@@ -93,7 +94,7 @@ class Model:
     slider_forces : slider_forces.SliderForces or None
         Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
-        The sliders that are sleeves.
+        The sliders that are sleeves; `twisting` numbers of those that rub on beams that turn in them, int64 [R].
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
     dampers, find_springs
@@ -109,9 +110,8 @@ class Model:
     accounts_loads : bool
         Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
         of both hold the same numbers of the steps before.
-    user_forces, needs_forward_steps : tuple of str
-        Names of the forces that follow laws of the user's own, and of those among them that dissipate.
-    controllers : tuple of Controller
+    user_forces, needs_forward_steps, controllers : tuple
+        Names of the forces by laws of the user's own, and of those among them that dissipate; controllers.
     find_holding : callable that makes `holding` when it is first asked for
     """
 
@@ -165,6 +165,7 @@ class Model:
     load_parts: dict[str, Any] = field(default_factory=dict)
     slider_forces: Any = None
     sleeves: Sleeves | None = None
+    twisting: Array = field(default_factory=lambda: np.zeros(0, np.int64))
     damped: Any = None
     dampers: tuple[str, ...] = ()
     find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
@@ -317,20 +318,19 @@ class Model:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of all tables and the initial state; functions of time count only by being there. Of the same scene it is the
-        same in every process of one machine."""
+        """Hash of all tables and the initial state, the same in every process of a machine; functions of time count by being."""
         digest = sha256()
         tables = (self.simo, self.green, self.bodies, *self.links, self.ties, self.held, self.curves, self.sliders)
         # the ties of a joint are those of the model
         parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
-                  self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())]
+                  self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())[:5]]
+        parts += [] if self.sleeves is None or not self.twisting.size else [*self.sleeves.twist[:3]]
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.limits_at(self.s0),
                       self.slider_forces.restitutions, self.slider_forces.plan]
-        if self.prescribed is not None:
-            parts += [self.prescribed.own]
+        parts += [] if self.prescribed is None else [self.prescribed.own]
         parts += [] if self.released is None else self.released.arrays
         parts += [np.array([one.period, one.start, *one.memory]) for one in self.controllers]
         if self.motions is not None:
@@ -356,8 +356,7 @@ class Model:
             There is no such node.
         """
         if node >= self.n_nodes:
-            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they run from 0 to "
-                             f"{self.n_nodes - 1}")
+            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they run from 0 to {self.n_nodes - 1}")
         return self.labels[node]
 
     def state(self) -> State:
@@ -365,7 +364,8 @@ class Model:
         history = np.zeros(self.history_size)
         if self.slider_forces is not None:
             history[:self.work_place] = self.slider_forces.initial_history
-        history[self.controller_place:] = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
+        own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
+        history[history.size - len(own):] = own
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def limits_at(self, s: Array) -> Array:
@@ -390,13 +390,13 @@ class Model:
 
     @property
     def history_size(self) -> int:
-        """Numbers that terms remember of the steps before, and controllers of their times."""
-        return self.controller_place + sum(one.size for one in self.controllers)
+        """Numbers that terms remember of the steps before, and controllers, whose numbers come last."""
+        return self.twist_place + TWIST * int(self.twisting.size) + sum(one.size for one in self.controllers)
 
     @property
-    def controller_place(self) -> int:
-        """Where the numbers of controllers begin."""
-        return self.motion_place + (0 if self.motions is None else self.motions.size)
+    def twist_place(self) -> int:
+        """Where the numbers of sleeves that rub on beams that turn in them begin."""
+        return self.motion_place + (0 if self.motions is None else int(self.motions.size))
 
     @property
     def motion_place(self) -> int:

@@ -93,7 +93,8 @@ class Sampling:
     """
 
     def __init__(self, model: Model, t: float, step: float, controlled: bool, state: State) -> None:
-        self.controllers, self._place = model.controllers, model.controller_place
+        self.controllers = model.controllers
+        self._place = model.history_size - sum(one.size for one in self.controllers)
         if not self.controllers:
             return
         if controlled:
