@@ -133,15 +133,19 @@ class Variant:
     """
 
     def __init__(self, scene: Scene, **options: Any) -> None:
-        self._scene, self._options = scene, options
+        self.scene, self._options = scene, options
         self._made: dict[tuple[tuple[str, Any], ...], Model] = {}
 
     def __call__(self, **more: Any) -> Model:
         """The model; more: options that are left open."""
         key = tuple(sorted(more.items()))
         if key not in self._made:
-            self._made[key] = compile_scene(self._scene, **self._options, **more)
+            self._made[key] = compile_scene(self.scene, **self._options, **more)
         return self._made[key]
+
+    def know(self, model: Model, **more: Any) -> None:
+        """Take a model that was compiled with these options as the one for them."""
+        self._made[tuple(sorted(more.items()))] = model
 
 
 def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordered) -> Model:

@@ -78,9 +78,11 @@ def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: lis
 
 def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
     """R [3, 3] with D_i = sum_k R_ik d_k of the holder: D_i . d_j(s) = 0 for i < j at t = 0."""
-    first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
-    keep = np.flatnonzero(values[0])
-    d = np.einsum("a,ajc->jc", values[0, keep], nodes.directors[nodes.start(sleeve.beam) + int(first[0]) + keep])
+    d = sleeve.section_at_start
+    if d is None:
+        first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
+        keep = np.flatnonzero(values[0])
+        d = np.einsum("a,ajc->jc", values[0, keep], nodes.directors[nodes.start(sleeve.beam) + int(first[0]) + keep])
     # exact for directors that are not orthonormal, as between the nodes of a curved beam
     axis = np.cross(d[1], d[2])
     axis /= np.linalg.norm(axis)

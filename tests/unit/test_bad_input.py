@@ -406,7 +406,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag)),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),

@@ -145,6 +145,11 @@ class Sleeve(Slider):
         checks.fill(self, point=owner.point(holder.offset + owner.directors @ (self.place - here)))
 
     @property
+    def section_at_start(self) -> Array | None:
+        """Directors (3, 3) of the section that it holds, by rows; None: those of the mesh, averaged over the bore."""
+        return None
+
+    @property
     def contact_curve(self) -> CurveBasis:
         """The curve that the holder stays on: averaged over the bore."""
         assert self.length is not None
