@@ -356,7 +356,7 @@ class Model:
             There is no such node.
         """
         if node >= self.n_nodes:
-            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they are 0 to {self.n_nodes - 1}")
+            raise SceneError(f"model of {self.scene_name!r}: node {node} does not exist, they run from 0 to {self.n_nodes - 1}")
         return self.labels[node]
 
     def state(self) -> State:
