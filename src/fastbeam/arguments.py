@@ -39,7 +39,7 @@ ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "ten
         "filename": "file", "path": "file", "restart": "start", "initial_state": "start", "load_steps": "load_step",
         "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name", "mu": "friction"}
 # what is not there at all: docs/limits.md
-ABSENT = ("spring", "motor", "contact", "follower", "plasticity", "gpu", "dofs")
+ABSENT = ("spring", "motor", "contact", "plasticity", "gpu", "dofs")
 
 
 class Refusal(ValueError):

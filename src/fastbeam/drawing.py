@@ -66,7 +66,8 @@ class Shapes:
         self.lines = Lines(result.names, n_nodes, 4 if n_nodes <= SMALL else 1)
         self.width = 1.0 if result.names.get("nets") else 1.8
         self.bodies = [entry["node"] for entry in result.names.get("bodies", [])]
-        self.masses = [entry["node"] for entry in result.names.get("masses", [])]
+        # the drum of a winch is a length, no place
+        self.masses = [entry["node"] for entry in result.names.get("masses", []) if "drum" not in entry]
         self.paths = {name: slider_path(result, name) for name in slider_names(result)}
         self.everything = np.concatenate([result.phi.reshape(-1, 3), *(path for _, path in self.paths.values())])
         low, high = bounds(self.everything)

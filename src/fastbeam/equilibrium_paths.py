@@ -22,6 +22,7 @@ from .result import Result, ResultBuffer
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports
+from .winches import refuse_winches
 
 Array = np.ndarray
 # steps in which the path turns by more (cosine) are halved
@@ -112,6 +113,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     check_model("solve_path", model)
     stays = held_sliders(model, held)
     check_slider_forces("solve_path", model, stays)
+    refuse_winches("solve_path", model)
     if model.user_forces:
         raise SceneError(f"solve_path: user force {model.user_forces[0]!r} is no load that grows by one factor; use "
                          "solve_static, which scales it, or leave it out")

@@ -13,6 +13,7 @@ from .kernels.work import State
 from .mapping import nodes_of_curve, within_round
 from .model import Model
 from .multipliers import gap_matrix
+from .winches import refuse_winches
 from .workspace import contact_of
 
 Array = np.ndarray
@@ -92,6 +93,8 @@ def vector_masses(model: Model) -> Any:
     """Masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in a plane of
     (phi, u), [2 N, 2 N]."""
     from scipy import sparse
+    # the inertia of a rope couples its nodes with its length
+    refuse_winches("what works with the masses of nodes (modes, responses, blows, mend_start)", model)
     n, vectors = model.n_nodes, 4 if model.dofs == SPACE else 2
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
 

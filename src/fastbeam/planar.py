@@ -64,6 +64,8 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 def _plane_of(unpacked: Unpacked) -> Plane:
     for force in unpacked.numbered.links.loaded.forces:
         raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
+    for winch in unpacked.numbered.links.ropes.winches:
+        raise NotPlanar(f"{winch.label} runs in space")
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
     rows = unpacked.loads.vectors[:, unpacked.joints.row_root]

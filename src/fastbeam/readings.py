@@ -24,13 +24,14 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG, *TWISTING), ("sliders",)), "losses": ("losses",), "works": ("works",),
     **dict.fromkeys((*FREE, *IN_JOINTS, "joint_force", "joint_friction"), ("joints",)),
+    **dict.fromkeys(("winch_length", "winch_speed"), ("winches",)), "winch_tension": ("winches", 2),
     **{f"spring_{name}": ("springs",) for name in SPRINGS}, "bushing_energy": ("bushings",),
     **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
 # a series with a column for each name of a kind
 COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value",
-           "springs": "spring_length", "bushings": "bushing_energy"}
+           "springs": "spring_length", "bushings": "bushing_energy", "winches": "winch_length"}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 # what to write for series that are not there
@@ -40,7 +41,8 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "point_velocity": "record it with simulate(..., observe=('velocity', ...), points={'tip': beam.end})",
          "section_force": "record it with simulate(..., observe=('section', ...), points={'root': (beam, 0.0)})",
          "reaction": "record it with simulate(..., observe=('reaction', ...))",
-         **dict.fromkeys(("spring_length", "bushing_energy"), "record it with simulate(..., observe=('spring', ...))"),
+         **dict.fromkeys(("spring_length", "bushing_energy", "winch_length"),
+                         "record it with simulate(..., observe=('spring', ...))"),
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 NAMED = Word()
 SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", "M3")))
@@ -103,6 +105,21 @@ class Readings:
             It was not recorded, or there is no such bushing.
         """
         return self._elastic("bushing", ("bushing",), name, BUSHINGS)
+
+    @checked(name=NAMED)
+    def winch(self, name: str) -> dict[str, np.ndarray]:
+        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the drum and at the load (N).
+        Needs `observe=("spring", ...)`.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such winch.
+        """
+        length, tension = self._series("winch_length"), self._series("winch_tension")
+        k = self._index("winches", "winch", name)
+        return {"length": length[:, k], "speed": self._series("winch_speed")[:, k], "drum_tension": tension[:, k, 0],
+                "load_tension": tension[:, k, 1]}
 
     def _elastic(self, kind: str, nouns: tuple[str, ...], name: str, what: tuple[str, ...]) -> dict[str, np.ndarray]:
         """Series of one spring or bushing."""

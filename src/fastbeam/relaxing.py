@@ -33,6 +33,7 @@ from .static_sliders import SlidingSolver
 from .statics import START, TOLD, WHERE, check_slider_forces
 from .supports import check_supports
 from .twisting import check_twist
+from .winches import refuse_winches
 
 Array = np.ndarray
 # steps from rest to the peak of the kinetic energy that are wanted; fewer: steps are halved, more: they grow
@@ -107,6 +108,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     """
     check_model("relax", model)
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
+    refuse_winches("relax", model)
     check_backend(backend)
     check_motions(model.motions, None, 1, True)
     check_twist(model, True)

@@ -36,6 +36,7 @@ from .progress import Progress
 from .reactions import ReactingStepper
 from .recording import Rows
 from .result import Result
+from .sampling import Sampling
 from .starting import check_start
 from .watching import Watch
 
@@ -235,6 +236,7 @@ class _Run(Encounters):
         self.interrupts = Interrupts()
         self.calls = Calls(stepper, self.interrupts)
         self.impacts = Impacts(model)
+        self.sampling = Sampling(model, clock.now, clock.step, control is not None, stepper.core_state)
         # whether the clock lags behind the state
         self.between = False
         self.locking = Locking(model)
@@ -364,8 +366,11 @@ class _Run(Encounters):
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
         quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
         end, left, last = self.plan()
+        # steps since the last row, which controllers do not end
+        since = 0
         while t < self.t_end:
             begin = time.perf_counter()
+            self.sampling.ask(t, self.stepper)
             self.between = True
             whole = left > 0
             if self.control is not None:
@@ -380,7 +385,10 @@ class _Run(Encounters):
                 reached = end if size == rest else t + size
             elif whole:
                 size = self.step
-                outcome = self.advance(clock.origin, size, min(every, left), clock.done)
+                most = every
+                if self.sampling.controllers:
+                    most = min(every - since, self.sampling.steps(t, size, self.stepper.core_state))
+                outcome = self.advance(clock.origin, size, min(most, left), clock.done)
                 left -= outcome.steps
                 reached = clock.count(outcome.steps)
                 if outcome.status == OK and not left and not last:
@@ -423,7 +431,10 @@ class _Run(Encounters):
                 self.happen(t)
                 self.count_from(t)
                 end, left, last = self.plan()
-            yield t, outcome, size, True
+            since += outcome.steps
+            due = not self.sampling.controllers or since >= every or t >= self.t_end
+            since = 0 if due else since
+            yield t, outcome, size, due
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
 

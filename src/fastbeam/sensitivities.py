@@ -23,6 +23,7 @@ from .section_gradient import SectionGradient, section_gradients
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, solve_static, which_sliders
 from .supports import check_supports
+from .winches import refuse_winches
 
 Array = np.ndarray
 OBSERVED = ("energy", "section", "reaction")
@@ -340,6 +341,7 @@ def family_of(who: str, build: Callable[..., Any], values: Mapping[str, Any], sc
     if model.prescribed is not None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
                          "there, at a place that build computes")
+    refuse_winches(who, model)
     if model.user_forces:
         raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, "
                          "or differences of equilibria")

@@ -335,9 +335,9 @@ def calls(folder: Path) -> dict[str, Call]:
                ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
         "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
-                     dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function)),
+                     dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function, follower=is_flag)),
         "DistributedLoad": Call(fb.DistributedLoad, dict(name="l", beam=BEAM, force=(0, 0, 1)),
-                                dict(name=is_text, beam=A_BEAM, force=FIELD, moment=FIELD, time=is_function)),
+                                dict(name=is_text, beam=A_BEAM, force=FIELD, moment=FIELD, time=is_function, follower=is_flag)),
         "DistributedLoad.force_at": Call(fb.DistributedLoad("l", BEAM, force=(0, 0, 1)).force_at, dict(s=[0.0]),
                                          dict(s=either(is_real, VECTOR))),
         "DistributedLoad.moment_at": Call(fb.DistributedLoad("l", BEAM, force=(0, 0, 1)).moment_at, dict(s=[0.0]),
@@ -476,9 +476,18 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "joint", "spring", "bushing", "deviation", "drift", "is_conserved", "velocity",
-                        "section")},
+           for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved",
+                        "velocity", "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
+        "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
+            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR)),
+        "Winch": Call(fb.Winch, dict(name="w", drum=BEAM.start, load=BODY, stiffness=1e3, mass_per_length=1.0), dict(
+            name=is_text, drum=NODE, load=NODE, stiffness=is_real, mass_per_length=is_real, length=is_real, total=is_real,
+            inertia=is_real, speed=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
+        "Winch.length_of": Call(fb.Winch("w", BEAM.start, BODY, stiffness=1e3, mass_per_length=1.0,
+                                         length_at=lambda t: 2.0 + t * t).length_of, dict(t=0.5), dict(t=is_real)),
+        "Controller": Call(fb.Controller, dict(name="c", law=held_value, period=0.1), dict(
+            name=is_text, law=is_function, period=is_real, start=is_real, memory=VECTOR, points=one_of(Mapping))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
             dissipates=is_flag)),
@@ -518,6 +527,16 @@ class TooLong(BaseException):
 
 def law(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
     """Of a user force."""
+
+
+def tension(t: Any, length: Any, rate: Any, parameters: Any) -> float:
+    """Of a force along a line."""
+    return 0.0
+
+
+def held_value(now: Any, memory: Any) -> float:
+    """Of a controller."""
+    return 0.0
 
 
 def _ring(*_: Any) -> None:

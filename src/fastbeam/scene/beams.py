@@ -73,7 +73,7 @@ class ArcLengths:
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS),
           "prestrain": Number(least=-10.0, most=0.99), "prestress": Number(unit="N")}
-OWNERS = ("beam", "body", "point mass", "crossing", "ground")
+OWNERS = ("beam", "body", "point mass", "crossing", "point of rope", "drum", "ground")
 
 
 class BeamOptions(TypedDict, total=False):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, checked, shown
+from fastbeam.arguments import Anything, Flag, Name, Number, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
@@ -238,15 +238,18 @@ class BallJoint(_Joint):
     kind: ClassVar[str] = "ball joint"
 
 
-@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR)
+@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR, follower=Flag())
 @dataclass(frozen=True, eq=False)
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
 
+    With `follower=True` they are components along the directors of the node, with which they turn. numba compiles `time` then;
+    the scene runs in space, with the conserving step or in statics (theory.md (4.30)).
+
     Raises
     ------
     SceneError
-        A vector is not 3 finite numbers, `time` is no function, or a point mass gets a moment.
+        A vector is not 3 finite numbers, `time` is no function, a point mass gets a moment, or a load that turns with it.
     """
 
     kind: ClassVar[str] = "load"
@@ -257,24 +260,28 @@ class Load:
     force: ArrayField = ZERO
     moment: ArrayField = ZERO
     time: TimeFactor | None = None
+    follower: bool = False
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
+        if isinstance(self.at.owner, PointMass) and self.follower:
+            raise SceneError(f"{who}: {self.at.label} has no triad that turns; use a RigidBody or leave follower out")
         if isinstance(self.at.owner, PointMass) and np.any(self.moment):
             raise SceneError(f"{who}: {self.at.label} has no rotation and takes no moment; use a RigidBody or leave moment out")
 
 
-@checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR)
+@checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR, follower=Flag())
 @dataclass(frozen=True, eq=False)
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
 
-    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none.
+    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none. With `follower=True` they are 3 numbers along
+    the directors, with which they turn, as for a `Load`: pressure is force=(0, -p, 0), N per unstressed length, against d2.
 
     Raises
     ------
     SceneError
-        A field does not give finite [n, 3], `time` is no function, or `beam` no Beam.
+        A field does not give finite [n, 3], `time` is no function, or `beam` no Beam; functions that should turn.
     """
 
     kind: ClassVar[str] = "distributed load"
@@ -285,11 +292,15 @@ class DistributedLoad:
     force: FieldLike | None = None
     moment: FieldLike | None = None
     time: TimeFactor | None = None
+    follower: bool = False
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
         if self.force is None and self.moment is None:
             raise SceneError(f"{who}: give force or moment per length")
+        if self.follower and (callable(self.force) or callable(self.moment) or self.beam.interpolation != "lagrange"):
+            raise SceneError(f"{who}: with follower=True force and moment are 3 numbers, on a beam with Lagrange elements; split "
+                             "the beam where they change, or write a UserForce")
         for key in ("force", "moment"):
             checks.try_field(who, key, getattr(self, key), self.beam.length)
 
