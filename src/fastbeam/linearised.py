@@ -290,16 +290,6 @@ class Linearisation:
         return 1e-13 * self.core.length * float(np.max(np.abs(pencil.stiffness.diagonal()), initial=0.0))
 
 
-def standing_supports(model: Model) -> Array:
-    """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
-    held = model.held_mask
-    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
-    held[first[of] != np.arange(model.n_nodes)] = 0
-    if model.ties is not None:
-        held[model.ties.slave] = 0
-    return held
-
-
 def _released(model: Model, moved: Array | None) -> Model:
     """The same without the spins that statics holds, and with these unknowns of nodes free."""
     plane = model.plane

@@ -20,6 +20,8 @@ BESIDE = 0.5
 CONVERGED, GOOD = 1e-11, 1e-7
 # rates that are zero, next to what round-off of the stiffness may make of one, and real or imaginary, next to their size
 ZERO, FLAT = 10.0, 1e-9
+# growth of the number of Krylov vectors between two looks at what they give
+GROWTH = 1.15
 # what is left of a vector once others are taken out of it, and is round-off
 NOTHING = 1e-12
 # neighbours of which the number of motions below is counted in between differ by this share
@@ -96,7 +98,7 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
     h = np.zeros((most + 2 * BLOCK,) * 2)
     draw = np.random.default_rng(0)
     block = _orthonormal(applied(applied(draw.standard_normal((2 * k, BLOCK)))), basis[:, :0])[0]
-    m = 0
+    m, look = 0, min(wanted + 2 * BLOCK, most)
     while True:
         b = block.shape[1]
         basis[:, m:m + b] = block
@@ -109,7 +111,8 @@ def _krylov(factors: Shifted, with_rate: Any, mass: Any, shift: float, n: int) -
         m += b
         block, rest = _orthonormal(image, known)
         h[m:m + len(rest), m - b:m] = rest
-        if m >= min(wanted + 2 * BLOCK, most) or not block.shape[1]:
+        if m >= look or not block.shape[1] or m + BLOCK > most:
+            look = int(GROWTH * m)
             values, y = np.linalg.eig(h[:m, :m])
             y = y / np.linalg.norm(y, axis=0)
             error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
