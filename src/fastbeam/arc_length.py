@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .eigen import Pencil, SingularError, grown, lowest, stiffest
+from .eigen import Pencil, SingularError, grown, lowest
 from .kernels.step import has_converged, next_increment
 from .kernels.work import State
 from .model import Model
@@ -20,7 +20,7 @@ LONGEST = 1.0
 # each dimension of their vectors; cosine of two that are the same
 MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 36, 0.9995
 # next to the largest stiffness: where they are looked for, and round-off of one
-BESIDE, ROUND_OFF = 1e-6, 1e-12
+BESIDE, ROUND_OFF = 1e-9, 1e-14
 # an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
 STRAY, LEAST_STRAY = 0.6, 1e-7
 # accuracy of the place of a critical point on its step, and evaluations until then
@@ -193,7 +193,7 @@ class PathSolver(SlidingSolver):
         size = np.maximum(np.abs(found[0])[order], ROUND_OFF * self._stiffest)
         gaps = np.flatnonzero(size[:-1] <= TOGETHER * size[1:])
         # without a gap all are zero, or there is none
-        m = int(gaps[0]) + 1 if gaps.size else size.size if size[-1] <= TOGETHER * self._stiffest else 1
+        m = int(gaps[0]) + 1 if gaps.size else size.size if size[-1] <= 10.0 * ROUND_OFF * self._stiffest else 1
         v = found[1][:, order[:m]]
         peak = np.argmax(np.abs(v) * np.sqrt(self.weight)[:, None], axis=0)
         return np.asarray(v * np.sign(v[peak, np.arange(v.shape[1])]))
@@ -243,7 +243,9 @@ class PathSolver(SlidingSolver):
         matrix = (0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
         pencil = Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((k, 0)))
         if beside:
-            self._stiffest = stiffest(pencil)
+            # not the median, which may be one of those that vanish
+            heavy = mass.diagonal() > 0.0
+            self._stiffest = float(np.max(np.abs(matrix.diagonal()[:k][heavy]) / mass.diagonal()[heavy], initial=0.0)) or 1.0
             more = beside * self._stiffest * grown(mass, saddle.multiplier.size)
             pencil = pencil._replace(stiffness=(matrix + more).tocsr())
         try:

@@ -409,12 +409,12 @@ def _confirmed(found: Eigen, n: int, backend: str) -> Eigen:
         if between.below == last + 1:
             return found._replace(is_complete=True)
         try:
-            values, vectors, _ = _krylov(between, n, False)
+            values, vectors, _ = _krylov(between, max(n, between.below), False)
         except SingularError:
             continue
         again = _with_noise(pencil, between, values, vectors)
         if np.sum(again.values < shift) == between.below:
-            return again._replace(is_complete=True)
+            return again._replace(values=again.values[:n], vectors=again.vectors[:, :n], noise=again.noise[:n], is_complete=True)
     return found
 
 

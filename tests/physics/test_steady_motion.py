@@ -121,7 +121,7 @@ def test_a_whirl_is_seen_in_time() -> None:
 
 
 # --- travel ---------------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("share", [0.3, 0.95, 1.05])
+@pytest.mark.parametrize("share", [0.3, 0.95, pytest.param(1.05, marks=pytest.mark.slow)])
 def test_a_string_that_moves_along_itself(share: float) -> None:
     """f_n = n c/(2 L) |1 - v^2/c^2|, c of the unstressed length: shear alone carries the string, see `test_vibration.py`."""
     strain = 0.01
@@ -161,7 +161,7 @@ def test_a_beam_runs_through_two_clamps_until_it_bends_aside() -> None:
         w = found.angular[k]
         exact = newton(lambda x: moving(x, v), w * (1.0 + 1e-5), x1=w, tol=1e-13, maxiter=60)
         assert abs(exact - w) < 1e-6 * w
-        assert k or abs(exact - w) < 1e-8 * w
+        assert k or abs(exact - w) < 1e-7 * w
         assert found.angular[k + 1] == pytest.approx(w, rel=1e-9)
     # the turns are those of a column under the load rho v^2 (its shear strains apart)
     critical = 2.0 * np.pi / L * np.sqrt(EI / RHO_A)
