@@ -18,9 +18,9 @@ Array = np.ndarray
 LONGEST = 1.0
 # eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
 # each dimension of their vectors; cosine of two that are the same
-MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 36, 0.9995
+MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
 # next to the largest stiffness: where they are looked for, and round-off of one
-BESIDE, ROUND_OFF = 1e-9, 1e-14
+NEXT_TO, ROUND_OFF = 1e-9, 1e-14
 # an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
 STRAY, LEAST_STRAY = 0.6, 1e-7
 # accuracy of the place of a critical point on its step, and evaluations until then
@@ -186,7 +186,7 @@ class PathSolver(SlidingSolver):
     def critical_directions(self, k: int) -> Array | None:
         """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest component
         positive."""
-        found = self._eigen(k + MOST_TOGETHER, BESIDE)
+        found = self._eigen(k + MOST_TOGETHER, NEXT_TO)
         if found is None or not found[0].size:
             return None
         order = np.argsort(np.abs(found[0]))
@@ -231,8 +231,8 @@ class PathSolver(SlidingSolver):
         is_continuum = len(ways) > 0.5 * len(tried)
         return [Direction(v @ way, 0.0) for way in (ways[:1] + [-ways[0]] if is_continuum else ways)], is_continuum
 
-    def _eigen(self, n: int, beside: float = 0.0) -> tuple[Array, Array] | None:
-        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; beside: looked for so far
+    def _eigen(self, n: int, below_zero: float = 0.0) -> tuple[Array, Array] | None:
+        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so far
         below zero, next to the largest stiffness, where several may vanish."""
         from scipy import sparse
         self.work.increment.control[0] = 0.0
@@ -242,11 +242,11 @@ class PathSolver(SlidingSolver):
         mass = sparse.diags(self.weight[:k] * free, format="csr")
         matrix = (0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
         pencil = Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((k, 0)))
-        if beside:
+        if below_zero:
             # not the median, which may be one of those that vanish
             heavy = mass.diagonal() > 0.0
             self._stiffest = float(np.max(np.abs(matrix.diagonal()[:k][heavy]) / mass.diagonal()[heavy], initial=0.0)) or 1.0
-            more = beside * self._stiffest * grown(mass, saddle.multiplier.size)
+            more = below_zero * self._stiffest * grown(mass, saddle.multiplier.size)
             pencil = pencil._replace(stiffness=(matrix + more).tocsr())
         try:
             v = lowest(pencil, n, self._backend).vectors

@@ -24,6 +24,8 @@ CONVERGED = 1e-9
 GOOD, FAIR = 1e-13, 1e-6
 # solutions at most, and the residual next to the largest of its terms that is round-off
 REFINEMENTS, ROUND_OFF = 4, 1e-12
+# residual next to the solution of a matrix of size 1 that is round-off of the product
+LAST_BITS = 2.0 * np.finfo(float).eps
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
@@ -171,7 +173,8 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient:
         if not left < 0.5 * worst:
             break
         worst, best = left, x
-        if left <= GOOD:
+        # beyond round-off of a matrix whose largest entries are 1 nothing is gained
+        if left <= GOOD or np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
             break
         x = x + solve(rest)
     if lenient and np.isfinite(best).all() or worst <= FAIR:
@@ -219,7 +222,8 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         return x
 
     most = min(k, 12 * n + 200)
-    basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
+    # and its products with the masses
+    basis, weighed = (np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F") for _ in range(2))
     h = np.zeros((basis.shape[1],) * 2)
     m = 0
     first = applied(mass @ draw.standard_normal((k, BLOCK)))
@@ -229,14 +233,15 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         b = block.shape[1]
         if m + 2 * b > basis.shape[1]:
             more = min(basis.shape[1], max(most + 2 * BLOCK - basis.shape[1], 2 * BLOCK))
-            basis = np.asfortranarray(np.pad(basis, ((0, 0), (0, more))))
+            basis, weighed = (np.asfortranarray(np.pad(x, ((0, 0), (0, more)))) for x in (basis, weighed))
             h = np.pad(h, (0, more))
         basis[:, m:m + b] = block
-        known = basis[:, :m + b]
-        image = applied(mass @ block)
+        weighed[:, m:m + b] = mass @ block
+        known, against = basis[:, :m + b], weighed[:, :m + b]
+        image = applied(weighed[:, m:m + b])
         sizes = _sizes(image, mass)
         for _ in range(2):
-            part = known.T @ (mass @ image)
+            part = against.T @ image
             image -= known @ part
             h[:m + b, m:m + b] += part
         m += b
@@ -258,7 +263,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             block = applied(mass @ draw.standard_normal((k, BLOCK)))
             sizes = _sizes(block, mass)
             for _ in range(2):
-                block -= known @ (known.T @ (mass @ block))
+                block -= known @ (against.T @ block)
             block, _ = _orthonormal(block, sizes, known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None

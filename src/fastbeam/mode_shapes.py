@@ -214,7 +214,7 @@ class DampedModes:
 
 
 class SteadyModes(DampedModes):
-    """Motions Re(x e^(r t)) about a steady motion, by |r| (theory.md 15): as `DampedModes`, seen from the frame that spins, or
+    """Motions Re(x e^(r t)) about a steady motion, by |r| (theory.md 17): as `DampedModes`, seen from the frame that spins, or
     beside which beams travel.
 
     Attributes

@@ -111,7 +111,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         False: loads and drives act in full from the first step on, and the load factor is how far supports that move, and
         prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
     steady : Spin or Travel, optional
-        The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 15): in the
+        The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 17): in the
         frame that spins, or beside which beams travel, supports stand still. Unstable directions are not counted: `modes(model,
         state=..., steady=...)` tells what grows.
 

@@ -1,5 +1,5 @@
 """Steady motions: a scene that spins about an axis, beams that travel along themselves; what their inertia adds to statics and to
-vibrations (theory.md 15).
+vibrations (theory.md 17).
 
 The mass matrix of positions and directors is constant, so that with the rate of a coordinate q' + A q, A the steady motion, the
 forces of inertia are exactly M q'' + 2 M A q' + M A A q (spin), or the same once integrated by parts (travel).

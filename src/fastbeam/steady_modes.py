@@ -1,4 +1,4 @@
-"""Small motions x e^(r t) about a steady motion, (K + r (C + G) + r^2 M) x = 0, G skew (theory.md 15).
+"""Small motions x e^(r t) about a steady motion, (K + r (C + G) + r^2 M) x = 0, G skew (theory.md 17).
 
 Krylov vectors of the inverse at a real rate near zero, of positions and velocities together, in blocks and all of them kept. For
 each rate found the vector follows from one more solution, and the rate from that vector once more, by the quadratic equation
@@ -15,7 +15,7 @@ from .linearised import Linearisation
 
 Array = np.ndarray
 # the real rate beside which vectors are looked for, as a share of the square root of the largest of the lowest eigenvalues of K
-BESIDE = 0.5
+NEXT_TO = 0.5
 # residual of a Ritz pair, and of a motion next to the sum of the sizes of its terms, up to which it counts
 CONVERGED, GOOD = 1e-11, 1e-7
 # rates that are zero, next to what round-off of the stiffness may make of one, and real or imaginary, next to their size
@@ -50,7 +50,7 @@ def steady_modes_of(about: Linearisation, found: Eigen, n: int, backend: str) ->
     if damping.nnz and not np.any(damping.data):
         damping.eliminate_zeros()
     against = (about.coriolis() + damping).tocsr()
-    shift = BESIDE * float(np.sqrt(np.max(np.abs(found.values), initial=0.0)))
+    shift = NEXT_TO * float(np.sqrt(np.max(np.abs(found.values), initial=0.0)))
     if not shift > 0.0:
         raise SingularError
     k = pencil.mass.shape[0]

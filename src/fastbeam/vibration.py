@@ -82,7 +82,7 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
         The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
         dampers in joints, laws of forces that depend on velocities.
     steady : Spin or Travel, optional
-        About a steady motion (theory.md 15): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
+        About a steady motion (theory.md 17): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
         supports belong to the frame that spins, or stand where beams travel. With the damping that the scene has.
     backend : {'auto', 'pardiso', 'superlu'}
 
