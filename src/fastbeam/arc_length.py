@@ -184,8 +184,8 @@ class PathSolver(SlidingSolver):
         return np.nan if found is None or found[0].size <= k else float(found[0][k])
 
     def critical_directions(self, k: int) -> Array | None:
-        """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest component
-        positive."""
+        """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest
+        component positive."""
         found = self._eigen(k + MOST_TOGETHER, NEXT_TO)
         if found is None or not found[0].size:
             return None
@@ -216,7 +216,8 @@ class PathSolver(SlidingSolver):
         else:
             tried = np.random.default_rng(0).standard_normal((TRIALS * m, m))
             tried /= np.linalg.norm(tried, axis=1, keepdims=True)
-        before, ways = self.saved(), []
+        before = self.saved()
+        ways: list[Array] = []
         for c in tried:
             self.restore(before)
             if not self.go(Direction(v @ c, 0.0), step):
@@ -232,8 +233,8 @@ class PathSolver(SlidingSolver):
         return [Direction(v @ way, 0.0) for way in (ways[:1] + [-ways[0]] if is_continuum else ways)], is_continuum
 
     def _eigen(self, n: int, below_zero: float = 0.0) -> tuple[Array, Array] | None:
-        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so far
-        below zero, next to the largest stiffness, where several may vanish."""
+        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so
+        far below zero, next to the largest stiffness, where several may vanish."""
         from scipy import sparse
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()

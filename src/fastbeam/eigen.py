@@ -39,8 +39,8 @@ IDLE = 1e-10
 OPEN = 1e-6
 # round-off of x . K x, next to |x| . |K| |x|
 NOISE = 8.0 * np.finfo(float).eps
-# neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns up
-# to which it is done by all eigenvalues of a dense matrix where pivots are not certain
+# neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns
+# up to which it is done by all eigenvalues of a dense matrix where pivots are not certain
 DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
 # what is left of a vector once others are taken out of it, and is round-off
 NOTHING = 1e-12

@@ -102,8 +102,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         The same where several directions lead away, from 0: number of one of `info["critical_points"][-1]["branches"]`; of a
         simple bifurcation 0 is side 1 and 1 is side -1.
     moves : mapping, optional
-        Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by which
-        they are shifted from the start, straight, without turning, times the load factor less that of the start. Loads and
+        Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by
+        which they are shifted from the start, straight, without turning, times the load factor less that of the start. Loads and
         gravity stay as they are, in full, but for those with time functions between two times.
 
     Returns
@@ -111,9 +111,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     Result
         Rows are equilibria along the path, `result.t` its length; `series["load_factor"]`, `series["unstable_directions"]` (NaN
         where moments leave the number open). Critical points are rows, too; `info["critical_points"]` lists them: kind ("limit"
-        or "bifurcation"), load_factor, length, row; of the bifurcation that stop_at= ends at also multiplicity, branches (directions
-        that lead away, as components along the vectors that vanish together) and continuum (whether they are two opposite ones of
-        a continuum, as of a column that may bend to all sides).
+        or "bifurcation"), load_factor, length, row; of the bifurcation that stop_at= ends at also multiplicity, branches
+        (directions that lead away, as components along the vectors that vanish together) and continuum (whether they are two
+        opposite ones of a continuum, as of a column that may bend to all sides).
 
     Raises
     ------

@@ -15,7 +15,7 @@ from .linearised import Linearisation
 from .model import Model
 from .observe import POINTS, place_of
 from .responses import FrequencyResponse
-from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene import DistributedLoad, Load
 from .statics import START, which_sliders
 from .supports import standing_supports, supported
 from .unpacked import distributed

@@ -244,8 +244,8 @@ class Linearisation:
         assert self.steady is not None
         motion = self.steady.motion
         if not isinstance(motion, Spin):
-            raise SceneError(f"state: in {motion!r} nodes stand still while material passes, which no run begins with; follow the "
-                             "mode by its rate")
+            raise SceneError(f"state: in {motion!r} nodes stand still while material passes, which no run begins with; follow "
+                             "the mode by its rate")
         turn = motion.rate * motion.axis
         return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
 
@@ -264,7 +264,8 @@ class Linearisation:
             rates = (self.lift @ x).reshape(-1, 4, 3)
             product = (self._inertia @ rates.reshape(-1)).reshape(-1, 4, 3)[:, 0]
             moves = rates[:, 0]
-            across = float(np.real(np.sum(moves.conj() * product) - np.sum((moves @ motion.axis).conj() * (product @ motion.axis))))
+            along = np.sum((moves @ motion.axis).conj() * (product @ motion.axis))
+            across = float(np.real(np.sum(moves.conj() * product) - along))
             if across <= NOT_ACROSS * float(np.real(np.vdot(rates, self._inertia @ rates.reshape(-1)))):
                 moves = product = 0.5 * np.cross(self.q[:, 1:], rates[:, 1:]).sum(axis=1)
                 across = float(np.linalg.norm(moves @ one)**2 + np.linalg.norm(moves @ two)**2)

@@ -125,8 +125,8 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
     SceneError
     """
     if model.dragged is not None:
-        raise SceneError(f"{who}: drag of {model.dragged.labels[0]} resists the steady motion itself, which would not go on; leave "
-                         "it out")
+        raise SceneError(f"{who}: drag of {model.dragged.labels[0]} resists the steady motion itself, which would not go on; "
+                         "leave it out")
     if model.user_forces:
         raise SceneError(f"{who}: user force {model.user_forces[0]!r} is not known in a steady motion; leave it out")
     if isinstance(motion, Spin):
@@ -135,8 +135,9 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
             vectors = of_row[:, :6].reshape(-1, 3)
             across = vectors - np.outer(vectors @ motion.axis, motion.axis)
             if factors[k] and np.max(np.abs(across), initial=0.0) > ACROSS * np.max(np.abs(vectors), initial=0.0):
-                raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}; they stay in space, so that nothing "
-                                 "is steady in the frame that spins. Leave them out, load_factor=0, or let them act along it")
+                raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}; they stay in space, so that "
+                                 "nothing is steady in the frame that spins. Leave them out, load_factor=0, or let them act along "
+                                 "it")
     else:
         held, first = model.held_mask, np.unique(model.pattern.row_of, return_index=True)[1]
         alone = np.zeros(model.n_nodes, bool)

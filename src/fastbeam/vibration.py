@@ -144,8 +144,8 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     if steady is not None:
         check_steady(who, model, steady, factors)
         if flat and isinstance(steady, Spin) and not np.allclose(np.abs(model.plane.axes[2] @ steady.axis), 1.0, atol=1e-12):
-            raise SceneError(f"{who}: planar=True needs a spin about the normal of the plane, got {steady!r}; motions in the plane "
-                             "push out of it")
+            raise SceneError(f"{who}: planar=True needs a spin about the normal of the plane, got {steady!r}; motions in the "
+                             "plane push out of it")
     about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady))
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if not np.any(about.mass.diagonal() > 0.0):

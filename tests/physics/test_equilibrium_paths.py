@@ -259,8 +259,8 @@ def test_two_times_of_loads_are_checked() -> None:
 
 
 def test_displacement_control_snaps_back() -> None:
-    """A truss of two springs pushed by a hand on a soft spring: the hand, a support, has to go back for the truss to go on. Exact:
-    P(z) = 2 k (l - l0) z/l at the height z of the top, the hand at z + P/ks + l_s."""
+    """A truss of two springs pushed by a hand on a soft spring: the hand, a support, has to go back for the truss to go on.
+    Exact: P(z) = 2 k (l - l0) z/l at the height z of the top, the hand at z + P/ks + l_s."""
     k, height, soft, rod = 100.0, 0.5, 6.0, 1.5
     rest = np.hypot(1.0, height)
 
@@ -268,7 +268,7 @@ def test_displacement_control_snaps_back() -> None:
         length = np.hypot(1.0, z)
         return 2.0 * k * (length - rest) * z / length
 
-    top, hand = fb.PointMass("top", mass=1.0, position=(0, 0, height)), fb.PointMass("hand", mass=1.0, position=(0, 0, height + rod))
+    top, hand = (fb.PointMass(name, mass=1.0, position=(0, 0, z)) for name, z in (("top", height), ("hand", height + rod)))
     bars = [fb.Spring(top, fb.GROUND.point((x, 0, 0)), f"bar {x}", stiffness=k) for x in (-1, 1)]
     clamp = fb.Clamp(hand)
     scene = fb.Scene(top, hand, *bars, fb.Spring(hand, top, "arm", stiffness=soft), clamp)

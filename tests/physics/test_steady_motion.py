@@ -1,4 +1,4 @@
-"""Equilibria and modes of steady motion against exact whirl, rotating blades, moving strings and beams, rings, and runs in time."""
+"""Equilibria and modes of steady motion against exact whirl, rotating blades, moving strings and beams, rings, runs in time."""
 from __future__ import annotations
 
 from typing import Any
@@ -171,8 +171,8 @@ def test_a_beam_runs_through_two_clamps_until_it_bends_aside() -> None:
     at = next(x for x, a, b in zip(speeds, values, values[1:]) if a * b < 0.0)
     critical = brentq(lambda x: moving(0.0, x).real, at, at + speeds[1] - speeds[0], xtol=1e-12)
     assert critical == pytest.approx(2.0 * np.pi / L * np.sqrt(EI / RHO_A), rel=0.05)
-    assert modes_of(model, fb.Travel({beam: 0.9999 * critical}), 2).unstable == 0
-    assert modes_of(model, fb.Travel({beam: 1.0001 * critical}), 2).unstable == 2
+    assert modes_of(model, fb.Travel({beam: 0.9999 * critical}), 6).unstable == 0
+    assert modes_of(model, fb.Travel({beam: 1.0001 * critical}), 6).unstable == 2
 
 
 def test_a_ring_that_spins_is_a_loop_that_travels() -> None:
