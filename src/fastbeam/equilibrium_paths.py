@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arc_length import Direction, PathSolver, root
 from .arguments import Anything, Count, Number, Refusal, Vector, Word, checked, shown, take, whole
@@ -20,12 +21,14 @@ from .progress import Progress
 from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .starting import check_start
 from .static_motion import StaticShift
 from .statics import RECORDED, START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports, standing_supports, supported
 
 Array = np.ndarray
+Support = Clamp | Pin | PrescribedMotion | NodeRef | PointMass | RigidBody
 # steps in which the path turns by more (cosine) are halved
 LEAST_COSINE = 0.9
 # iterations up to which steps grow, and by how much
@@ -61,7 +64,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                at_time: float | tuple[float, float] | None = None,
                points: Mapping[str, Any] | None = None, observe: Sequence[str] = (), held: bool | str | Sequence[str] = False,
                max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
-               branch: int | None = None, moves: Mapping[Any, Any] | None = None) -> Result:
+               branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
     length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arguments import Anything, Number, Vector, checked, real, shown
 from .errors import SceneError
@@ -50,8 +51,8 @@ class Spin:
     Spin(10 rad/s about (0, 0, 1) through (0, 0, 0))
     """
 
-    def __init__(self, rate: float, axis: Any = (0.0, 0.0, 1.0), point: Any = (0.0, 0.0, 0.0)) -> None:
-        size = float(np.linalg.norm(axis))
+    def __init__(self, rate: float, axis: ArrayLike = (0.0, 0.0, 1.0), point: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        size = float(np.linalg.norm(np.asarray(axis)))
         if size == 0.0:
             raise SceneError(f"Spin: axis must not be zero, got {shown(axis)}")
         self.rate, self.axis, self.point = rate, np.asarray(axis) / size, np.asarray(point)
@@ -136,8 +137,8 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
             across = vectors - np.outer(vectors @ motion.axis, motion.axis)
             if factors[k] and np.max(np.abs(across), initial=0.0) > ACROSS * np.max(np.abs(vectors), initial=0.0):
                 raise SceneError(f"{who}: loads or gravity act across the axis of {motion!r}; they stay in space, so that "
-                                 "nothing is steady in the frame that spins. Leave them out, load_factor=0, or let them act along "
-                                 "it")
+                                 "nothing is steady in the frame that spins. Leave them out, load_factor=0, or let them "
+                                 "act along it")
     else:
         held, first = model.held_mask, np.unique(model.pattern.row_of, return_index=True)[1]
         alone = np.zeros(model.n_nodes, bool)
