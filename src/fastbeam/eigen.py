@@ -42,6 +42,8 @@ NOISE = 8.0 * np.finfo(float).eps
 # neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns
 # up to which it is done by all eigenvalues of a dense matrix where pivots are not certain
 DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
+# growth of the number of Krylov vectors between two looks at what they give
+GROWTH = 1.04
 # what is left of a vector once others are taken out of it, and is round-off
 NOTHING = 1e-12
 TINY = 1e-300
@@ -225,7 +227,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
     # and its products with the masses
     basis, weighed = (np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F") for _ in range(2))
     h = np.zeros((basis.shape[1],) * 2)
-    m = 0
+    m, look = 0, min(n, most)
     first = applied(mass @ draw.standard_normal((k, BLOCK)))
     block, _ = _orthonormal(first, _sizes(first, mass), basis[:, :0], mass)
     values, y = np.zeros(0, complex), np.zeros((0, 0))
@@ -248,8 +250,10 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         block, rest = _orthonormal(image, sizes, known, mass)
         if rest.size:
             h[m:m + len(rest), m - b:m] = rest
-        if m < min(n, most) and block.shape[1]:
+        if m < look and m < most and block.shape[1]:
             continue
+        # all of a small matrix each time would take longer than what it is for
+        look = int(GROWTH * m)
         values, y = _ritz(h[:m, :m], pencil.is_symmetric)
         error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
         good = error <= CONVERGED * np.abs(values)

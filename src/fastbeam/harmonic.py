@@ -8,7 +8,7 @@ import numpy as np
 
 from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, real, shown, take
 from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
-from .eigen import Eigen, Pencil, SingularError
+from .eigen import Eigen, Pencil, Shifted, SingularError
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .linearised import Linearisation
@@ -231,7 +231,14 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
                          "not "
                          "leave; use damping= of sections, or loss_factor=")
+    # how many there are, by one factorisation
     n = 20
+    try:
+        counted = Shifted(found.factors.pencil, highest**2, backend).below
+    except SingularError:
+        counted = None
+    if counted is not None:
+        n = min(max(counted - found.factors.pencil.still.shape[1], 0) + 1, MOST_MODES)
     while True:
         found = equilibrium_of("frequency_response", about, n, backend, None)
         w = np.sqrt(np.maximum(np.real(found.values), 0.0))
