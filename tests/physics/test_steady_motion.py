@@ -120,6 +120,41 @@ def test_a_whirl_is_seen_in_time() -> None:
         assert (16.0 * second - first) / 15.0 == pytest.approx(2.0 * np.pi * found.in_space[k], rel=1e-6)
 
 
+def harmonic(y: Array, h: float, near: float) -> float:
+    """Angular frequency in a series, of ten in all (matrix pencil, Y. Hua, T. Sarkar, 1990)."""
+    half = y.size // 2
+    hankel = np.array([y[k:k + half] for k in range(y.size - half)])
+    v = np.linalg.svd(hankel, full_matrices=False)[2][:10].T
+    w = np.abs(np.angle(np.linalg.eigvals(np.linalg.lstsq(v[:-1], v[1:], rcond=None)[0]))) / h
+    return float(w[np.argmin(np.abs(w - near))])
+
+
+@pytest.mark.slow
+def test_a_blade_on_a_hub_that_turns_is_seen_in_time() -> None:
+    """The hub turns as prescribed, in a run; half the difference of two runs from opposite amplitudes."""
+    rate, radius = 2.0, 0.2
+    beam = fb.Beam.straight("blade", (radius, 0, 0), (1.2, 0, 0), elements=6, section=fb.Section(
+        EA=1e4, GA2=1e4, GA3=1e4, GJ=1.0, EI2=1.0, EI3=2.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3))
+    hub = fb.PrescribedMotion("hub", beam.start, rotation=lambda t: (0, 0, rate * t), position=lambda t: (
+        radius * np.cos(rate * t), radius * np.sin(rate * t), 0.0))
+    model = fb.compile_scene(fb.Scene(beam, hub))
+    found = modes_of(model, fb.Spin(rate), 2)
+    for k in (0,):
+        seen = []
+        for refine in (1, 2, 4):
+            ways = []
+            for amplitude in (1e-6, -1e-6):
+                run = fb.simulate(model, start=found.state(k, amplitude), t_end=6.0, step=0.01 / refine, every=refine,
+                                  points={"p": beam.end}, snapshots=0, progress=False)
+                ways.append(run.point("p"))
+            way, angle = 0.5 * (ways[0] - ways[1]), rate * run.t
+            across = np.stack((way[:, 2], np.cos(angle) * way[:, 1] - np.sin(angle) * way[:, 0]))
+            y = across[np.argmax(np.abs(across).max(axis=1))]
+            seen.append(harmonic(y, 0.01, float(found.angular[k])))
+        first, second = (4.0 * np.array(seen[1:]) - seen[:-1]) / 3.0
+        assert (16.0 * second - first) / 15.0 == pytest.approx(found.angular[k], rel=1e-6)
+
+
 # --- travel ---------------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("share", [0.3, 0.95, pytest.param(1.05, marks=pytest.mark.slow)])
 def test_a_string_that_moves_along_itself(share: float) -> None:
