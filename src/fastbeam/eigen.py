@@ -26,6 +26,8 @@ GOOD, FAIR = 1e-13, 1e-6
 REFINEMENTS, ROUND_OFF = 4, 1e-12
 # residual next to the solution of a matrix of size 1 that is round-off of the product
 LAST_BITS = 2.0 * np.finfo(float).eps
+# and residual up to which that is no sign of a matrix that is singular to round-off
+CLEAR = 1e-8
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
@@ -149,16 +151,17 @@ class Shifted:
         """Solutions of the scaled equations [m, n], refined where that helps."""
         if len(right) < BLOCK:
             return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
-        return refined(self._solve, self.matrix, right)[0]
+        return refined(self._solve, self.matrix, right, to_last_bits=False)[0]
 
     def solve(self, right: Array) -> Array:
         """Of K - shift M for right-hand sides [n, m]."""
         return (self._refined(np.ascontiguousarray((self.scale[:, None] * right).T)) * self.scale).T
 
 
-def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient: bool = False) -> tuple[Array, float]:
+def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient: bool = False,
+            to_last_bits: bool = True) -> tuple[Array, float]:
     """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
-    next to its b; lenient: it is not looked at.
+    next to its b; lenient: it is not looked at; to_last_bits: also where the residual is round-off of the product.
 
     Raises
     ------
@@ -175,8 +178,9 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient:
         if not left < 0.5 * worst:
             break
         worst, best = left, x
-        # beyond round-off of a matrix whose largest entries are 1 nothing is gained
-        if left <= GOOD or np.all(np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
+        # of a matrix whose largest entries are 1
+        if left <= GOOD or not to_last_bits and left <= CLEAR and np.all(
+                np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
             break
         x = x + solve(rest)
     if lenient and np.isfinite(best).all() or worst <= FAIR:
