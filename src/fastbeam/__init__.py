@@ -21,6 +21,7 @@ _WHERE = {
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
+    "steady": ["Spin", "Travel"],
     "harmonic": ["frequency_response"],
     "relaxing": ["relax"],
     "form_finding": ["force_density"],
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     from .statics import solve_static as solve_static
     from .stick_limits import stick_interval as stick_interval
     from .vibration import modes as modes
+    from .steady import Spin as Spin, Travel as Travel
     from .harmonic import frequency_response as frequency_response
     from .relaxing import relax as relax
     from .form_finding import force_density as force_density

@@ -8,15 +8,16 @@ import numpy as np
 
 from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, real, shown, take
 from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
-from .eigen import Eigen, Pencil, SingularError
+from .eigen import Eigen, Pencil, Shifted, SingularError
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
-from .linearised import Linearisation, standing_supports
+from .linearised import Linearisation
 from .model import Model
 from .observe import POINTS, place_of
 from .responses import FrequencyResponse
-from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene import DistributedLoad, Load
 from .statics import START, which_sliders
+from .supports import standing_supports, supported
 from .unpacked import distributed
 from .vibration import equilibrium_of, linearised_at
 
@@ -230,7 +231,14 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
                          "not "
                          "leave; use damping= of sections, or loss_factor=")
+    # how many there are, by one factorisation
     n = 20
+    try:
+        counted = Shifted(found.factors.pencil, highest**2, backend).below
+    except SingularError:
+        counted = None
+    if counted is not None:
+        n = min(max(counted - found.factors.pencil.still.shape[1], 0) + 1, MOST_MODES)
     while True:
         found = equilibrium_of("frequency_response", about, n, backend, None)
         w = np.sqrt(np.maximum(np.real(found.values), 0.0))
@@ -351,7 +359,7 @@ def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
         if not base:
             raise SceneError("frequency_response: base= names no support")
         for what, value in base.items():
-            node = _supported(model, what, held)
+            node = supported("frequency_response: base=", model, what, held)
             vectors[node] = _vector(f"base= of {shown(what)}", value)
     else:
         vector = _vector("base=", base)
@@ -366,29 +374,6 @@ def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
                              "position")
     moved[list(vectors)] = 7
     return moved, vectors
-
-
-def _supported(model: Model, what: Any, held: Array) -> int:
-    """Number of a node whose position a support holds.
-
-    Raises
-    ------
-    SceneError
-    """
-    at = what.at if isinstance(what, (Clamp, Pin, PrescribedMotion)) else what
-    at = at.center if isinstance(at, (RigidBody, PointMass)) else at
-    if not isinstance(at, NodeRef):
-        raise SceneError(f"frequency_response: base= maps supports (Clamp, Pin, PrescribedMotion) or their nodes to motions, got "
-                         f"{shown(what)}")
-    try:
-        node = int(model.numbers.number(at))
-    except KeyError:
-        raise SceneError(f"frequency_response: base= of {at.label}: it is not in scene {model.scene_name!r}") from None
-    same = np.flatnonzero((model.pattern.row_of == model.pattern.row_of[node]) & (held & 7 == 7))
-    if not same.size:
-        raise SceneError(f"frequency_response: base= of {at.label}: no support holds its own position; name the node that is "
-                         "clamped or pinned")
-    return int(same[0])
 
 
 def _vector(who: str, value: Any) -> Array:

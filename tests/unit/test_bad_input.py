@@ -22,7 +22,7 @@ import pytest
 import fastbeam as fb
 from fastbeam import __main__ as front
 from fastbeam.kernels.work import State
-from fastbeam.mode_shapes import DampedModes, Modes
+from fastbeam.mode_shapes import DampedModes, Modes, SteadyModes
 from fastbeam.model import Model
 from fastbeam.responses import FrequencyResponse
 
@@ -71,6 +71,13 @@ def modes() -> Modes:
 @cache
 def damped_modes() -> DampedModes:
     return fb.modes(held(), load_factor=0.0, n=3, damped=True)
+
+
+@cache
+def steady_modes() -> SteadyModes:
+    """Of the same beam that turns with its clamp."""
+    model, spin = held(), fb.Spin(1.0)
+    return fb.modes(model, n=2, steady=spin, state=fb.solve_static(model, steady=spin).state)
 
 
 @cache
@@ -238,6 +245,7 @@ FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
 CONDITION = either(is_real, is_function, is_text)
 LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_a(fb.Release),
               one_sided=either(VECTOR, is_a(fb.OneSided)))
+STEADY = one_of(fb.Spin, fb.Travel)
 OF_TIME = either(is_real, is_function)
 IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops))
 
@@ -406,18 +414,21 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"))),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"),
+             steady=STEADY)),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
-            side=among(1, -1))),
+            side=among(1, -1), branch=is_count, observe=is_list_of(is_text), moves=one_of(Mapping))),
         "stick_interval": Call(fb.stick_interval, dict(model=rubbing(), slider="s"), dict(
             model=one_of(Model), slider=is_text, load_factor=is_real, within=is_array(2), at_time=either(is_real, is_array(2)),
             start=one_of(State), held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
-            held=either(is_flag, is_text, is_list_of(is_text)), damped=is_flag, backend=is_text)),
+            held=either(is_flag, is_text, is_list_of(is_text)), damped=is_flag, steady=STEADY, backend=is_text)),
+        "Spin": Call(fb.Spin, dict(rate=1.0), dict(rate=is_real, axis=VECTOR, point=VECTOR)),
+        "Travel": Call(fb.Travel, dict(speeds={BEAM: 1.0}), dict(speeds=one_of(Mapping))),
         "frequency_response": Call(fb.frequency_response, dict(
             model=held(), frequencies=[3.0], load_factor=0.0, base=(1, 0, 0)), dict(
             model=one_of(Model), frequencies=VECTOR, state=one_of(State), load_factor=is_real, at_time=is_real, planar=is_flag,
@@ -434,6 +445,8 @@ def calls(folder: Path) -> dict[str, Call]:
         **{f"FrequencyResponse.{name}": Call(getattr(response(), name), dict(name="tip"), dict(name=is_text))
            for name in ("point", "spin", "slide", "peaks")},
         "FrequencyResponse.shape": Call(response().shape, dict(k=0), dict(k=is_count)),
+        "SteadyModes.state": Call(steady_modes().state, dict(k=0, amplitude=0.01), dict(
+            k=is_count, amplitude=is_real, phase=is_real)),
         "DampedModes.state": Call(damped_modes().state, dict(k=0, amplitude=0.01), dict(
             k=is_count, amplitude=is_real, phase=is_real)),
         "plot_response": Call(fb.plot_response, dict(response=response()), dict(
