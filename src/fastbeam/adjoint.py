@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,13 @@ from .model import Model, check_model
 from .newton import Stepper
 from .observe import POINTS, Observer
 from .saddle import Factors
+from .scene.checks import Place
 from .starting import check_start
 from .statics import START
 from .step_gradient import SectionSums
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 # bytes that the steps of a run may take
@@ -47,7 +51,8 @@ class RunSectionGradient(NamedTuple):
     rhoI2: Array  # noqa: N815
     rhoI3: Array  # noqa: N815
 
-    def by(self, stiffness: Any, rhoA: Any = 0.0, rhoI2: Any = 0.0, rhoI3: Any = 0.0) -> Array:  # noqa: N803
+    def by(self, stiffness: ArrayLike, rhoA: ArrayLike = 0.0, rhoI2: ArrayLike = 0.0,  # noqa: N803
+           rhoI3: ArrayLike = 0.0) -> Array:  # noqa: N803
         """Derivatives by a parameter [beams], from its derivatives of C (6, 6), or one of every beam, and of the inertias."""
         return (np.sum(self.stiffness * np.asarray(stiffness), axis=(1, 2)) + self.rhoA * np.asarray(rhoA)
                 + self.rhoI2 * np.asarray(rhoI2) + self.rhoI3 * np.asarray(rhoI3))
@@ -88,7 +93,7 @@ class AdjointRun:
         The last one.
     """
 
-    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Any], t: float, h: float, n: int) -> None:
+    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], t: float, h: float, n: int) -> None:
         self.model, self._stepper, self._h = model, stepper, h
         self.t = t + h * np.arange(n + 1)
         self._points = Observer(model, (), points).points
@@ -136,7 +141,8 @@ class AdjointRun:
 
     @checked(points=Names("must map names of points to weights (3,) or (n + 1, 3)"),
              velocities=Names("must map names of points to weights (3,) or (n + 1, 3)"))
-    def gradient(self, *, points: Mapping[str, Any] | None = None, velocities: Mapping[str, Any] | None = None) -> RunGradient:
+    def gradient(self, *, points: Mapping[str, ArrayLike] | None = None,
+                 velocities: Mapping[str, ArrayLike] | None = None) -> RunGradient:
         """Derivatives of a weighed sum of positions and velocities of points, backward through all steps once.
 
         Parameters
@@ -155,7 +161,7 @@ class AdjointRun:
             raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
         return _Backward(self, self._weights(points or {}), self._weights(velocities or {})).gradient()
 
-    def _weights(self, given: Mapping[str, Any]) -> list[tuple[Array, Array, Array]]:
+    def _weights(self, given: Mapping[str, ArrayLike]) -> list[tuple[Array, Array, Array]]:
         """(nodes, weights of their coordinates, weights of rows [n + 1, 3])."""
         out = []
         for name, value in given.items():
@@ -334,8 +340,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 @checked(model=Anything(), t_end=Number(above=0.0, unit="s"), step=Number(above=0.0, unit="s"), start=START, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word())
-def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None, points: Mapping[str, Any] | None = None,
-                max_iterations: int = 25, backend: str = "auto") -> AdjointRun:
+def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None,
+                points: Mapping[str, Place] | None = None, max_iterations: int = 25, backend: str = "auto") -> AdjointRun:
     """A run in conserving steps of order 2 that remembers all of them, for gradients of what it leads to (theory.md 13).
 
     Parameters

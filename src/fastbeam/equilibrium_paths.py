@@ -19,6 +19,7 @@ from .observe import POINTS, Observer
 from .progress import Progress
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .scene.checks import Place
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports
@@ -56,7 +57,7 @@ def which_branch(value: Any) -> int:
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
                largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500,
                at_time: float | tuple[float, float] | None = None,
-               points: Mapping[str, Any] | None = None, held: bool | str | Sequence[str] = False, max_iterations: int = 15,
+               points: Mapping[str, Place] | None = None, held: bool | str | Sequence[str] = False, max_iterations: int = 15,
                backend: str = "auto", stop_at: str | None = None, side: int | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
     length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
@@ -144,7 +145,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
 class _Path:
     """Goes along, and keeps rows."""
 
-    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Any] | None, step: float, largest: float,
+    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
                  smallest: float, most: int) -> None:
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most

@@ -1,7 +1,7 @@
 """The compiled scene: constant tables, and the list of the work that is present."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
@@ -437,7 +437,7 @@ class Model:
         node[self.pattern.row_of] = np.arange(self.n_nodes)
         return LoadWork(node, np.array([self.work_place]))
 
-    def state_for(self, names: dict[str, list[Any]], state: State) -> State:
+    def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
         return state_for(self, names, state)
 

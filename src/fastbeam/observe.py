@@ -22,6 +22,7 @@ from .resultants import Sections
 from .sections_held import Section, sections
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
+from .scene.checks import Place
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "section", "reaction")
@@ -49,7 +50,7 @@ class Observer:
         An unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | None) -> None:
         self.model = model
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0

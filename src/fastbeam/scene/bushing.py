@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.arguments import LARGEST, Name, Refusal, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Array, ArrayField, Rotation, fill
+from fastbeam.scene.checks import Array, ArrayField, FilledArray, Rotation, fill
 from fastbeam.scene.links import Link, label_of
 from fastbeam.scene.parts import Node, PointMass
 
@@ -87,8 +87,8 @@ class Bushing(Link):
 
     _: KW_ONLY
     stiffness: ArrayField
-    damping: ArrayField = None
-    directors: ArrayField = None
+    damping: FilledArray = None
+    directors: FilledArray = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -4,19 +4,51 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union
 
 import numpy as np
 
 from fastbeam.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take  # noqa: F401
 from fastbeam.errors import SceneError
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from fastbeam.kernels.work import State
+    from fastbeam.scene.beams import Beam, NodeRef
+    from fastbeam.scene.fixed import Ground
+    from fastbeam.scene.parts import PointMass, RigidBody
+
 Array = np.ndarray
-# fields that take more than they hold: numbers of any kind that become arrays; nodes, bodies and masses that become nodes
-ArrayField = Any
-NodeField = Any
-TimeFactor = Callable[[float], float]
-FieldLike = Array | Callable[[Array], Array]
+Given, Held = TypeVar("Given", contravariant=True), TypeVar("Held", covariant=True)
+
+
+class Takes(Generic[Given, Held]):
+    """A field that takes more than it holds, as type checkers see it: `Takes[given, held]`, a descriptor of the constructor's
+    argument and of the attribute. Nothing makes one; the decorator of the class cleans what is given."""
+
+    if TYPE_CHECKING:
+        def __get__(self, owner: object, kind: type | None = None) -> Held: ...
+        def __set__(self, owner: object, value: Given) -> None: ...
+
+
+# what arguments may be: a function of t, in the place of numbers along a beam s[n] -> [n, 3], of (t, state), of (t, s, rate)
+TimeFactor = Callable[[float], Union[float, Array]]
+OfTimeLike = Union[float, TimeFactor]
+FieldLike = Union["ArrayLike", Callable[[Array], "ArrayLike"]]
+Condition = Callable[[float, float, float], Union[float, np.bool_]]
+UntilLike = Union[float, Callable[[float, "State"], Union[float, np.bool_]]]
+WhenLike = Union[float, str, Condition]
+# a node, or what has one; a place to observe
+NodeLike = Union["NodeRef", "RigidBody", "PointMass"]
+Place = Union["NodeRef", "RigidBody", "PointMass", tuple["Beam", float]]
+# numbers of any kind that become arrays, nodes, bodies and masses that become nodes
+ArrayField = Takes["ArrayLike", Array]
+FilledArray = Takes[Union["ArrayLike", None], Array]
+OptionalArray = Takes[Union["ArrayLike", None], Union[Array, None]]
+FieldField = Takes[FieldLike, Union[Array, Callable[[Array], "ArrayLike"]]]
+OptionalField = Takes[Union[FieldLike, None], Union[Array, Callable[[Array], "ArrayLike"], None]]
+NodeField = Takes[NodeLike, "NodeRef"]
+SideField = Takes[Union[NodeLike, "Ground"], "NodeRef"]
 
 
 def fill(obj: Any, **values: Any) -> None:

@@ -1,7 +1,6 @@
 """Joints with axes between two of body, point of a body, beam node and ground: lists of conditions on points and directions."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +10,7 @@ from fastbeam.arguments import Name, Number, Numbers, Refusal, Vector, checked, 
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
@@ -91,12 +90,12 @@ class AxisJoint(Link):
     stops: ClassVar[Stops | None] = None
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """Force or torque on what it leaves free: a number, a function of time, or None."""
         return None
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """What its coordinate is given: a number, a function of time, or None."""
         return None
 
@@ -159,6 +158,9 @@ def _place(node: NodeRef) -> Array:
 class OneAxisJoint(AxisJoint):
     """A joint with one axis, which both parts carry."""
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     axis: ArrayField
 
@@ -227,9 +229,9 @@ class RevoluteJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    torque: float | Callable[[float], float] | None = None
-    angle: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
+    torque: OfTimeLike | None = None
+    angle: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
     friction: float = 0.0
     stops: Stops | None = None
 
@@ -238,12 +240,12 @@ class RevoluteJoint(OneAxisJoint):
         self._check_forces()
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.torque
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.angle
 
@@ -319,9 +321,9 @@ class PrismaticJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    force: float | Callable[[float], float] | None = None
-    distance: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
+    force: OfTimeLike | None = None
+    distance: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
     friction: float = 0.0
     stops: Stops | None = None
 
@@ -330,12 +332,12 @@ class PrismaticJoint(OneAxisJoint):
         self._check_forces()
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.force
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.distance
 
@@ -361,6 +363,9 @@ class PlanarJoint(AxisJoint):
     kind: ClassVar[str] = "planar joint"
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, -1),), ONE_AXIS)
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     normal: ArrayField
 
@@ -396,6 +401,9 @@ class UniversalJoint(AxisJoint):
     is_pinned: ClassVar[bool] = True
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, 1),),)
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     axis_a: ArrayField
     axis_b: ArrayField

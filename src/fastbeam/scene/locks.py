@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import ArrayField, Condition, WhenLike
 from fastbeam.scene.sliding import Stops, needed_arguments
 
 TIME, PLACE = Number(unit="s"), Number(unit="m")
@@ -90,10 +90,10 @@ class Lock:
 
     kind: ClassVar[str] = "lock"
 
-    when: Any = None
+    when: WhenLike | None = None
     _: KW_ONLY
     at: float | None = None
-    until: Any = None
+    until: float | Condition | None = None
 
     def __post_init__(self) -> None:
         if self.when is not None and self.at is not None:
@@ -127,7 +127,7 @@ class Release:
 
     kind: ClassVar[str] = "release"
 
-    when: Any
+    when: WhenLike
 
 
 @checked(side=Vector, restitution=Number(least=0.0, most=1.0), catch=Flag())
@@ -159,7 +159,7 @@ class OneSided:
 
     kind: ClassVar[str] = "one-sided contact"
 
-    side: Array
+    side: ArrayField
     _: KW_ONLY
     restitution: float = 0.0
     catch: bool = False

@@ -12,7 +12,10 @@ from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, checked,
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField, Factor, Field, FieldLike, NodeField, Rotation, TimeFactor
+from fastbeam.scene.checks import (
+    Array, ArrayField, Factor, Field, FieldField, FieldLike, FilledArray, NodeField, OptionalArray, OptionalField, Rotation,
+    Takes, TimeFactor,
+)
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
 
@@ -93,8 +96,8 @@ class PointMass:
     name: str
     _: KW_ONLY
     mass: float
-    position: ArrayField = None
-    velocity: ArrayField = None
+    position: OptionalArray = None
+    velocity: OptionalArray = None
 
     @property
     def label(self) -> str:
@@ -139,7 +142,7 @@ class RigidBody:
     mass: float
     inertia: ArrayField
     position: ArrayField
-    directors: ArrayField = None
+    directors: FilledArray = None
     velocity: ArrayField = ZERO
     spin: ArrayField = ZERO
 
@@ -171,6 +174,7 @@ class RigidBody:
 
 
 MOVABLE = (Beam, Net, RigidBody, PointMass)
+Moved = Beam | Net | RigidBody | PointMass
 MOST_OBJECTS = 10**6
 
 
@@ -282,8 +286,8 @@ class DistributedLoad:
     name: str
     beam: Beam
     _: KW_ONLY
-    force: FieldLike | None = None
-    moment: FieldLike | None = None
+    force: OptionalField = None
+    moment: OptionalField = None
     time: TimeFactor | None = None
 
     def __post_init__(self) -> None:
@@ -323,8 +327,8 @@ class InitialVelocity:
 
     beam: Beam
     _: KW_ONLY
-    velocity: FieldLike = ZERO
-    spin: FieldLike = ZERO
+    velocity: FieldField = ZERO
+    spin: FieldField = ZERO
 
     def __post_init__(self) -> None:
         for key in ("velocity", "spin"):
@@ -361,7 +365,7 @@ class RigidMotion:
 
     kind: ClassVar[str] = "rigid motion"
 
-    objects: Any = None
+    objects: Takes[Moved | Iterable[Moved] | None, tuple[Moved, ...] | None] = None
     _: KW_ONLY
     velocity: ArrayField = ZERO
     spin: ArrayField = ZERO

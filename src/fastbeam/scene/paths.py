@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,7 +13,7 @@ from fastbeam.arguments import Flag, Name, Number, Refusal, checked, shown, whol
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import Array, Takes
 from fastbeam.scene.nets import Net
 
 if TYPE_CHECKING:
@@ -111,9 +111,10 @@ class Path:
     kind: ClassVar[str] = "path"
 
     name: str
-    beams: Any
+    beams: Takes[Iterable[Beam | tuple[Beam, int]], tuple[Beam, ...]]
     _: KW_ONLY
     closed: bool = False
+    directions: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         beams, directions = zip(*self.beams)

@@ -13,7 +13,7 @@ from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, OptionalArray
 from fastbeam.scene.locks import AOneSided, ARelease, SomeLocks
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ABeam
@@ -64,7 +64,7 @@ class Sleeve(Slider):
     keyed: bool = True
     length: float | None = None
     key_radius: float | None = None
-    axis: ArrayField = None
+    axis: OptionalArray = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.arguments import LARGEST, Flag, Name, Number, Refusal, Word, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, OptionalArray
 from fastbeam.scene.links import Link, label_of
 from fastbeam.scene.parts import Node
 
@@ -95,7 +95,7 @@ class Spring(Link):
     damping: float = 0.0
     tension_only: bool = False
     compression_only: bool = False
-    table: ArrayField = None
+    table: OptionalArray = None
     interpolation: str = "linear"
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from fastbeam.arguments import Name, Number, Refusal, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import NodeField
+from fastbeam.scene.checks import NodeField, UntilLike
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import needed_arguments
 
@@ -61,7 +61,7 @@ class _Support:
     name: str | None = None
     _: KW_ONLY
     axes: str = AXES
-    until: Any = None
+    until: UntilLike | None = None
 
     def __post_init__(self) -> None:
         if self.name is None:
