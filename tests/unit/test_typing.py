@@ -74,7 +74,14 @@ rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), elements=3)
 rod = fb.Beam.straight("rod", (0, 0, 0), (2, 0, 0), section=rubber, elements=3, elemets=4)
 run = fb.simulate(rod, t_end=1.0, step=1.0)
 load = fb.Load("l", rod.end, forces=(0, 0, 1))
+bead = fb.Slider("s", "bead", rod, at=0.5)
+hold = fb.Clamp(rod, until="later")
+body = fb.RigidBody("b", mass=1.0, inertia=rod, position=(0, 0, 0))
+way = fb.Path("p", [rod.end])
+rest = fb.solve_static(fb.compile_scene(fb.Scene(rod)), points={"tip": 3.0})
+size: str = body.inertia
 """
+FORMS = ROOT / "tests" / "typed_forms.py"
 
 
 def test_editors_are_told_every_public_name_from_where_it_is() -> None:
@@ -118,8 +125,8 @@ def test_idioms_examples_and_the_program_of_the_readme_pass_a_type_checker(tmp_p
     program, = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
     (tmp_path / "readme.py").write_text(program)
     (tmp_path / "idioms.py").write_text(IDIOMS)
-    said = checked(tmp_path / "readme.py", tmp_path / "idioms.py", *sorted((ROOT / "examples").glob("*.py")))
-    assert said.startswith("Success: no issues found in 9 source files"), said
+    said = checked(tmp_path / "readme.py", tmp_path / "idioms.py", FORMS, *sorted((ROOT / "examples").glob("*.py")))
+    assert said.startswith("Success: no issues found in 10 source files"), said
 
 
 @pytest.mark.slow  # pyright reads numpy and matplotlib
@@ -128,7 +135,7 @@ def test_idioms_examples_and_the_program_of_the_readme_are_strict_for_pyright(tm
     program, = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
     (tmp_path / "readme.py").write_text(program)
     (tmp_path / "idioms.py").write_text(IDIOMS)
-    for example in (ROOT / "examples").glob("*.py"):
+    for example in (FORMS, *(ROOT / "examples").glob("*.py")):
         (tmp_path / example.name).write_text(example.read_text(encoding="utf-8"), encoding="utf-8")
     # matplotlib leaves keywords of its methods open
     settings = {"typeCheckingMode": "strict", "extraPaths": [str(ROOT / "src")], "reportUnknownMemberType": "none"}
@@ -221,4 +228,4 @@ def test_any_is_found_behind_aliases() -> None:
 def test_a_type_checker_finds_mistakes(tmp_path: Path) -> None:
     (tmp_path / "mistakes.py").write_text(MISTAKES)
     said = checked(tmp_path / "mistakes.py")
-    assert [f"mistakes.py:{k}: error" in said for k in range(3, 9)] == [True] * 6, said
+    assert [f"mistakes.py:{k}: error" in said for k in range(3, 15)] == [True] * 12, said

@@ -14,7 +14,7 @@ from fastbeam.arguments import (
 )
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array, ArrayField, Takes
+from fastbeam.scene.checks import Array, ArrayField, Takes, noun
 from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, spline_through
 from fastbeam.scene.sections import Section
 
@@ -92,7 +92,7 @@ class BeamOptions(TypedDict, total=False):
 
 
 @checked(owner=Anything(), index=Anything(), offset=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class NodeRef:
     """One node of a beam, or a point fixed to a rigid body, point mass or the ground. Made by `beam.start`, `body.point(...)` and
     so on.
@@ -161,7 +161,7 @@ class NodeRef:
 
 
 @checked(name=Name(), curve=CurveOf(), **COMMON)
-@dataclass(frozen=True, eq=False)
+@noun
 class Beam:
     """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
     given a prestrain or a prestress.

@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, dataclass_transform
 
 import numpy as np
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from fastbeam.scene.parts import PointMass, RigidBody
 
 Array = np.ndarray
-Given, Held = TypeVar("Given", contravariant=True), TypeVar("Held", covariant=True)
+Given = TypeVar("Given", contravariant=True)
+Held = TypeVar("Held", covariant=True)
+Noun = TypeVar("Noun")
 
 
 class Takes(Generic[Given, Held]):
@@ -29,6 +31,13 @@ class Takes(Generic[Given, Held]):
     if TYPE_CHECKING:
         def __get__(self, owner: object, kind: type | None = None) -> Held: ...
         def __set__(self, owner: object, value: Given) -> None: ...
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
+def noun(cls: type[Noun]) -> type[Noun]:
+    """A frozen dataclass that is compared by identity, as all parts of scenes. Type checkers see fields that are `Takes` as what
+    they are (of plain dataclasses mypy does so for fields with a default alone)."""
+    return dataclass(frozen=True, eq=False)(cls)
 
 
 # what arguments may be: a function of t, in the place of numbers along a beam s[n] -> [n, 3], of (t, state), of (t, s, rate)

@@ -10,7 +10,7 @@ from fastbeam.arguments import Name, Numbers, Refusal, Word, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import ArrayField, Takes
+from fastbeam.scene.checks import ArrayField, Takes, noun
 from fastbeam.scene.parts import PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliders import CURVES, Slider
@@ -44,7 +44,7 @@ class TwoFrictions:
 
 @checked(name=Name(), beam_a=ATrack(), beam_b=ATrack(), at=Numbers((2,), "two arc lengths (s_a, s_b), m"), curve=Word(CURVES),
          friction=TwoFrictions())
-@dataclass(frozen=True, eq=False)
+@noun
 class Crossing:
     """Two beams that touch at one point and slide on each other there: crossing cables (theory.md 5.10).
 

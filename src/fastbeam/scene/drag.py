@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from fastbeam.arguments import Name, Number, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import ArrayField
+from fastbeam.scene.checks import ArrayField, noun
 from fastbeam.scene.nets import Net
 from fastbeam.scene.parts import ZERO, PointMass, RigidBody
 
@@ -27,7 +27,7 @@ class InAir:
 
 
 @checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class Drag:
     """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`.
 

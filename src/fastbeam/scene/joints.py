@@ -10,7 +10,7 @@ from fastbeam.arguments import Name, Number, Numbers, Refusal, Vector, checked, 
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField
+from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField, noun
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
@@ -154,7 +154,7 @@ def _place(node: NodeRef) -> Array:
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class OneAxisJoint(AxisJoint):
     """A joint with one axis, which both parts carry."""
 
@@ -177,7 +177,7 @@ class OneAxisJoint(AxisJoint):
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),
          damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"), angle=OfTime("rad"),
          speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), stops=SomeStops())
-@dataclass(frozen=True, eq=False)
+@noun
 class RevoluteJoint(OneAxisJoint):
     """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
 
@@ -251,7 +251,7 @@ class RevoluteJoint(OneAxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=OnBoth(0.0), damping=OnBoth(0.0), rest=OnBoth())
-@dataclass(frozen=True, eq=False)
+@noun
 class CylindricalJoint(OneAxisJoint):
     """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
 
@@ -283,7 +283,7 @@ class CylindricalJoint(OneAxisJoint):
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N/m"),
          damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"), distance=OfTime("m"),
          speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), stops=SomeStops())
-@dataclass(frozen=True, eq=False)
+@noun
 class PrismaticJoint(OneAxisJoint):
     """Part b slides along an axis of a without turning: a guide, a translational joint.
 
@@ -343,7 +343,7 @@ class PrismaticJoint(OneAxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, normal=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class PlanarJoint(AxisJoint):
     """The point of b stays in a plane of a, and b turns about the normal of the plane alone.
 
@@ -380,7 +380,7 @@ class PlanarJoint(AxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis_a=Vector, axis_b=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class UniversalJoint(AxisJoint):
     """A Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import ArrayField, Condition, WhenLike
+from fastbeam.scene.checks import ArrayField, Condition, WhenLike, noun
 from fastbeam.scene.sliding import Stops, needed_arguments
 
 TIME, PLACE = Number(unit="s"), Number(unit="m")
@@ -131,7 +131,7 @@ class Release:
 
 
 @checked(side=Vector, restitution=Number(least=0.0, most=1.0), catch=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class OneSided:
     """Contact that pushes only: the point lies on one side of the beam, lifts off where it would have to be pulled, and comes
     back. `Slider(..., one_sided=(0, 0, 1))` is the short form of `one_sided=fb.OneSided((0, 0, 1))`.

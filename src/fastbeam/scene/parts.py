@@ -14,7 +14,7 @@ from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
 from fastbeam.scene.checks import (
     Array, ArrayField, Factor, Field, FieldField, FieldLike, FilledArray, NodeField, OptionalArray, OptionalField, Rotation,
-    Takes, TimeFactor,
+    Takes, TimeFactor, noun,
 )
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
@@ -79,7 +79,7 @@ class Movable:
 
 
 @checked(name=Name(), mass=MASS, position=Vector, velocity=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class PointMass:
     """Point mass (kg, > 0). `position` (3,) m may be left out where a slider or a joint places it.
 
@@ -111,7 +111,7 @@ class PointMass:
 
 
 @checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=Rotation(), velocity=Vector, spin=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class RigidBody:
     """Rigid body: one node at the centre of mass with a body triad.
 
@@ -198,7 +198,7 @@ def _inertia(who: str, value: Any) -> Array:
 
 
 @checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))
-@dataclass(frozen=True, eq=False)
+@noun
 class _Joint:
     """Common part of the joints: two nodes of different owners or at least different nodes."""
 
@@ -243,7 +243,7 @@ class BallJoint(_Joint):
 
 
 @checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR)
-@dataclass(frozen=True, eq=False)
+@noun
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
 
@@ -269,7 +269,7 @@ class Load:
 
 
 @checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR)
-@dataclass(frozen=True, eq=False)
+@noun
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
 
@@ -313,7 +313,7 @@ def _field_or_zero(value: FieldLike | None) -> FieldLike:
 
 
 @checked(beam=ABeam(), velocity=FIELD, spin=FIELD)
-@dataclass(frozen=True, eq=False)
+@noun
 class InitialVelocity:
     """Initial velocity (m/s) and angular velocity in space (rad/s) along a beam: 3 numbers or functions s[n] -> [n, 3].
 
@@ -351,7 +351,7 @@ class InitialVelocity:
 
 
 @checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class RigidMotion:
     """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
 

@@ -13,7 +13,7 @@ from fastbeam.arguments import Flag, Name, Number, Refusal, checked, shown, whol
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array, Takes
+from fastbeam.scene.checks import Array, Takes, noun
 from fastbeam.scene.nets import Net
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class BeamsInOrder:
 
 
 @checked(name=Name(), beams=BeamsInOrder(), closed=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class Path:
     """Beams end to end as one curve: sliders run from beam to beam and, where it is closed, around (theory.md 5.7).
 

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.arguments import LARGEST, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, tried
+from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, noun, tried
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import FORWARD, SHORT
 from fastbeam.scene.supports import AXES, SomeAxes, Until, mask_of
@@ -82,7 +82,7 @@ class Moving:
 
 @checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
          until=Until())
-@dataclass(frozen=True, eq=False)
+@noun
 class PrescribedMotion:
     """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
 

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.arguments import LARGEST, SMALLEST, Number, Numbers, Refusal, Word, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array, Takes
+from fastbeam.scene.checks import Array, Takes, noun
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -55,7 +55,7 @@ MATERIAL = {"E": Number(above=0.0, unit="N/m^2"), "G": Number(above=0.0, unit="N
 
 
 @checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
-@dataclass(frozen=True, eq=False)
+@noun
 class Section:
     """Stiffness and inertia of a cross-section; d2 and d3 are its principal axes, X2 and X3 the coordinates along them.
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
-from fastbeam.scene.checks import Array, NodeField, Takes
+from fastbeam.scene.checks import Array, NodeField, Takes, noun
 from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, SomeLocks, check_locks, check_release
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
@@ -27,7 +27,7 @@ CURVES = ("own", "c1")
 
 @checked(name=Name(), point=Node(), beam=ATrack(), on=ATrack(), at=Number(), rate=Number(), curve=Word(CURVES),
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided())
-@dataclass(frozen=True, eq=False)
+@noun
 class Slider:
     """Lets a point slide along a beam, or a path of several (theory.md 5), without friction where none is given.
 

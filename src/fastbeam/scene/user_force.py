@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from fastbeam.arguments import Flag, Function, Name, Numbers, checked
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import ArrayField, NodeLike, Takes
+from fastbeam.scene.checks import ArrayField, NodeLike, Takes, noun
 from fastbeam.scene.parts import Node
 
 Array = np.ndarray
@@ -27,7 +27,7 @@ class NodeOrBeam:
 
 @checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"),
          dissipates=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class UserForce:
     """A force and a moment on a node or body, or per length along a beam, by a function that is compiled into the step.
 
