@@ -7,12 +7,13 @@ import fastbeam as fb
 rope = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0, damping=[1e-3] * 6)
 a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=rope, elements=4)
 b = fb.Beam.straight("b", (2, 0, 0), (4, 0, 0), section=rope, elements=4)
-c = fb.Beam.straight("c", (2, 0, 0), (4, 1, 0), section=rope, elements=np.linspace(0, 2.236, 4))
+c = fb.Beam.straight("c", (2, 0, 0), (4, 1, 0), section=rope, elements=np.linspace(0, np.sqrt(5.0), 4))
 bead = fb.PointMass("bead", mass=1.0, position=np.zeros(3), velocity=[0, 0, 1])
 where: np.ndarray = fb.RigidBody("x", mass=1.0, inertia=[1, 1, 1], position=(0, 0, 0)).inertia
 block = fb.RigidBody("block", mass=40.0, inertia=np.eye(3), position=(2, 0, 0))
-cross = fb.Crossing("x", a, fb.Path("p", [b, (c, -1)]), at=(0.7, 1.0), friction=(0.1, None))
-cross2 = fb.Crossing("y", a, b, at=np.array([0.7, 1.0]), friction=fb.Friction(0.2))
+over = fb.Beam.straight("over", (0.7, -1, 0), (0.7, 1, 0), section=rope, elements=4)
+cross = fb.Crossing("x", fb.Path("p", [a, (b, 1)]), over, at=(0.7, 1.0), friction=(0.1, None))
+cross2 = fb.Crossing("y", a, over, at=np.array([0.7, 1.0]), friction=fb.Friction(0.2))
 x: float = cross.slider_a.at
 tracks: tuple[int, ...] = fb.Path("q", [a, b]).directions
 s1 = fb.Switch("s", [a, b, c], choose=[(0.0, "b"), (5.0, "c")])
@@ -22,7 +23,7 @@ s4 = fb.Switch("s", (a, b, c), choose=lambda t, state, slider: b)
 lock1 = fb.Slider("l", bead, a, at=0.1, lock=fb.Lock("end"), stops=fb.Stops(end=1.0))
 lock2 = fb.Slider("l", bead, a, at=0.1, lock=[fb.Lock(until=1.0), fb.Lock(lambda t, s, rate: rate - 3.0,
                                                                             until=lambda t, s, rate: s > 1.0)])
-off = fb.Slider("o", block, a, at=0.1, one_sided=(0, 0, 1), release=fb.Release("end"), friction=0.3)
+off, leaves = fb.Slider("o", block, a, at=0.1, one_sided=(0, 0, 1), friction=0.3), fb.Slider("o", block, a, at=0.1, release=fb.Release("end"))
 off2 = fb.Slider("o", block.point((0, 0, 1)), on=a, at=0.1, one_sided=fb.OneSided([0, 0, 1], restitution=0.5))
 fr: float | None = off.friction.viscous if off.friction is not None else None
 drive = fb.Drive(position=lambda t: 0.5 * t, speed=lambda t: 0.5, stiffness=1e4, damping=10.0)

@@ -229,3 +229,11 @@ def test_a_type_checker_finds_mistakes(tmp_path: Path) -> None:
     (tmp_path / "mistakes.py").write_text(MISTAKES)
     said = checked(tmp_path / "mistakes.py")
     assert [f"mistakes.py:{k}: error" in said for k in range(3, 15)] == [True] * 12, said
+
+
+def test_the_forms_that_type_checkers_take_are_taken() -> None:
+    text = FORMS.read_text(encoding="utf-8")
+    nouns, calls = text.split("model = fb.compile_scene")
+    names: dict[str, Any] = {"__name__": "forms"}
+    exec(compile(nouns, str(FORMS), "exec"), names)
+    assert len(names["scene"].parts) > 20 and "fb.simulate(model" in calls
