@@ -23,7 +23,8 @@ s4 = fb.Switch("s", (a, b, c), choose=lambda t, state, slider: b)
 lock1 = fb.Slider("l", bead, a, at=0.1, lock=fb.Lock("end"), stops=fb.Stops(end=1.0))
 lock2 = fb.Slider("l", bead, a, at=0.1, lock=[fb.Lock(until=1.0), fb.Lock(lambda t, s, rate: rate - 3.0,
                                                                             until=lambda t, s, rate: s > 1.0)])
-off, leaves = fb.Slider("o", block, a, at=0.1, one_sided=(0, 0, 1), friction=0.3), fb.Slider("o", block, a, at=0.1, release=fb.Release("end"))
+off = fb.Slider("o", block, a, at=0.1, one_sided=(0, 0, 1), friction=0.3)
+leaves = fb.Slider("o", block, a, at=0.1, release=fb.Release("end"))
 off2 = fb.Slider("o", block.point((0, 0, 1)), on=a, at=0.1, one_sided=fb.OneSided([0, 0, 1], restitution=0.5))
 fr: float | None = off.friction.viscous if off.friction is not None else None
 drive = fb.Drive(position=lambda t: 0.5 * t, speed=lambda t: 0.5, stiffness=1e4, damping=10.0)

@@ -197,6 +197,13 @@ class Model:
             self.released.put(state.history[self.release_place:self.motion_place] != 0.0, of_row)
         return of_row[self.pattern.row_of]
 
+    def gone_motions(self, state: State) -> set[int]:
+        """Numbers of the supports that move which have let go in a state."""
+        if self.released is None:
+            return set()
+        gone = state.history[self.release_place:self.motion_place] != 0.0
+        return set(self.released.motion[gone].tolist()) - {-1}
+
     @property
     def reaction_names(self) -> list[str]:
         """Supports, joints that are eliminated, and joints with multipliers: those that reactions are told of, in this order."""
@@ -339,6 +346,8 @@ class Model:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
                 digest.update(np.ascontiguousarray(x).reshape(-1).view(np.uint8))
+        if self.spans:
+            digest.update(self.slider_forces.choices.encode())
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 

@@ -311,6 +311,11 @@ class Observer:
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
+        # what `Result.state_for` finds in the state's history
+        if model.slider_forces is not None and model.slider_forces.lets_go:
+            names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
+        if model.released is not None:
+            names |= {"until": list(model.released.names), "history": [model.release_place]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),

@@ -326,8 +326,9 @@ class Result(Readings, Exports):
         """The state at the end of this run as one of another model, to start from: `simulate(model, start=run.state_for(model))`.
 
         Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
-        place. Parts that only the other model has take those of its initial state, moved with what they are joined to or slide
-        on; parts that it does not have are left out.
+        place and, where they have as many locks, what these have done; supports that have let go stay so. Parts that only the
+        other model has take those of its initial state, moved with what they are joined to or slide on; parts that it does not
+        have are left out.
 
         Raises
         ------
