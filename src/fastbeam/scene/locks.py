@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import ArrayField, Condition, WhenLike, noun
+from fastbeam.scene.checks import ArrayField, Condition, WhenLike, called_with, noun
 from fastbeam.scene.sliding import Stops, needed_arguments
 
 TIME, PLACE = Number(unit="s"), Number(unit="m")
@@ -89,6 +89,7 @@ class Lock:
     """
 
     kind: ClassVar[str] = "lock"
+    __repr__ = called_with
 
     when: WhenLike | None = None
     _: KW_ONLY
@@ -126,6 +127,7 @@ class Release:
     """
 
     kind: ClassVar[str] = "release"
+    __repr__ = called_with
 
     when: WhenLike
 

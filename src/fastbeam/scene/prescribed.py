@@ -270,3 +270,7 @@ class Signal:
                              "values, or rest=True where nothing moves beyond it")
         found = self._spline(min(max(float(t), self.begin), self.end))
         return float(found) if found.ndim == 0 else found
+
+    def __repr__(self) -> str:
+        what, rests = "numbers" if self.values.ndim == 1 else "vectors", ", at rest outside" if self.rest else ""
+        return f"<signal: {len(self.times)} {what}, {self.begin:.6g} to {self.end:.6g} s{rests}>"

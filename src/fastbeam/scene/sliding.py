@@ -10,7 +10,7 @@ import numpy as np
 
 from fastbeam.arguments import Number, Refusal, checked, numbers, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Factor, OfTimeLike, called
+from fastbeam.scene.checks import Factor, OfTimeLike, called, called_with
 
 NOT_NEGATIVE = Number(least=0.0)
 # derivative from values at steps of SHORT s from now on, of fourth order
@@ -41,6 +41,7 @@ class Friction:
     """
 
     kind: ClassVar[str] = "friction"
+    __repr__ = called_with
 
     coefficient: float = 0.0
     _: KW_ONLY
@@ -117,6 +118,7 @@ class Drive:
     """
 
     kind: ClassVar[str] = "drive"
+    __repr__ = called_with
 
     _: KW_ONLY
     position: OfTimeLike | None = None
@@ -211,6 +213,7 @@ class Stops:
     """
 
     kind: ClassVar[str] = "stops"
+    __repr__ = called_with
 
     start: float | None = None
     end: float | None = None
