@@ -2,8 +2,8 @@
 
 All scenes have the same kinds of parts, so that few variants of the kernels are compiled: beams of both strain sets with inner
 nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`; two
-bodies on joints with axes where `jointed`. Paths are drawn by `paths`; springs with laws, bushings, crossings, switches and rollers
-by `yards`.
+bodies on joints with axes where `jointed`. Paths are drawn by `paths`; springs with laws, bushings, crossings, switches and
+rollers by `yards`.
 """
 from __future__ import annotations
 
