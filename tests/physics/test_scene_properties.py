@@ -142,7 +142,8 @@ def test_yards_keep_their_books_whatever_the_order_of_parts_and_across_a_restart
 
         whole = run()
         assert whole.info["steps"] >= STEPS
-        assert whole.drift("balance") < 1e-12 and whole.drift("gap") < 1e-14
+        # the step meets the end of a track to 1e-13 of its length, and behind the corner there that is a gap
+        assert whole.drift("balance") < 1e-12 and whole.drift("gap") < 2e-13
         # what dampers and friction took never comes back
         assert np.all(np.diff(whole.series["losses"], axis=0) >= -1e-14 * np.max(np.abs(whole.series["losses"])))
         other = run(Random(drawn.rest["order"]).shuffle)
