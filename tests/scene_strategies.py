@@ -286,8 +286,10 @@ def build_yard(drawn: DrawnYard, order: Any = None) -> fb.Scene:
     rest = drawn.rest
     made = [dict(section=section(of), **mesh) for of, mesh in zip(drawn.sections, drawn.mesh)]
     stem = fb.Beam.straight("stem", (0, 0, 0), (2, 0, 0), **made[0])
-    left = fb.Beam.straight("left", (2, 0, 0), (3.5, rest["fork"], rest["lift"]), **made[1])
-    right = fb.Beam.straight("right", (2, 0, 0), (3.5, -rest["fork"], 0), **made[2])
+    # without a corner, where a car would be hit
+    up = np.array((0.0, np.cos(rest["lift"]), np.sin(rest["lift"])))
+    left = fb.Beam.arc("left", (2, 0, 0), (1, 0, 0), up, radius=1.5, angle=rest["fork"], **made[1])
+    right = fb.Beam.arc("right", (2, 0, 0), (1, 0, 0), (0, -1, 0), radius=1.5, angle=rest["fork"], **made[2])
     x = 2.0 * rest["cross"]
     over = fb.Beam.straight("over", (x - rest["tilt"], -1, -0.2), (x + rest["tilt"], 1, 0.2), **made[3])
     bead = fb.PointMass("bead", mass=rest["mass"])
@@ -297,7 +299,7 @@ def build_yard(drawn: DrawnYard, order: Any = None) -> fb.Scene:
     stiffness = np.diag(rest["elastic"]) + 0.1 * min(rest["elastic"]) * a @ a.T
     ends = np.array([-0.4, -0.1, 0.0, 0.3, 0.8])
     parts: list[Any] = [
-        stem, left, right, over, bead, body, fb.RigidConnection(stem.end, left.start), fb.BallJoint(stem.end, right.start),
+        stem, left, right, over, bead, body, fb.RigidConnection(stem.end, left.start), fb.RigidConnection(stem.end, right.start),
         fb.Crossing("cross", stem, over, at=(x, 0.5 * over.length)), fb.Pin(stem.start, axes=rest["axes"]),
         fb.Slider("car", bead, on=fork, at=2.0 - rest["left"], rate=rest["rate"], friction=rest["friction"]),
         fb.Spring(left.end, body, "law", table=(ends, rest["table"] - rest["table"][2]),
