@@ -33,7 +33,7 @@ QUESTIONS = (
     ("why is it not planar", ("questions.html#why-is-it-not-planar", "how-to.html#scenes-in-a-plane"), "not_planar"),
     ("how do I add my force", ("questions.html#how-do-i-add-my-force", "how-to.html#forces-of-your-own"), "UserForce("),
     ("how do I install fastbeam", ("questions.html#how-do-i-install",), "pip install"),
-    ("python version", ("questions.html#how-do-i-install", "how-to.html#environment"), "Python 3.11"),
+    ("python version", ("questions.html#which-python",), "Python 3.11"),
     ("how long does it take to compile", ("questions.html#why-is-the-first-run-slow", "how-to.html#environment"), "warmup"),
     ("how do I define a cross section", ("questions.html#how-do-i-define",), "Section.circle("),
     ("how do I make a curved beam", ("questions.html#how-do-i-make",), "Beam.arc("),
