@@ -307,7 +307,10 @@ def _moved_unknowns(model: Model, state: State) -> Array:
     bits = np.zeros(model.n_nodes, np.int64)
     row_of = model.pattern.row_of
     if model.prescribed is not None:
-        gone = model.gone_motions(state)
+        gone: set[int] = set()
+        if model.released is not None:
+            let_go = state.history[model.release_place:model.motion_place] != 0.0
+            gone = set(model.released.motion[let_go].tolist())
         first = {int(row): k for k, row in reversed(list(enumerate(row_of.tolist())))}
         for k, (motion, node) in enumerate(zip(model.prescribed.motions, model.prescribed.own)):
             if k not in gone:
