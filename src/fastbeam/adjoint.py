@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import ceil, sqrt
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,9 +24,13 @@ from .model import Model, check_model
 from .newton import Stepper
 from .observe import POINTS, Observer
 from .plane import TOLERANCE
+from .scene.checks import Place
 from .section_gradient import beam_numbers
 from .starting import check_start
 from .statics import START
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 # bytes that the steps of a run may take
@@ -53,8 +57,8 @@ class RunSectionGradient(NamedTuple):
     rhoI3: Array  # noqa: N815
     viscosity: Array
 
-    def by(self, stiffness: Any, rhoA: Any = 0.0, rhoI2: Any = 0.0, rhoI3: Any = 0.0,  # noqa: N803
-           viscosity: Any = 0.0) -> Array:
+    def by(self, stiffness: ArrayLike, rhoA: ArrayLike = 0.0, rhoI2: ArrayLike = 0.0,  # noqa: N803
+           rhoI3: ArrayLike = 0.0, viscosity: ArrayLike = 0.0) -> Array:
         """Derivatives by a parameter [beams], from its derivatives of C (6, 6), or one of every beam, of the inertias, and of D
         (6, 6): with `damping=d` of a section D = d C changes with C."""
         return (np.sum(self.stiffness * np.asarray(stiffness), axis=(1, 2)) + self.rhoA * np.asarray(rhoA)
@@ -109,7 +113,8 @@ class AdjointRun:
         Steps of the last `gradient` that block elimination left to a solver with pivoting.
     """
 
-    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Any], h: float, n: int, every: int) -> None:
+    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int,
+                 every: int) -> None:
         self.model, self._stepper, self._h, self._every = model, stepper, h, every
         self.t = h * np.arange(n + 1)
         self.outside = 0
@@ -191,7 +196,8 @@ class AdjointRun:
 
     @checked(points=Names("must map names of points to weights (3,) or (n + 1, 3)"),
              velocities=Names("must map names of points to weights (3,) or (n + 1, 3)"))
-    def gradient(self, *, points: Mapping[str, Any] | None = None, velocities: Mapping[str, Any] | None = None) -> RunGradient:
+    def gradient(self, *, points: Mapping[str, ArrayLike] | None = None,
+                 velocities: Mapping[str, ArrayLike] | None = None) -> RunGradient:
         """Derivatives of a weighed sum of positions and velocities of points, backward through all steps once.
 
         Parameters
@@ -246,7 +252,7 @@ class AdjointRun:
         return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.gravity, factors,
                            pushes)
 
-    def _weights(self, given: Mapping[str, Any], is_rate: bool) -> list[Weights]:
+    def _weights(self, given: Mapping[str, ArrayLike], is_rate: bool) -> list[Weights]:
         out = []
         for name, value in given.items():
             if name not in self._points:
@@ -264,8 +270,9 @@ class AdjointRun:
 
 @checked(model=Anything(), t_end=Number(above=0.0, unit="s"), step=Number(above=0.0, unit="s"), start=START, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), keep_every=Count(most=1_000_000_000))
-def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None, points: Mapping[str, Any] | None = None,
-                max_iterations: int = 25, backend: str = "auto", keep_every: int = 1) -> AdjointRun:
+def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None,
+                points: Mapping[str, Place] | None = None, max_iterations: int = 25, backend: str = "auto",
+                keep_every: int = 1) -> AdjointRun:
     """A run in conserving steps of order 2 that remembers them, for gradients of what it leads to (theory.md 13).
 
     Parameters

@@ -62,7 +62,7 @@ def shown(value: Any) -> str:
         return f"an array of {value.dtype} of shape {value.shape}"
     try:
         text = "a function" if isinstance(value, FunctionType) else " ".join(repr(value).split())
-        label = getattr(value, "label", None) if len(text) > 100 else None
+        label = getattr(value, "label", None) if len(text) > 60 else None
         text = label if isinstance(label, str) else text
     except Exception:          # whatever a foreign repr does, or a whole number with too many digits
         text = f"a {type(value).__name__}"

@@ -4,8 +4,9 @@ matplotlib is imported when something is drawn; no window is opened and no displ
 """
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
@@ -139,9 +140,23 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(size: tuple[float, float]) -> Figure:
-    """A figure of so many inches that no window knows."""
+    """A figure of so many inches that no window knows; notebooks show it, also where they do not know matplotlib."""
     from matplotlib.figure import Figure
-    return Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout="constrained")
+    setattr(figure, "_repr_png_", partial(_png_of, figure))
+    return figure
+
+
+def _png_of(figure: Figure) -> bytes:
+    """A figure as notebooks ask for it."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png")
+    return image.getvalue()
+
+
+def as_text(name: str) -> str:
+    """A name of the user's as matplotlib shows it letter by letter: no formulas, and not left out of legends."""
+    return f"{' ' if name.startswith('_') else ''}{name}".replace("$", r"\$")
 
 
 def shapes_size(points: np.ndarray, plane: str) -> tuple[float, float]:

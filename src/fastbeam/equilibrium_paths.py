@@ -22,6 +22,7 @@ from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
 from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene.checks import Place
 from .starting import check_start
 from .static_motion import StaticShift
 from .statics import RECORDED, START, check_slider_forces, held_sliders, which_sliders
@@ -63,7 +64,7 @@ def which_branch(value: Any) -> int:
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
                largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500,
                at_time: float | tuple[float, float] | None = None,
-               points: Mapping[str, Any] | None = None, observe: Sequence[str] = (), held: bool | str | Sequence[str] = False,
+               points: Mapping[str, Place] | None = None, observe: Sequence[str] = (), held: bool | str | Sequence[str] = False,
                max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
                branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
@@ -199,7 +200,7 @@ def _shifts(model: Model, moves: Any) -> dict[int, Array]:
 class _Path:
     """Goes along, and keeps rows."""
 
-    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Any] | None, step: float, largest: float,
+    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
                  smallest: float, most: int, observe: Sequence[str] = ()) -> None:
         Observer(model, observe, points)  # refuses what does not exist
         self.model, self.solver = model, solver

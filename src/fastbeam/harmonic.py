@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,13 +15,21 @@ from .linearised import Linearisation
 from .model import Model
 from .observe import POINTS, place_of
 from .responses import FrequencyResponse
-from .scene import DistributedLoad, Load
+from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene.checks import Place
 from .statics import START, which_sliders
 from .supports import standing_supports, supported
 from .unpacked import distributed
 from .vibration import equilibrium_of, linearised_at
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 Array = np.ndarray
+# loads or their names; supports, or what they hold
+ALoad = str | Load | DistributedLoad
+Loads = ALoad | Sequence[ALoad] | Mapping[ALoad, complex] | Mapping[str, complex]
+Support = Clamp | Pin | PrescribedMotion | NodeRef | RigidBody | PointMass
 MOST_FREQUENCIES = 1_000_000
 # modes up to this many times the largest frequency get the damping ratio
 UP_TO = 2.0
@@ -48,8 +56,9 @@ class Excitation(NamedTuple):
 @checked(model=Anything(), frequencies=Numbers((None,), "finite frequencies in Hz, of shape [f]"), state=START, loads=Anything(),
          base=Anything(), damping_ratio=Number(least=0.0, most=10.0), loss_factor=Number(least=0.0, most=10.0), points=POINTS,
          load_factor=Number(), at_time=Number(unit="s"), held=which_sliders, planar=Flag(), shapes=Flag(), backend=Word())
-def frequency_response(model: Model, frequencies: Any, *, state: State | None = None, loads: Any = None, base: Any = None,
-                       damping_ratio: float = 0.0, loss_factor: float = 0.0, points: Mapping[str, Any] | None = None,
+def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | None = None, loads: Loads | None = None,
+                       base: ArrayLike | Mapping[Support, ArrayLike] | None = None,
+                       damping_ratio: float = 0.0, loss_factor: float = 0.0, points: Mapping[str, Place] | None = None,
                        load_factor: float = 1.0, at_time: float | None = None, held: bool | str | Sequence[str] = False,
                        planar: bool | None = None, shapes: bool = False, backend: str = "auto") -> FrequencyResponse:
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
@@ -131,8 +140,8 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
 class _Response:
     """One excitation of one linearised scene."""
 
-    def __init__(self, model: Model, about: Linearisation, excitation: Excitation, found: Eigen, places: dict[str, Any],
-                 shapes: bool) -> None:
+    def __init__(self, model: Model, about: Linearisation, excitation: Excitation, found: Eigen,
+                 places: dict[str, tuple[Array, Array]], shapes: bool) -> None:
         self.model, self.about, self.excitation, self.places, self.shapes = model, about, excitation, places, shapes
         self.found = found
 
@@ -273,7 +282,7 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------
-def _excitation(model: Model, about: Linearisation, loads: Any, vectors: dict[int, Array]) -> Excitation:
+def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors: dict[int, Array]) -> Excitation:
     """Amplitudes on the unknowns.
 
     Raises
@@ -317,7 +326,7 @@ def _excitation(model: Model, about: Linearisation, loads: Any, vectors: dict[in
     return Excitation(forces, np.zeros(0, np.int64), np.zeros(0, complex), ", ".join(texts))
 
 
-def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, complex]]:
+def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLoad, complex]]:
     """Loads with their factors.
 
     Raises
@@ -344,7 +353,7 @@ def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, compl
     return out
 
 
-def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
+def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None) -> tuple[Array | None, dict[int, Array]]:
     """Bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements of nodes.
 
     Raises

@@ -2,13 +2,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import notebook
 from .arguments import Count, Number, checked
 from .errors import SceneError
+
+if TYPE_CHECKING:
+    from .kernels.work import State
 
 Array = np.ndarray
 
@@ -82,7 +85,7 @@ class Modes:
         return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
-    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """A state to start a run from, or to draw: the equilibrium moved by amplitude cos(phase) times mode k, with the
         velocities of a vibration, -amplitude w sin(phase) times the mode.
 
@@ -175,7 +178,7 @@ class DampedModes:
         return self.rates.size
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
-    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """A state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the motion.
 
         Parameters

@@ -1,7 +1,7 @@
 """The compiled scene: constant tables, and the list of the work that is present."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
@@ -343,6 +343,8 @@ class Model:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
                 digest.update(np.ascontiguousarray(x).reshape(-1).view(np.uint8))
+        if self.spans:
+            digest.update(self.slider_forces.choices.encode())
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 
@@ -447,7 +449,7 @@ class Model:
         node[self.pattern.row_of] = np.arange(self.n_nodes)
         return LoadWork(node, np.array([self.work_place]))
 
-    def state_for(self, names: dict[str, list[Any]], state: State) -> State:
+    def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
         return state_for(self, names, state)
 

@@ -24,6 +24,7 @@ from .twisting import angles, push_of_twist
 from .winches import add_motion, ropes_of, weight_energy
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
+from .scene.checks import Place
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "section", "reaction")
@@ -53,7 +54,7 @@ class Observer:
         An unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None,
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | None,
                  lost: Array | None = None) -> None:
         self.model, self.lost = model, lost
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
@@ -341,6 +342,11 @@ class Observer:
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
+        # what `Result.state_for` finds in the state's history
+        if model.slider_forces is not None and model.slider_forces.lets_go:
+            names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
+        if model.released is not None:
+            names |= {"until": list(model.released.names), "history": [model.release_place]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),

@@ -1,12 +1,16 @@
 """What is read out of the rows of a result besides energies and sliders: velocities, section forces, reactions."""
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import Anything, Word, checked, shown
 from .errors import SceneError
+
+if TYPE_CHECKING:
+    from .scene import BallJoint, Clamp, Pin, PrescribedMotion, RigidConnection
+    from .scene.links import Link
 
 # series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
 EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
@@ -133,7 +137,7 @@ class Readings:
         return out
 
     @checked(name=Anything())
-    def reaction(self, name: Any) -> dict[str, np.ndarray]:
+    def reaction(self, name: str | Clamp | Pin | PrescribedMotion | RigidConnection | BallJoint | Link) -> dict[str, np.ndarray]:
         """Of a support, the force (N) and moment about its node (N m) that it exerts on what it holds; of a joint, what it exerts
         on its second part, the moment about the point of the first: 'force' and 'moment', [n, 3] each. Needs
         `observe=("reaction", ...)`.

@@ -37,6 +37,7 @@ from .reactions import ReactingStepper
 from .recording import Rows
 from .result import Result
 from .sampling import Sampling
+from .scene.checks import Place
 from .starting import check_start
 from .watching import Watch
 
@@ -52,7 +53,7 @@ START = Instance((State, Checkpoint), "a State (result.state, model.state()) or 
          augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
-             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Any] | None = None,
+             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Place] | None = None,
              every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,

@@ -1,7 +1,7 @@
 """Gradients by the sections of all beams at once, from one adjoint shape (theory.md (13.6))."""
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from .kernels.kinds import SPACE
 from .kernels.layout import CONSTANTS, NODES, POINTS, REFERENCE, LIST, layout_of
 from .model import Model
 from .tables import strains_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 # a complex step: derivatives without differences
@@ -60,7 +63,7 @@ class SectionGradient(NamedTuple):
         """By EI3, per N m^2."""
         return self.stiffness[:, 5, 5]
 
-    def by(self, sections: Any) -> Array:
+    def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
         """Derivatives by a parameter of the sections, [beams].
 
         Parameters

@@ -25,6 +25,7 @@ from .progress import Progress
 from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .scene.checks import Place
 from .spring_laws import SpringRows
 from .starting import check_start
 from .static_motion import StaticMotion
@@ -71,7 +72,7 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
          rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_motion)
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
-                 observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
+                 observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
                  rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh",

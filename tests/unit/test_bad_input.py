@@ -516,6 +516,8 @@ def calls(folder: Path) -> dict[str, Call]:
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
             overwrite=is_flag, retry=is_flag, progress=is_flag)),
         "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
+        "Sweep.column": Call(fb.sweep(lambda a: 2.0 * a, {"a": [1, 2]}, workers=1).column, dict(name="value"),
+                             dict(name=is_text)),
         "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
         "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
             result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
@@ -645,8 +647,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 
 
 # --- nothing public is left out --------------------------------------------------------------------------------------------
-# of errors and tables the arguments are texts and facts of the package's own; a net's lists serve the compiler
-OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "Sweep", "__version__"}
+# of errors and of tables that calls make the arguments are texts and facts of the package's own; a net's lists serve the compiler
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 
 
@@ -658,7 +660,7 @@ def public() -> Iterator[tuple[str, Any]]:
             yield name, thing
             continue
         # an object of the package, such as GROUND, has methods alone
-        if inspect.isclass(thing):
+        if inspect.isclass(thing) and thing is not fb.Sweep:
             yield name, thing.__init__
         for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
             if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:

@@ -1,7 +1,6 @@
 """Joints with axes between two of body, point of a body, beam node and ground: lists of conditions on points and directions."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +10,7 @@ from fastbeam.arguments import Name, Number, Numbers, Refusal, Vector, checked, 
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField, noun
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
@@ -91,12 +90,12 @@ class AxisJoint(Link):
     stops: ClassVar[Stops | None] = None
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """Force or torque on what it leaves free: a number, a function of time, or None."""
         return None
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """What its coordinate is given: a number, a function of time, or None."""
         return None
 
@@ -155,10 +154,13 @@ def _place(node: NodeRef) -> Array:
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class OneAxisJoint(AxisJoint):
     """A joint with one axis, which both parts carry."""
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     axis: ArrayField
 
@@ -175,7 +177,7 @@ class OneAxisJoint(AxisJoint):
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),
          damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"), angle=OfTime("rad"),
          speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), stops=SomeStops())
-@dataclass(frozen=True, eq=False)
+@noun
 class RevoluteJoint(OneAxisJoint):
     """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
 
@@ -227,9 +229,9 @@ class RevoluteJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    torque: float | Callable[[float], float] | None = None
-    angle: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
+    torque: OfTimeLike | None = None
+    angle: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
     friction: float = 0.0
     stops: Stops | None = None
 
@@ -238,18 +240,18 @@ class RevoluteJoint(OneAxisJoint):
         self._check_forces()
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.torque
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.angle
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=OnBoth(0.0), damping=OnBoth(0.0), rest=OnBoth())
-@dataclass(frozen=True, eq=False)
+@noun
 class CylindricalJoint(OneAxisJoint):
     """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
 
@@ -281,7 +283,7 @@ class CylindricalJoint(OneAxisJoint):
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N/m"),
          damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"), distance=OfTime("m"),
          speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), stops=SomeStops())
-@dataclass(frozen=True, eq=False)
+@noun
 class PrismaticJoint(OneAxisJoint):
     """Part b slides along an axis of a without turning: a guide, a translational joint.
 
@@ -319,9 +321,9 @@ class PrismaticJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    force: float | Callable[[float], float] | None = None
-    distance: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
+    force: OfTimeLike | None = None
+    distance: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
     friction: float = 0.0
     stops: Stops | None = None
 
@@ -330,18 +332,18 @@ class PrismaticJoint(OneAxisJoint):
         self._check_forces()
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.force
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.distance
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, normal=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class PlanarJoint(AxisJoint):
     """The point of b stays in a plane of a, and b turns about the normal of the plane alone.
 
@@ -361,6 +363,9 @@ class PlanarJoint(AxisJoint):
     kind: ClassVar[str] = "planar joint"
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, -1),), ONE_AXIS)
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     normal: ArrayField
 
@@ -375,7 +380,7 @@ class PlanarJoint(AxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis_a=Vector, axis_b=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class UniversalJoint(AxisJoint):
     """A Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.
 
@@ -396,6 +401,9 @@ class UniversalJoint(AxisJoint):
     is_pinned: ClassVar[bool] = True
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, 1),),)
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     axis_a: ArrayField
     axis_b: ArrayField

@@ -12,7 +12,10 @@ from fastbeam.arguments import Anything, Flag, Name, Number, Refusal, Vector, ch
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField, Factor, Field, FieldLike, NodeField, Rotation, TimeFactor
+from fastbeam.scene.checks import (
+    Array, ArrayField, Factor, Field, FieldField, FieldLike, FilledArray, NodeField, OptionalArray, OptionalField, Rotation,
+    Takes, TimeFactor, noun,
+)
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
 
@@ -76,7 +79,7 @@ class Movable:
 
 
 @checked(name=Name(), mass=MASS, position=Vector, velocity=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class PointMass:
     """Point mass (kg, > 0). `position` (3,) m may be left out where a slider or a joint places it.
 
@@ -93,8 +96,8 @@ class PointMass:
     name: str
     _: KW_ONLY
     mass: float
-    position: ArrayField = None
-    velocity: ArrayField = None
+    position: OptionalArray = None
+    velocity: OptionalArray = None
 
     @property
     def label(self) -> str:
@@ -108,7 +111,7 @@ class PointMass:
 
 
 @checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=Rotation(), velocity=Vector, spin=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class RigidBody:
     """Rigid body: one node at the centre of mass with a body triad.
 
@@ -139,7 +142,7 @@ class RigidBody:
     mass: float
     inertia: ArrayField
     position: ArrayField
-    directors: ArrayField = None
+    directors: FilledArray = None
     velocity: ArrayField = ZERO
     spin: ArrayField = ZERO
 
@@ -171,6 +174,7 @@ class RigidBody:
 
 
 MOVABLE = (Beam, Net, RigidBody, PointMass)
+Moved = Beam | Net | RigidBody | PointMass
 MOST_OBJECTS = 10**6
 
 
@@ -194,7 +198,7 @@ def _inertia(who: str, value: Any) -> Array:
 
 
 @checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))
-@dataclass(frozen=True, eq=False)
+@noun
 class _Joint:
     """Common part of the joints: two nodes of different owners or at least different nodes."""
 
@@ -239,7 +243,7 @@ class BallJoint(_Joint):
 
 
 @checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR, follower=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
 
@@ -271,7 +275,7 @@ class Load:
 
 
 @checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR, follower=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
 
@@ -289,8 +293,8 @@ class DistributedLoad:
     name: str
     beam: Beam
     _: KW_ONLY
-    force: FieldLike | None = None
-    moment: FieldLike | None = None
+    force: OptionalField = None
+    moment: OptionalField = None
     time: TimeFactor | None = None
     follower: bool = False
 
@@ -320,7 +324,7 @@ def _field_or_zero(value: FieldLike | None) -> FieldLike:
 
 
 @checked(beam=ABeam(), velocity=FIELD, spin=FIELD)
-@dataclass(frozen=True, eq=False)
+@noun
 class InitialVelocity:
     """Initial velocity (m/s) and angular velocity in space (rad/s) along a beam: 3 numbers or functions s[n] -> [n, 3].
 
@@ -334,8 +338,8 @@ class InitialVelocity:
 
     beam: Beam
     _: KW_ONLY
-    velocity: FieldLike = ZERO
-    spin: FieldLike = ZERO
+    velocity: FieldField = ZERO
+    spin: FieldField = ZERO
 
     def __post_init__(self) -> None:
         for key in ("velocity", "spin"):
@@ -358,7 +362,7 @@ class InitialVelocity:
 
 
 @checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class RigidMotion:
     """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
 
@@ -372,7 +376,7 @@ class RigidMotion:
 
     kind: ClassVar[str] = "rigid motion"
 
-    objects: Any = None
+    objects: Takes[Moved | Iterable[Moved] | None, tuple[Moved, ...] | None] = None
     _: KW_ONLY
     velocity: ArrayField = ZERO
     spin: ArrayField = ZERO
