@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from fastbeam.newton import Outcome, Stepper
+from fastbeam.newton import Stepper
+from fastbeam.outcome import Outcome
 
 NUMBER = 8  # bytes
 

@@ -11,7 +11,8 @@ from .errors import ConvergenceError, SceneError
 from .kernels.slider import END_SLACK
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
-from .newton import MEANING, Outcome, Stepper
+from .newton import Stepper
+from .outcome import MEANING, Outcome
 from .winches import used_up
 
 Array = np.ndarray

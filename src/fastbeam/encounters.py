@@ -13,7 +13,8 @@ from .kernels.step import NOT_CONVERGED, OK
 from .kernels.work import State
 from .locking import Locking
 from .model import Model
-from .newton import Outcome, Stepper
+from .newton import Stepper
+from .outcome import Outcome
 from .progress import Progress
 from .recording import Rows
 from .starting import AT_STOP

@@ -14,7 +14,8 @@ from .kernels.step import SLIDER_END
 from .kernels.strain_filter import StrainFilter, changes_of
 from .kernels.work import State, aligned
 from .model import Model
-from .newton import Outcome, Stepper
+from .newton import Stepper
+from .outcome import Outcome
 
 Array = np.ndarray
 # turn of the fastest node by which rates of strains are differenced, rad

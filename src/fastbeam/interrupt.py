@@ -13,7 +13,8 @@ from typing import Any
 from ._parts import WholeCompiler
 from .dynamics import StepControl
 from .kernels.step import OK
-from .newton import Outcome, Stepper
+from .newton import Stepper
+from .outcome import Outcome
 
 # s; compiled calls last about as long. A step that lasts longer is left between its iterations where these are called from Python
 CALL_TIME = 0.1

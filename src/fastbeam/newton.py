@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -30,6 +29,7 @@ from .linsolve import LinearSystem, check_backend
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
+from .outcome import Outcome
 from .released import own_supports
 from .starting import own_state
 from .twisting import check_twist, start_twisting
@@ -47,28 +47,6 @@ BY_NODE = ("dphi", "theta", "q_mid", "q_end", "u", "s_end", "keep_q", "keep_v", 
 _announce = cache(announce_first_use)
 # doubles of a dense border beyond which a failed step is not repeated with one
 LARGEST_BORDER = 250_000_000
-MEANING = {NOT_CONVERGED: "the Newton iteration did not converge", SINGULAR: "the tangent is singular",
-           NOT_FINITE: "the Newton iteration diverged"}
-
-
-@dataclass
-class Outcome:
-    """Of a number of steps: status, steps done, Newton iterations, slider of an event, sizes of the last increments, mean contact
-    force of the first and the last step [2, 3 S]."""
-
-    status: int
-    steps: int
-    iterations: int
-    slider: int
-    sizes: Array
-    force: Array
-
-    def after(self, other: Outcome) -> Outcome:
-        """This outcome as the continuation of another."""
-        first = other.force[0] if other.steps else self.force[0]
-        last = self.force[1] if self.steps else other.force[1]
-        return Outcome(self.status, other.steps + self.steps, other.iterations + self.iterations, self.slider, self.sizes,
-                       np.stack((first, last)))
 
 
 class Stepper:

@@ -15,7 +15,8 @@ from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
 from .load_times import load_factors
-from .newton import Outcome, Stepper
+from .newton import Stepper
+from .outcome import Outcome
 from .released import OwnSupports
 from .twisting import with_known_twist
 

@@ -29,7 +29,8 @@ from .kernels.work import State
 from .locking import Locking
 from .methods import choose_method
 from .model import Model, check_model
-from .newton import AUGMENTATION, Outcome, Stepper
+from .newton import AUGMENTATION, Stepper
+from .outcome import Outcome
 from .observe import OBSERVED, POINTS, Observer, conserved
 from .places import check_new
 from .progress import Progress

@@ -19,7 +19,7 @@ from .kernels.work import State
 from .linsolve import check_backend
 from .load_times import load_factors_at
 from .model import Model, check_model
-from .newton import Outcome
+from .outcome import Outcome
 from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
 from .reactions import StaticReactions
