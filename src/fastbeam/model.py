@@ -12,6 +12,7 @@ import numpy as np
 from . import notebook
 from .arguments import Count, checked, shown
 from .errors import SceneError
+from .history import HistoryLayout
 from .holding import Holding
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
@@ -25,7 +26,6 @@ from .kernels.sleeve import Sleeves
 from .kernels.slider import Sliders
 from .kernels.substructures import Substructures
 from .kernels.ties import Ties
-from .kernels.twist import TWIST
 from .kernels.work import State
 from .mapping import state_for
 from .multipliers import KeptLink
@@ -35,7 +35,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class Model(HistoryLayout):
     """Everything a run needs and nothing it changes; made by `compile_scene`, printed by `print(model)`.
 
     Attributes
@@ -389,57 +389,6 @@ class Model:
         if isinstance(self.curves, Paths) and self.sliders is not None:
             ends[self.curves.period[self.sliders.curve] > 0.0] = -np.inf, np.inf
         return ends
-
-    @property
-    def history_size(self) -> int:
-        """Numbers that terms remember of the steps before, and controllers, whose numbers come last."""
-        return self.twist_place + TWIST * int(self.twisting.size) + sum(one.size for one in self.controllers)
-
-    @property
-    def twist_place(self) -> int:
-        """Where the numbers of sleeves that rub on beams that turn in them begin."""
-        return self.motion_place + (0 if self.motions is None else int(self.motions.size))
-
-    @property
-    def motion_place(self) -> int:
-        """Where the numbers of free coordinates of joints begin."""
-        return self.release_place + (0 if self.released is None else int(self.released.size))
-
-    @property
-    def release_place(self) -> int:
-        """Where it stands which supports have let go."""
-        return self.drive_place + len(self.works)
-
-    @property
-    def losses(self) -> tuple[str, ...]:
-        """What takes energy away besides sliders: its numbers stand behind the work of loads."""
-        damped, dragged = (getattr(x, "labels", ()) for x in (self.damped, self.dragged))
-        return (*(f"damping of {label}" for label in damped), *self.dampers, *dragged)
-
-    @property
-    def works(self) -> tuple[str, ...]:
-        """What puts energy in besides loads and drives of sliders: its numbers come last."""
-        return () if self.prescribed is None else tuple(self.prescribed.labels)
-
-    @property
-    def drive_place(self) -> int:
-        """Where the works of moving supports stand."""
-        return self.loss_place + len(self.losses)
-
-    @property
-    def loss_place(self) -> int:
-        """Where the energies stand that were taken away."""
-        return self.work_place + self.accounts_loads
-
-    @property
-    def balances(self) -> bool:
-        """Whether the energy has a balance: something takes energy away or puts some in."""
-        return self.release_place > 0 or (self.motions is not None and self.motions.exchanges)
-
-    @property
-    def work_place(self) -> int:
-        """Where the work of loads stands among them."""
-        return 0 if self.slider_forces is None else int(self.slider_forces.size)
 
     def load_work(self) -> LoadWork | None:
         """The term that keeps account of the work of loads."""

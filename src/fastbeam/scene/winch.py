@@ -156,11 +156,11 @@ class Winch:
         return f"{self.kind} {self.name!r}"
 
     @property
-    def members(self) -> tuple[Any, ...]:
+    def members(self) -> tuple[PointMass | Pin | PrescribedMotion | Load, ...]:
         """What it is made of besides the rope: points, the drum, and what holds, moves or pulls it."""
         coil = self.coil.center
         if self.length_at is not None:
-            drive: Any = PrescribedMotion(self.name, coil, displacement=self._paid_out, axes="x")
+            drive: Pin | PrescribedMotion | Load = PrescribedMotion(self.name, coil, displacement=self._paid_out, axes="x")
         elif self.tension is not None:
             time = self.tension if callable(self.tension) else None
             drive = Load(self.name, coil, force=(-(1.0 if time else self.tension), 0.0, 0.0), time=time)

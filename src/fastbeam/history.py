@@ -1,0 +1,73 @@
+"""Where the numbers that terms remember of the steps before stand in `State.history`."""
+from __future__ import annotations
+
+from typing import Any
+
+from .kernels.twist import TWIST
+
+
+class HistoryLayout:
+    """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, supports that have let go,
+    coordinates of joints, sleeves that rub on beams that turn in them, and controllers, in this order."""
+
+    slider_forces: Any
+    accounts_loads: Any
+    damped: Any
+    dragged: Any
+    dampers: Any
+    prescribed: Any
+    released: Any
+    motions: Any
+    twisting: Any
+    controllers: Any
+
+    @property
+    def history_size(self) -> int:
+        """Numbers that terms remember of the steps before, and controllers, whose numbers come last."""
+        return self.twist_place + TWIST * int(self.twisting.size) + sum(one.size for one in self.controllers)
+
+    @property
+    def twist_place(self) -> int:
+        """Where the numbers of sleeves that rub on beams that turn in them begin."""
+        return self.motion_place + (0 if self.motions is None else int(self.motions.size))
+
+    @property
+    def motion_place(self) -> int:
+        """Where the numbers of free coordinates of joints begin."""
+        return self.release_place + (0 if self.released is None else int(self.released.size))
+
+    @property
+    def release_place(self) -> int:
+        """Where it stands which supports have let go."""
+        return self.drive_place + len(self.works)
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What takes energy away besides sliders: its numbers stand behind the work of loads."""
+        damped, dragged = (getattr(x, "labels", ()) for x in (self.damped, self.dragged))
+        return (*(f"damping of {label}" for label in damped), *self.dampers, *dragged)
+
+    @property
+    def works(self) -> tuple[str, ...]:
+        """What puts energy in besides loads and drives of sliders: its numbers come last."""
+        return () if self.prescribed is None else tuple(self.prescribed.labels)
+
+    @property
+    def drive_place(self) -> int:
+        """Where the works of moving supports stand."""
+        return self.loss_place + len(self.losses)
+
+    @property
+    def loss_place(self) -> int:
+        """Where the energies stand that were taken away."""
+        return self.work_place + self.accounts_loads
+
+    @property
+    def balances(self) -> bool:
+        """Whether the energy has a balance: something takes energy away or puts some in."""
+        return self.release_place > 0 or (self.motions is not None and self.motions.exchanges)
+
+    @property
+    def work_place(self) -> int:
+        """Where the work of loads stands among them."""
+        return 0 if self.slider_forces is None else int(self.slider_forces.size)
