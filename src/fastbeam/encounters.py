@@ -1,4 +1,4 @@
-"""What happens to sliders within the steps of a run: they meet rigid stops and ends of beams, locks take hold, some leave."""
+"""What happens within the steps of a run: sliders and joints meet rigid stops, sliders ends of beams, locks take hold."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -18,6 +18,7 @@ from .progress import Progress
 from .recording import Rows
 from .starting import AT_STOP
 from .watching import MOST_NAMED
+from .ways import Ways
 
 # what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
@@ -161,12 +162,13 @@ class Encounters:
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))
-        s = float(self.stepper.state.s[slider])
-        low, high = self.model.limits_at(self.stepper.state.s)[slider]
-        end = "end" if s >= 0.5 * (low + high) else "start"
+        ways = Ways(self.stepper)
+        s, (low, high) = float(ways.at(self.stepper.state)[slider]), ways.limits(self.stepper.state)[slider]
+        end = "end" if abs(s - high) <= abs(s - low) else "start"
         is_impact = self.impacts.is_rigid(slider, end == "end")
-        found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact)
-        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
+        slides = slider < self.model.n_sliders
+        found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
+        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])
         if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
             # where a step a little longer takes another branch of friction, this one ends before the stop
             strikes = (slider, end) if arrives and not found else None
@@ -186,12 +188,15 @@ class Encounters:
         return False
 
     def impact(self, slider: int, t: float, end: str) -> None:
-        """A slider has met a rigid stop: go on with the velocities behind that."""
+        """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
         self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step))
         if self.impacts.number <= MOST_NAMED:
-            name = self.model.names["sliders"][slider]
-            self.event({"kind": "impact", "time": t, "slider": name, "end": end,
-                        "text": f"slider {name!r} met its stop at the {end} at t = {t:.6g} s"})
+            kind, names, k = "slider", self.model.names["sliders"], slider
+            if slider >= self.model.n_sliders:
+                kind, names = "joint", self.model.motions.names
+                k = int(self.model.motions.holds.rubs[slider - self.model.n_sliders])
+            self.event({"kind": "impact", "time": t, kind: names[k], "end": end,
+                        "text": f"{kind} {names[k]!r} met its stop at the {end} at t = {t:.6g} s"})
 
     def count_from(self, t: float) -> None:
         """Count steps from a time within one; forces of rows look ahead there."""

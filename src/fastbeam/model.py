@@ -332,7 +332,8 @@ class Model:
         parts += [] if self.released is None else self.released.arrays
         if self.motions is not None:
             holds = self.motions.holds
-            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
+            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops, holds.shares,
+                      holds.ends, holds.restitutions, holds.driven, holds.gains]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
         for x in parts:
