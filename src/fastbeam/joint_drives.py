@@ -184,7 +184,7 @@ class Holds:
         if n:
             press = np.array([self._press(k, kept, n_sliders) for k in self.rubs[rubs]])
             friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, self.ends[rubs],
-                                     self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((4, n)),
+                                     self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((5, n)),
                                      *np.zeros((4, n), np.int64), np.zeros(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])

@@ -49,6 +49,7 @@ class JointFriction(NamedTuple):
     rest: np.ndarray       # float64 [D]: increment that leaves the coordinate at rest at the end of the step, m or rad
     soft: np.ndarray       # float64 [D]: compliance of what the joint joins, where it stuck last
     reached: np.ndarray    # float64 [D]: value at the end of the last step that was solved for, m or rad
+    factor: np.ndarray     # float64 [D]: friction as a share of the largest in this iteration, 0 where it sticks
     sign: np.ndarray       # int64 [D]: sign of the velocity at the end of the step, as taken in this iteration
     flips: np.ndarray      # int64 [D]: how often an iteration of this step has changed the sign
     judged: np.ndarray     # int64 [D]: how many iterations of this step have asked for the sign
@@ -209,6 +210,7 @@ def assemble_friction(term, method, system, h):
             else:
                 factor, slope = rub_in_doubt(term, i, way, most)
             sticks = term.sign[i] == 0
+        term.factor[i] = factor
         if not sticks:
             force[f] = factor * most
         push(motion, c, system, force[f], slope)
@@ -286,4 +288,9 @@ def joints_are_within(term, system, counts_out):
 @take_unknowns.register(JointFriction)
 @kernel
 def take_friction(term, system):
+    """Friction that follows the load grows with what presses; the terms of joints have taken the increments of that before."""
     take_forces_of(term.first[0], term.which.shape[0], system)
+    for i in range(term.which.shape[0]):
+        if term.share[i, 0] > 0.0 and term.factor[i] != 0.0:
+            k = term.first[0] + i
+            system.state.force[system.contact.first_force[k]] = term.factor[i] * most_of_friction(term, i, system)
