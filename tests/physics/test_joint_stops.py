@@ -88,12 +88,11 @@ def test_an_arm_bounces_on_its_stop_at_the_times_of_an_integrator_with_events(pl
     assert losses[0] == pytest.approx((1.0 - restitution**2) * first, rel=1e-9)
 
 
-@SPACE_AND_PLANE
-def test_an_arm_rests_at_its_stop_until_it_is_pulled_away_and_its_stop_carries_the_weight(planar: Any) -> None:
+def test_an_arm_rests_at_its_stop_until_it_is_pulled_away_and_its_stop_carries_the_weight() -> None:
     push = 3.0 * G * LEVER
     # it lets go when the motor lifts the weight
     leaves = np.cos(1.0) / 3.0
-    model = arm(planar, stops=fb.Stops(None, 1.0), torque=lambda t: -push * max(t - 1.0, 0.0))
+    model = arm("auto", stops=fb.Stops(None, 1.0), torque=lambda t: -push * max(t - 1.0, 0.0))
     result = run(model, 1.5, 0.002, every=1)
     joint, (t,) = result.joint("pivot"), impacts(result)
     rests = (result.t > t) & (result.t < 1.0 + leaves - 0.003)
@@ -121,7 +120,7 @@ def test_runs_go_on_from_every_row_around_an_impact_bit_for_bit_also_with_step_c
 
 @SPACE_AND_PLANE
 def test_a_chain_falls_on_the_stops_of_all_its_joints_and_comes_to_rest_there(planar: Any) -> None:
-    model = fb.compile_scene(chain(3, stops=fb.Stops(-0.3, 0.3, restitution=0.2), damping=2e-3), planar=planar)
+    model = fb.compile_scene(chain(3, stops=fb.Stops(-0.3, 0.3, restitution=0.2), friction=2e-3), planar=planar)
     result = run(model, 4.0, 0.002, every=1)
     assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
     angles = np.array([result.joint(f"joint {k}")["angle"] for k in range(3)])
@@ -131,6 +130,7 @@ def test_a_chain_falls_on_the_stops_of_all_its_joints_and_comes_to_rest_there(pl
     lines = np.cumsum(0.3 * np.ones(3))
     ends = np.concatenate(([0.0], np.cumsum(0.2 * np.cos(lines))))
     hanging = np.array([np.sum(0.2 * G * (0.5 * (ends[1:] + ends[:-1])[k:] - ends[k])) for k in range(3)])
+    # friction carries what the stop does not have to
     np.testing.assert_allclose(torque, -hanging, rtol=0.0, atol=1e-6)
 
 
@@ -204,16 +204,14 @@ def test_impacts_friction_and_drives_between_two_bodies_in_flight_keep_momenta(w
 
 
 @pytest.mark.slow
-def test_a_beam_that_swings_against_a_stop_of_its_hinge_keeps_its_books_in_space_and_in_its_plane() -> None:
-    section, ends = fb.Section.circle(radius=0.02, E=1e8, rho=1000.0), []
-    for planar in (False, "auto"):
-        beam = fb.Beam.straight("blade", (0, 0, 0), (1, 0, 0), section=section, elements=3)
-        root = fb.RevoluteJoint(fb.GROUND, beam.start, "root", axis=(0, 1, 0), stops=fb.Stops(-0.1, 0.3, restitution=0.5))
-        result = run(fb.compile_scene(fb.Scene(beam, root, gravity=(0, 0, -G)), planar=planar), 0.4, 0.002)
-        assert result.drift("balance") < 1e-12 and len(impacts(result)) > 0
-        ends.append((result.state.q, impacts(result)[0]))
-    np.testing.assert_allclose(ends[0][0], ends[1][0], rtol=0.0, atol=1e-8)
-    assert ends[0][1] == pytest.approx(ends[1][1], abs=1e-10)
+def test_a_beam_that_swings_against_a_stop_of_its_hinge_keeps_its_books() -> None:
+    section = fb.Section.circle(radius=0.02, E=1e8, rho=1000.0)
+    beam = fb.Beam.straight("blade", (0, 0, 0), (1, 0, 0), section=section, elements=3)
+    root = fb.RevoluteJoint(fb.GROUND, beam.start, "root", axis=(0, 1, 0), stops=fb.Stops(-0.1, 0.3, restitution=0.5))
+    result = run(fb.compile_scene(fb.Scene(beam, root, gravity=(0, 0, -G))), 0.4, 0.002)
+    joint = result.joint("root")
+    assert result.drift("balance") < 1e-12 and len(impacts(result)) > 1
+    assert joint["stop_loss"][-1] > 0.0 and -0.1 - 1e-9 < np.min(joint["angle"]) and np.max(joint["angle"]) < 0.3 + 1e-9
 
 
 # ------------------------------------------------------------------------------------------ friction that follows the load
@@ -251,7 +249,8 @@ def test_a_pendulum_in_a_journal_bearing_against_a_reference_integrator(planar: 
     assert result.info["iterations"] < 4 * result.info["steps"] and np.all(np.diff(joint["friction_loss"]) >= 0.0)
 
 
-@pytest.mark.parametrize("planar", [False, pytest.param("auto", marks=pytest.mark.slow)], ids=["space", "plane"])
+@pytest.mark.slow
+@pytest.mark.parametrize("planar", [False, "auto"], ids=["space", "plane"])
 def test_a_block_on_an_incline_slides_as_it_should_or_sticks_for_ever(planar: Any) -> None:
     for slope in (0.2, 0.5):
         block = body("block", (0.2, 0, 0.1))
@@ -266,6 +265,7 @@ def test_a_block_on_an_incline_slides_as_it_should_or_sticks_for_ever(planar: An
         np.testing.assert_allclose(joint["force"][1:-1], force, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_guide_of_some_length_jams_where_it_is_pulled_too_far_beside() -> None:
     """A force at the distance e beside a guide of length l: F (1 - 2 mu e/l) is left, self-locking from mu = l/(2 e) on."""
     for arm_of_force, moves in ((0.1, True), (0.6, False)):
@@ -277,9 +277,22 @@ def test_a_guide_of_some_length_jams_where_it_is_pulled_too_far_beside() -> None
         assert result.joint("guide")["distance"][-1] == pytest.approx(0.5 * rate, abs=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [0.01, 0.0025])
+def test_a_joint_that_stopped_while_others_move_does_not_creep(step: float) -> None:
+    axis = np.array([1.0, 1.0, 0.3]) / np.linalg.norm([1.0, 1.0, 0.3])
+    one = body("one", (0.5, 0, 0))
+    two = body("two", (1.5, 0, 0), spin=8.0 * axis, velocity=np.cross(8.0 * axis, (0.5, 0, 0)))
+    scene = fb.Scene(one, two, hinge(fb.GROUND, one, (0, 0, 0), "free"), hinge(one, two, (1, 0, 0), "rubs", axis, friction=12.0),
+                     gravity=(0, 0, -G))
+    result = run(fb.compile_scene(scene, planar=False), 4.0, step, every=1)
+    late = result.t > 0.1
+    assert np.ptp(result.joint("rubs")["angle"]) > 0.1 and np.ptp(result.joint("rubs")["angle"][late]) == 0.0
+    assert np.ptp(result.joint("free")["angle"][late]) > 0.5 and result.drift("balance") < 1e-13
+
+
 # ---------------------------------------------------------------------------------------------------------- drives that push
-@SPACE_AND_PLANE
-def test_a_controller_with_a_largest_torque_against_a_reference_integrator(planar: Any) -> None:
+def test_a_controller_with_a_largest_torque_against_a_reference_integrator() -> None:
     gain, damping, limit = 60.0, 6.0, 9.0
 
     def target(t: float) -> float:
@@ -293,7 +306,7 @@ def test_a_controller_with_a_largest_torque_against_a_reference_integrator(plana
     errors = []
     drive = fb.Drive(position=target, stiffness=gain, damping=damping, limit=limit)
     for step in (0.005, 0.0025):
-        result = run(arm(planar, drive=drive), 1.5, step, every=1)
+        result = run(arm("auto", drive=drive), 1.5, step, every=1)
         joint = result.joint("pivot")
         errors.append(abs(joint["angle"][-1] - exact[0]))
         assert result.drift("balance") < 1e-13 and np.max(np.abs(joint["drive"])) <= limit
@@ -305,7 +318,8 @@ def test_a_controller_with_a_largest_torque_against_a_reference_integrator(plana
 def test_a_speed_control_holds_its_speed_up_to_its_largest_torque_and_the_same_law_of_ones_own() -> None:
     """Against gravity that it can lift, and one that it cannot; a law of (t, angle, spin) is the same to the last bit."""
     ends = []
-    for drive in (fb.Drive(speed=2.0, damping=40.0, limit=30.0), fb.Drive(force=lambda t, x, rate: min(max(40.0 * (2.0 - rate), -30.0), 30.0))):
+    law = fb.Drive(force=lambda t, x, rate: min(max(40.0 * (2.0 - rate), -30.0), 30.0))
+    for drive in (fb.Drive(speed=2.0, damping=40.0, limit=30.0), law):
         result = run(arm("auto", drive=drive), 3.0, 0.005)
         assert abs(result.joint("pivot")["spin"][-1] - 2.0) < 0.2 and result.drift("balance") < 1e-13
         ends.append(result.state.q)
@@ -328,7 +342,8 @@ def test_the_recipe_runs() -> None:
 # ---------------------------------------------------------------------------------------------------------------- refusals
 @pytest.mark.parametrize(("options", "text"), [
     ({"coefficient": 0.1}, "give its radius= too"), ({"radius": 0.1}, "radius= belongs to friction by the load"),
-    ({"length": 0.1}, "length= belongs to friction by the load"), ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= changes"),
+    ({"length": 0.1}, "length= belongs to friction by the load"),
+    ({"angle": 0.0, "coefficient": 0.1, "radius": 0.1}, "coefficient= changes"),
     ({"angle": 0.0, "drive": fb.Drive(force=1.0)}, "drive= changes nothing"),
     ({"drive": fb.Drive(speed=1.0)}, "is angle= or speed= of the joint"),
     ({"stops": fb.Stops(0.1, 0.2)}, "exclude its start"), ({"drive": 3.0}, "drive must be a Drive")])
@@ -340,12 +355,13 @@ def test_what_contradicts_each_other_is_refused(options: dict[str, Any], text: s
 def test_what_does_not_go_with_stops_friction_and_drives_says_so() -> None:
     stopped, rubbing = arm(stops=fb.Stops(-1, 1)), arm(coefficient=0.1, radius=0.1)
     driven = arm(drive=fb.Drive(position=0.1, stiffness=3.0, damping=0.1))
-    for model, text in ((stopped, "impacts on rigid stops of revolute joint 'pivot' would"), (rubbing, "friction of revolute joint"),
+    for model, text in ((stopped, "impacts on rigid stops of revolute joint 'pivot' would"),
+                        (rubbing, "friction of revolute joint"),
                         (driven, "the drive of revolute joint 'pivot', which depends on its rate, would")):
         with pytest.raises(fb.SceneError, match=text):
             run(model, 0.1, 0.01, order=4)
-    for model, text in ((stopped, "know no rigid stops of joints; leave it out, give the stops a stiffness"), (driven, "takes no motors and drives"),
-                        (rubbing, "know no friction of joints")):
+    for model, text in ((stopped, "know no rigid stops of joints; leave it out, give the stops a stiffness"),
+                        (driven, "takes no motors and drives"), (rubbing, "know no friction of joints")):
         with pytest.raises(fb.SceneError, match=text):
             fb.solve_static(model)
     with pytest.raises(fb.SceneError, match="force.t, s, rate. cannot be compiled"):

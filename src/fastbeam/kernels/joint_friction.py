@@ -25,9 +25,9 @@ from .kinds import Plane, Space, put, vector
 from .slider import END_SLACK
 from .terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
 
-# numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where friction holds it since a
-# step before; energy that friction took away, J; -1 or 1 where it rests against its first or last stop, else 0; energy lost in
-# impacts, J
+# numbers of a coordinate with friction or rigid stops in `State.history`: sign of its velocity; 1 where friction holds it since
+# the last step, 2 since one before; energy that friction took away, J; -1 or 1 where it rests against its first or last stop,
+# else 0; energy lost in impacts, J
 RUB = 5
 SIGN, STICKS, RUBBED, AGAINST, STOP_LOSS = range(RUB)
 # increment, rad or a share of the size of the scene, below which a coordinate that sticks is at rest
@@ -134,6 +134,11 @@ def begin_friction(term, system, h, c):
     """Velocities tell which coordinates may come to rest."""
     motion, state = term.motion, system.state
     term.clock[0] = h
+    # where one stopped while others moved, a little of its velocity is left, which turns around in every step; it is taken away
+    # as often as one comes to rest: in every step that would be a creep
+    stopped = False
+    for i in range(term.which.shape[0]):
+        stopped = stopped or state.history[term.place[i] + STICKS] == 1.0
     for i in range(term.which.shape[0]):
         system.contact.before[term.first[0] + i] = np.inf
         term.start[i] = state.history[motion.place[term.which[i]] + VALUE]
@@ -142,9 +147,10 @@ def begin_friction(term, system, h, c):
         term.flips[i] = 0
         term.judged[i] = 0
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
-        # where it stopped while others moved, a little of its velocity is left, which would change its sign in every step
         left = LEFT if motion.is_angle[term.which[i]] else LEFT * system.length
-        term.rest[i] = rest if term.sign[i] != 0 or abs(rest) > left and term.against[i] == 0 else 0.0
+        if term.sign[i] == 0 and (not stopped or abs(rest) <= left or term.against[i] != 0):
+            rest = 0.0
+        term.rest[i] = rest
 
 
 @kernel
@@ -267,7 +273,8 @@ def account_friction(term, system, h):
                 history[term.place[i] + AGAINST] = 0.0
             force = system.state.force[system.contact.first_force[term.first[0] + i]]
             history[term.place[i] + SIGN] = term.sign[i]
-            history[term.place[i] + STICKS] = 1.0 if sticks and term.against[i] == 0 else 0.0
+            held = 1.0 if history[term.place[i] + STICKS] == 0.0 else 2.0
+            history[term.place[i] + STICKS] = held if sticks and term.against[i] == 0 else 0.0
             history[term.place[i] + RUBBED] -= force * (history[o + VALUE] - term.start[i])
         term.reached[i] = history[o + VALUE]
 
