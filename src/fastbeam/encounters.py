@@ -22,6 +22,8 @@ from .ways import Ways
 
 # what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
+# stops that joints meet within this share of a step are met at the same time
+SAME_TIME = 1e-5
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
 # status of steps before one in which a condition of a lock or release begins to hold
@@ -142,7 +144,7 @@ class Encounters:
             self.clock.leave_grid(t)
         self.took(t, final, last)
         if strikes is not None:
-            self.impact(strikes[0], t, strikes[1])
+            self.impact(strikes[0], t, strikes[1], last)
         self.happen(t, found)
         # the row, the callback and the checkpoint of this time are behind it
         self.count_from(t)
@@ -169,7 +171,7 @@ class Encounters:
         slides = slider < self.model.n_sliders
         found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])
-        if not slides and arrives and 0.0 < last < NEXT_TO_NOTHING * self.step:
+        if not slides and arrives and 0.0 < last < SAME_TIME * self.step:
             # joints that meet their stops one after the other at almost the same time: velocities of such a step are round-off
             self.stepper.load(start)
             last, final = 0.0, replace(final, steps=0)
@@ -191,9 +193,9 @@ class Encounters:
                     "text": f"slider {name!r} reached the {end} of its {self.model.track} at t = {t:.6g} s; the run ends here"})
         return False
 
-    def impact(self, slider: int, t: float, end: str) -> None:
+    def impact(self, slider: int, t: float, end: str, last: float) -> None:
         """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
-        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step))
+        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
         if self.impacts.number <= MOST_NAMED:
             kind, names, k = "slider", self.model.names["sliders"], slider
             if slider >= self.model.n_sliders:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .joint_tables import Coordinate
 from .kernels import joint_friction
 from .kernels.along import (AGAINST, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS, STOP_LOSS)
 from .kernels.joint_motion import VALUE
@@ -24,6 +25,10 @@ NEVER = -float(np.finfo(float).max)
 MOST_IN_A_ROW = 3
 # rates below this share of the largest are none behind an impact
 MOVES = 1e-9
+# a coordinate of a joint stands at a stop within this share of a large value
+AT_STOP = 1e-9
+# changes of what rests at stops behind an impact
+MOST_PIVOTS = 200
 
 
 class Impacts:
@@ -55,6 +60,8 @@ class Impacts:
     def __init__(self, model: Model, times: Array | None = None) -> None:
         self.model, self.number, self.in_a_row = model, 0, 0
         self.times: Array | None = None
+        # coordinates of joints that have met stops at this instant, one after the other, and on which side
+        self.together: dict[int, float] = {}
         forces, motions = model.slider_forces, model.motions
         self.count = model.n_sliders + (0 if motions is None else motions.holds.rubs.size)
         of_sliders = forces is not None and bool(np.any(forces.restitutions >= 0.0))
@@ -79,17 +86,20 @@ class Impacts:
         self.in_a_row = 0 if moved else self.in_a_row + 1
         return self.in_a_row <= MOST_IN_A_ROW + 2 * self.count
 
-    def behind(self, state: State, k: int, at_end: bool, t: float, step: float) -> State:
-        """The state after an impact of slider or coordinate k at time t, which is remembered. Of two within a step the second
-        does not bounce."""
+    def behind(self, state: State, k: int, at_end: bool, t: float, step: float, last: float) -> State:
+        """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
+        the row. Of two within a step the second does not bounce."""
         assert self.times is not None
         restitution = self._restitution(k, at_end) or 0.0
         if t - self.times[k, int(at_end)] < step:
             restitution = 0.0
         self.times[k, int(at_end)] = t
         self.number += 1
+        if last > 0.0:
+            self.together.clear()
         if k >= self.model.n_sliders:
-            return strike_joint(self.model, state, k - self.model.n_sliders, at_end, restitution)
+            self.together[k - self.model.n_sliders] = 1.0 if at_end else -1.0
+            return strike_joint(self.model, state, k - self.model.n_sliders, at_end, restitution, self.together)
         return strike(self.model, state, k, at_end, restitution)
 
 
@@ -101,18 +111,20 @@ def values_of(model: Model, state: State) -> Array:
     return motions.own(state.history, model.motion_place)[motions.holds.rubs, VALUE]
 
 
-def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: float) -> State:
-    """The state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`."""
+def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: float,
+                 together: dict[int, float] | None = None) -> State:
+    """The state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not bounce
+    it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
     holds = model.motions.holds
     row = gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3))
     rate = float((row @ state.v)[0])
-    after, loss = jump(model, state, -1 - i, row, np.array([-(1.0 + restitution) * rate]))
+    bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
+    rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}
+    after, loss = jump(model, state, -1 - i, row[:int(bounces)], np.full(int(bounces), -(1.0 + restitution) * rate), rest)
     own = holds.numbers(after.history)
     own[i, joint_friction.STOP_LOSS] += loss
-    own[i, joint_friction.SIGN] = -np.sign(rate)
-    own[i, joint_friction.STICKS] = 0.0
-    if restitution * abs(rate) == 0.0:
-        own[i, joint_friction.SIGN], own[i, joint_friction.AGAINST] = 0.0, 1.0 if at_end else -1.0
+    if bounces:
+        own[i, joint_friction.SIGN], own[i, joint_friction.STICKS] = -np.sign(rate), 0.0
     return after
 
 
@@ -151,21 +163,24 @@ def along(model: Model, state: State, k: int) -> tuple[Array, float]:
     return tangent, float(relative @ tangent / (tangent @ tangent))
 
 
-def jump(model: Model, state: State, k: int, lead: Any, change: Array) -> tuple[State, float]:
+def jump(model: Model, state: State, k: int, lead: Any, change: Array,
+         rest: dict[int, float] | None = None) -> tuple[State, float]:
     """The state after an impact at slider k, and the energy that it took, J.
 
     Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
     the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
     alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam.
-    Joints at rest against a stop keep theirs where that takes an impulse that pushes, and leave it else.
+    Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
 
     Parameters
     ----------
     k : int
         Of a slider; -1 - i: of coordinate i of joints that may stick.
-    lead : float64 [m, 3], of a joint sparse [1, 12 N]
+    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce
     change : float64 [m]
         m/s, of a joint m/s or rad/s.
+    rest : dict, optional
+        Coordinates of joints that come to rest at stops, and on which side.
     """
     from scipy import sparse
     history = state.history.copy()
@@ -187,21 +202,22 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array) -> tuple[
         leads = lead if j == k else np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
         rows.append(sparse.csr_matrix(leads) @ matrix[3 * j:3 * j + 3])
         right.append(change if j == k else np.zeros(len(leads)))
-    for others in (matrix[3 * len(tangents):], *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
+    of_joints = matrix[3 * len(tangents):]
+    for others in (of_joints, *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
         rows.append(others)
-        right.append(np.zeros(others.shape[0]))
+        right.append(_against_gaps(model, others, state) if k < 0 and others is of_joints else np.zeros(others.shape[0]))
     free = free_unknowns(model, state)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
     mass = (lift.T @ inertia @ lift).tocsr()
 
-    def least(more: list[Any]) -> Array:
-        """The jump with more rows that stay."""
+    def least(more: list[Any], goals: list[float]) -> Array:
+        """The jump with changes of more rates."""
         every = (sparse.vstack([*rows, *more]) @ lift).tocsr()
-        goal = np.concatenate([*right, np.zeros(len(more))])
+        goal = np.concatenate([*right, goals])
         return np.asarray(lift @ nearest(mass, every, goal, np.zeros(free.size), free % 6 >= 3))
 
-    by = _beside_stops(model, state, history, k, least)
+    by = _beside_stops(model, state, history, -1 - k if k < 0 and change.size else -1, rest or {}, least)
     found = state.v + by
     if model.slider_forces is not None:
         after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
@@ -212,29 +228,73 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array) -> tuple[
             -float(by @ (inertia @ (state.v + 0.5 * by))))
 
 
-def _beside_stops(model: Model, state: State, history: Array, k: int, least: Any) -> Array:
-    """The jump of all coordinates [12 N], with joints that rest against stops: `least` gives it for rows that stay. Signs of the
-    velocities of those that rub go to the history."""
+def _against_gaps(model: Model, rows: Any, state: State) -> Array:
+    """Changes of the rates of gaps of joints that take away what velocities at the end of a step have of them: they are met to
+    second order, and a short step after the impact would turn them around with huge forces. Given coordinates keep theirs."""
+    out = -np.asarray(rows @ state.v)
+    at = 0
+    for link in (x for x in model.kept if x.law.holds):
+        m = link.forces(3)
+        if isinstance(link.law, Coordinate):
+            out[at:at + m] = 0.0
+        at += m
+    return out
+
+
+def _beside_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Array:
+    """The jump of all coordinates [12 N] beside joints at stops, which push only; bounces: the coordinate that does, or -1;
+    rest: as of `jump`; `least` gives it for rows and changes of their rates. Which of them rest behind it, and signs of the
+    velocities of others that rub, go to the history.
+
+    Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
+    method, which ends for every inertia."""
     if model.motions is None or not model.motions.holds.rubs.size:
-        return np.asarray(least([]))
-    holds, q = model.motions.holds, state.q.reshape(-1, 4, 3)
+        return np.asarray(least([], []))
+    holds = model.motions.holds
     own = holds.numbers(history)
-    rows = [gap_matrix([holds.link(model.kept, i)], q) for i in range(len(own))]
-    resting = [i for i in range(len(own)) if own[i, joint_friction.AGAINST] != 0.0 and i != -1 - k]
-    while True:
-        by = np.asarray(least([rows[i] for i in resting]))
-        for i in resting:
-            # without it the coordinate would go on into its stop, or leave it
-            alone = least([rows[j] for j in resting if j != i])
-            if own[i, joint_friction.AGAINST] * float((rows[i] @ alone)[0]) < -MOVES * float(np.max(np.abs(alone), initial=0.0)):
-                resting.remove(i)
-                own[i, joint_friction.AGAINST] = 0.0
+    rows = [gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3)) for i in range(len(own))]
+    rates = np.array([float((row @ state.v)[0]) for row in rows])
+    off = values_of(model, state)[:, None] - holds.ends
+    near = np.abs(off) <= AT_STOP * holds.scales[:, None]
+    side = np.where(near[:, 1], 1.0, np.where(near[:, 0], -1.0, 0.0))
+    rests = own[:, joint_friction.AGAINST] != 0.0
+    side[rests] = own[rests, joint_friction.AGAINST]
+    for i, of in rest.items():
+        side[i] = of
+    if bounces >= 0:
+        side[bounces] = 0.0
+    at_stop = np.flatnonzero(side).tolist()
+    active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
+
+    def jump_with(some: list[int]) -> tuple[Array, Array, float]:
+        """With these at rest: the jump, rates into stops behind it, and what counts as none."""
+        by = np.asarray(least([rows[i] for i in some], [-rates[i] for i in some]))
+        found = state.v + by
+        into = np.array([side[i] * float((rows[i] @ found)[0]) for i in at_stop])
+        return by, into, MOVES * float(np.max(np.abs(found), initial=0.0))
+
+    for _ in range(MOST_PIVOTS):
+        by, into, none = jump_with(active)
+        for n, i in enumerate(at_stop):
+            if i in rest:
+                continue
+            if i in active:
+                # without the stop it would leave it: its impulse pulls
+                others = [j for j in active if j != i]
+                _, alone, none = jump_with(others)
+                if alone[n] < -none:
+                    active = others
+                    break
+            elif into[n] > none:
+                active = sorted([*active, i])
                 break
         else:
             break
     found = state.v + by
     for i in range(len(own)):
         rate = float((rows[i] @ found)[0])
-        if i != -1 - k and i not in resting and abs(rate) > MOVES * float(np.max(np.abs(found))):
-            own[i, joint_friction.SIGN], own[i, joint_friction.STICKS] = np.sign(rate), 0.0
+        if i in active:
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]
+        elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(found))):
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = np.sign(rate), 0.0, 0.0
     return by
