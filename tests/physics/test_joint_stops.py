@@ -125,7 +125,8 @@ def test_a_chain_falls_on_the_stops_of_all_its_joints_and_comes_to_rest_there(pl
     assert result.drift("balance") < 1e-12 and result.info["fallbacks"] == 0
     angles = np.array([result.joint(f"joint {k}")["angle"] for k in range(3)])
     assert np.all(np.abs(angles) < 0.3 + 1e-9) and np.all(np.ptp(angles[:, -20:], axis=1) == 0.0)
-    np.testing.assert_allclose(angles[:, -1], 0.3, rtol=0.0, atol=1e-9)
+    # stops that are met within 1e-5 of a step count as met at the same time
+    np.testing.assert_allclose(angles[:, -1], 0.3, rtol=0.0, atol=1e-7)
     torque = np.array([result.joint(f"joint {k}")["torque"][-2] for k in range(3)])
     lines = np.cumsum(0.3 * np.ones(3))
     ends = np.concatenate(([0.0], np.cumsum(0.2 * np.cos(lines))))
