@@ -37,6 +37,8 @@ Chunk = tuple[int, int]
 # chunks of beams at most, and of what takes a few microseconds a chunk. On any number of threads the same: at the end of a chunk
 # loops go through numbers one by one and not by eights, which may round in another way
 MOST_CHUNKS, FEW_CHUNKS = 64, 16
+# nodes of elements in a chunk of beams at least: a call of compiled code with all its arrays takes 6 us, such a chunk 80
+NODES_A_CHUNK = 64
 # elements from which on one more thread pays
 ELEMENTS_A_THREAD = 2000
 
@@ -153,7 +155,8 @@ class CondensedIteration(Iteration):
             if tables is not None and n:
                 inner = NoInner() if owner.inner is None else owner.inner
                 rest.append(Beams(strains, tables._replace(meta=tables.meta[:n]), inner))
-            self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), 2, done, MOST_CHUNKS)]
+            least = max(2, NODES_A_CHUNK * len(groups) // max(1, int(np.sum(groups[:, 1] * groups[:, 2]))))
+            self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), least, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
         # reactions are what stands in rows before they are held
