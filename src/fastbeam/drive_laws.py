@@ -1,4 +1,4 @@
-"""Drives of sliders and joints: what they are given in a step, and their forces at one time."""
+"""Drives of sliders and joints (scene/sliding.py): what they are given in a step, and their forces at one time."""
 from __future__ import annotations
 
 from typing import Any
@@ -8,16 +8,16 @@ import numpy as np
 from ._jit import compiled_law
 from .errors import SceneError
 from .kernels.along import CONTROL, FORCE, INCREMENT, LAW, NO_DRIVE, POSITION
-from .scene import Drive
-from .scene.checks import called
-from .scene.sliding import FORWARD, SHORT
 
 Array = np.ndarray
 # three Gauss points: smooth forces are exact to order 6, and a step stays symmetric in time
 POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
 
+# derivative from values at steps of SHORT s from now on, of fourth order, as of scene/sliding.py
+SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
 
-def kind_of(drive: Drive | None) -> int:
+
+def kind_of(drive: Any) -> int:
     """One of the kinds of kernels/along.py."""
     if drive is None:
         return NO_DRIVE
@@ -28,12 +28,12 @@ def kind_of(drive: Drive | None) -> int:
     return LAW if callable(drive.force) and drive.takes_state else FORCE
 
 
-def gains_of(drive: Drive) -> tuple[float, float, float]:
+def gains_of(drive: Any) -> tuple[float, float, float]:
     """Of a controller: by place and rate, and the largest force."""
     return drive.stiffness, drive.damping, np.inf if drive.limit is None else drive.limit
 
 
-def law_of(drive: Drive, who: str) -> Any:
+def law_of(drive: Any, who: str) -> Any:
     """A compiled force of (t, s, rate).
 
     Raises
@@ -48,7 +48,7 @@ def law_of(drive: Drive, who: str) -> Any:
                          "numbers, math and numpy functions of numbers, or a function of t alone") from error
 
 
-def given_to(drive: Drive, who: str, t: float, h: float) -> tuple[float, float]:
+def given_to(drive: Any, who: str, t: float, h: float) -> tuple[float, float]:
     """What it is given for a step from t to t + h; (0, 0) where it does not ask for the time."""
     kind = kind_of(drive)
     if kind == POSITION:
@@ -70,39 +70,43 @@ def given_to(drive: Drive, who: str, t: float, h: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def value_at(drive: Drive, who: str, what: str, t: float) -> float:
+def value_at(drive: Any, who: str, what: str, t: float) -> float:
     """Of position, speed or force at time t.
 
     Raises
     ------
     SceneError
-        A function returns no finite number.
+        A function fails, or returns no finite number.
     """
     value = getattr(drive, what)
     if not callable(value):
         return float(value)
-    found = called(who, what, value, t)
+    try:
+        found = value(t)
+    except Exception as error:
+        text = f"must not fail, at {t:.6g} it raises {type(error).__name__}: {error}"
+        raise SceneError(f"{who}: {what} {text:.200}") from error
     try:
         found = float(found)
     except (TypeError, ValueError):
         found = np.nan
     if not np.isfinite(found):
         raise SceneError(f"{who}: {what}(t) must return a finite number, at t = {t:.6g} s it does not")
-    return found
+    return float(found)
 
 
-def mean_of(drive: Drive, who: str, what: str, t: float, h: float) -> float:
+def mean_of(drive: Any, who: str, what: str, t: float, h: float) -> float:
     """Its mean over the step."""
     if not callable(getattr(drive, what)):
         return value_at(drive, who, what, t)
     return float(sum(w * value_at(drive, who, what, t + x * h) for x, w in zip(POINTS, SHARES)))
 
 
-def force_at(drive: Drive, who: str, t: float, s: float, rate: float) -> float:
+def force_at(drive: Any, who: str, t: float, s: float, rate: float) -> float:
     """Force at time t of one that does not prescribe the motion, where its slider or joint stands at s and moves at this rate."""
     kind = kind_of(drive)
     if kind == LAW:
-        return float(drive.force(t, s, rate))  # type: ignore[call-arg, misc, operator]
+        return float(drive.force(t, s, rate))
     given = given_to(drive, who, t, 0.0)
     if kind == FORCE:
         return given[0]

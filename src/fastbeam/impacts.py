@@ -217,7 +217,7 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array,
         goal = np.concatenate([*right, goals])
         return np.asarray(lift @ nearest(mass, every, goal, np.zeros(free.size), free % 6 >= 3))
 
-    by = _beside_stops(model, state, history, -1 - k if k < 0 and change.size else -1, rest or {}, least)
+    by = _with_stops(model, state, history, -1 - k if k < 0 and change.size else -1, rest or {}, least)
     found = state.v + by
     if model.slider_forces is not None:
         after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
@@ -241,7 +241,7 @@ def _against_gaps(model: Model, rows: Any, state: State) -> Array:
     return out
 
 
-def _beside_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Array:
+def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Array:
     """The jump of all coordinates [12 N] beside joints at stops, which push only; bounces: the coordinate that does, or -1;
     rest: as of `jump`; `least` gives it for rows and changes of their rates. Which of them rest behind it, and signs of the
     velocities of others that rub, go to the history.

@@ -207,7 +207,9 @@ class SliderForces:
         return given_to(drive, f"slider {self.sliders[k].name!r}", t, h)
 
     def _value(self, k: int, what: str, t: float) -> float:
-        return value_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", what, t)  # type: ignore[arg-type]
+        drive = self.sliders[k].drive
+        assert drive is not None
+        return value_at(drive, f"slider {self.sliders[k].name!r}", what, t)
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
     def limits(self, ends: Array) -> Array:
@@ -301,7 +303,7 @@ class SliderForces:
         return AtRow(along, friction, drive, stop, np.where(locked, along - drive - stop, 0.0))
 
     def _drive_at(self, k: int, t: float, s: float, rate: float) -> float:
-        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, rate)  # type: ignore[arg-type]
+        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, rate)
 
     def at_rest(self, k: int, t: float, s: float, share: float) -> float:
         """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor

@@ -7,6 +7,8 @@ the increment of a step that goes on with the velocity at its start, zero where 
 is refused. G_max may grow with the forces of the joint, (4.24): its derivatives stand in the columns of those. A coordinate at
 rest against a rigid stop sticks as long as the stop would not have to pull; the step in which it is met is shortened (ways.py),
 and the velocity jumps (impacts.py).
+
+Arrays: counts_out [4 or 5].
 """
 from __future__ import annotations
 
