@@ -19,8 +19,8 @@ from fastbeam.scene.sliding import ADrive, Drive, OfTime, SomeStops, Stops, rate
 
 # largest deviation of two axes from a right angle, as the cosine of the angle
 UPRIGHT = 1e-9
-# as of `rate_at_start`
-FADES = 1e-6
+# as of `rate_at_start`: also of what begins with the fourth power of time
+FADES = 1e-3
 JOINED = Name("a joint has two sides, write one for every pair")
 
 
