@@ -19,6 +19,7 @@ functools.singledispatch; `register(A, B)` looks at the first two arguments.
 """
 from __future__ import annotations
 
+import hashlib
 import inspect
 from functools import cached_property
 from typing import Any, Callable
@@ -206,7 +207,9 @@ class RecordType(types.Type):  # type: ignore[misc]
 
     def __init__(self, of: Any) -> None:
         self.of = of
-        super().__init__(f"record({of})")
+        # the name of every function that takes one has it, and names of all its arrays take kilobytes
+        kind = self.instance_class.__name__ if self.instance_class else "tuple"
+        super().__init__(f"record({kind} {hashlib.blake2b(str(of).encode(), digest_size=16).hexdigest()})")
 
     @property
     def key(self) -> Any:

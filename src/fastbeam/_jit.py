@@ -31,7 +31,7 @@ from ._folder import cache_folder
 F = TypeVar("F", bound=Callable[..., Any])
 
 __all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background", "compile_counts",
-           "compiled_force", "compiled_law", "inlined", "kernel", "link_library", "one_variant", "work"]
+           "compiled_force", "compiled_law", "inlined", "kernel", "link_library", "one_variant", "separate", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -91,9 +91,15 @@ def one_variant(function: F) -> F:
     return _compiled(function, one=True)
 
 
-def _compiled(function: F, one: bool = False, **options: Any) -> F:
+def separate(function: F) -> F:
+    """Compile like `one_variant`, with machine code of its own that all kernels share which call it with the same types: for
+    large kernels that many kinds of scenes have. A call is never written into its caller."""
+    return _compiled(function, one=True, alone=True)
+
+
+def _compiled(function: F, one: bool = False, alone: bool = False, **options: Any) -> F:
     try:
-        compiled = _plainly(function, options) if NUMBA_ONLY else _fast(function, one, options)
+        compiled = _plainly(function, options) if NUMBA_ONLY else _fast(function, one, alone, options)
     except RuntimeError as error:
         if _outside.is_outside(function):
             raise RuntimeError(f"kernel {function.__name__}: compiled code is kept by the file that it stands in, and there is "
@@ -103,11 +109,11 @@ def _compiled(function: F, one: bool = False, **options: Any) -> F:
     return compiled
 
 
-def _fast(function: Any, one: bool, options: dict[str, Any]) -> Any:
+def _fast(function: Any, one: bool, alone: bool, options: dict[str, Any]) -> Any:
     parts, sealed = _FAST
     compiled = numba.njit(_nrt=False, no_cfunc_wrapper=True, pipeline_class=parts.WholeCompiler, **OPTIONS, **options)(function)
-    compiled._cache = sealed.KernelCache(function, parts.FunctionCache, _FOLDER)
-    parts.Part(compiled, one, sealed.KernelCache(function, parts.PartCache, _FOLDER))
+    compiled._cache = sealed.KernelCache(function, parts.WholeCache, _FOLDER)
+    parts.Part(compiled, one, alone, sealed.KernelCache(function, parts.PartCache, _FOLDER))
     if _outside.is_outside(function):
         compiled._cache.make()  # which fails for what stands in no file
     return compiled

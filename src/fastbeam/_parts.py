@@ -33,33 +33,40 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
-from . import _background
-from ._outside import is_outside
+from . import _background, _separate
+from ._outside import classes_of, is_outside
+from ._separate import WholeCache as WholeCache
 
 # s; compilation that takes no longer shows nothing on a terminal, elsewhere five times as long
 QUIET_TIME = 1.0
 # kernels that take long: what they do in words, and how many parts they had in common scenes, between 80 and 110
 STAGES = {"run": ("the time steps", 95), "solve_equilibrium": ("equilibria", 107), "assemble_all": ("the equations", 63)}
 # time that machine code of a whole kernel takes, as a share of that of its parts
-MACHINE_CODE = 0.5
+MACHINE_CODE = 0.2
 # versions of numba before these have another interface to the passes of LLVM
 PASS_BUILDERS = version_info.short >= (0, 62)
 
 
-class _WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Of a kernel that Python calls: what it links is optimised together, once. Kernels keep no reference counts, so the passes
-    that pair these are left out."""
+class _CodeLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Of a kernel that becomes machine code: what it links is optimised together, once. Kernels keep no reference counts, so the
+    passes that pair these are left out.
+
+    calls : list
+        Kernels with machine code of their own that it calls.
+    """
+
+    calls: list[Any] = []
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
-        PROGRESS.machine_code()
-        if not PASS_BUILDERS:
+        if PASS_BUILDERS:
+            passes, builder = self._codegen._module_pass_manager()
+            passes.run(self._final_module, builder)
+        else:
             super()._optimize_final_module()
-            return
-        passes, builder = self._codegen._module_pass_manager()
-        passes.run(self._final_module, builder)
+        self.calls = _separate.called_in(self._final_module)
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[Any, bytes]]:
         """Machine code, with the names that it defines in place of the LLVM code that numba keeps for callers: kernels call the
@@ -69,6 +76,14 @@ class _WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
         lines = [f'define void @"{x.name}"() {{ ret void }}' for x in module.functions if not x.is_declaration]
         lines += [f'@"{x.name}" = global i8 0' for x in module.global_variables if not x.is_declaration]
         return self.name, "object", (self._get_compiled_object(), binding.parse_assembly("\n".join(lines)).as_bitcode())
+
+
+class _WholeLibrary(_CodeLibrary):
+    """Of a kernel that Python calls."""
+
+    def _optimize_final_module(self) -> None:
+        PROGRESS.machine_code()
+        super()._optimize_final_module()
 
 
 class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -245,10 +260,18 @@ class WholeCompiler(_ShortCompiler):
 
 
 class _Compiled:
-    """One part for one set of argument types."""
+    """One part for one set of argument types.
 
-    def __init__(self, library: _PartLibrary, fndesc: Any, signature: Any) -> None:
-        self.library, self.fndesc, self.signature = library, fndesc, signature
+    library : _PartLibrary or JITCodeLibrary
+        What callers link; of a kernel with machine code of its own the code itself.
+    symbol : str
+        By which callers find that; else empty.
+    calls : list
+        Kernels with machine code of their own that it calls.
+    """
+
+    def __init__(self, library: Any, fndesc: Any, signature: Any, symbol: str, calls: list[Any]) -> None:
+        self.library, self.fndesc, self.signature, self.symbol, self.calls = library, fndesc, signature, symbol, calls
         # as cached results of numba have it
         self.codegen = library.codegen
 
@@ -261,14 +284,18 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     def reduce(self, found: _Compiled) -> Any:
         # these are not needed any more, and large
         found.fndesc.typemap = found.fndesc.calltypes = None
-        found.library._ensure_finalized()
-        return found.library.name, found.library._final_module.as_bitcode(), found.fndesc, found.signature
+        library = found.library
+        code = library.serialize_using_object_code() if found.symbol else (library.name, "", library._final_module.as_bitcode())
+        return code, found.fndesc, found.signature, found.symbol, found.calls
 
     def rebuild(self, target_context: Any, reduced: Any) -> _Compiled:
-        name, bitcode, fndesc, signature = reduced
-        library = _PartLibrary(target_context.codegen(), name)
-        library._set_module(binding.parse_bitcode(bitcode))
-        return _Compiled(library, fndesc, signature)
+        code, fndesc, signature, symbol, calls = reduced
+        _separate.load(calls)
+        if symbol:
+            return _Compiled(target_context.codegen().unserialize_library(code), fndesc, signature, symbol, calls)
+        library = _PartLibrary(target_context.codegen(), code[0])
+        library._set_module(binding.parse_bitcode(code[2]))
+        return _Compiled(library, fndesc, signature, symbol, calls)
 
     def check_cachable(self, found: _Compiled) -> bool:
         return not found.library.has_dynamic_globals
@@ -289,12 +316,14 @@ class Part:
         The kernel; from now on calls from kernels go through this object.
     one_variant : bool
         Whether numbers in the source of a caller are like any others. Else they are types of their own.
+    separate : bool
+        Whether it has machine code of its own (`_separate`). With types of other packages it has not: their code may change.
     cache : KernelCache
         Of kind `PartCache`.
     """
 
-    def __init__(self, dispatcher: Any, one_variant: bool, cache: Any) -> None:
-        self.dispatcher, self.one_variant, self.cache = dispatcher, one_variant, cache
+    def __init__(self, dispatcher: Any, one_variant: bool, separate: bool, cache: Any) -> None:
+        self.dispatcher, self.one_variant, self.separate, self.cache = dispatcher, one_variant, separate, cache
         self.loaded: Counter[Any] = Counter()
         self.missed: Counter[Any] = Counter()
         self._known: dict[Any, _Compiled] = {}
@@ -316,7 +345,9 @@ class Part:
                 else:
                     self.loaded[arguments] += 1
                 PROGRESS.step()
-                context.insert_user_function(found, found.fndesc, [found.library])
+                if found.symbol:
+                    _separate.define(found.library, found.symbol, self.dispatcher.py_func, arguments)
+                context.insert_user_function(found, found.fndesc, [] if found.symbol else [found.library])
                 self._known[arguments] = found
             return found
 
@@ -336,11 +367,16 @@ class Part:
         flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
         # other packages may use all of numba's language
         way = compiler.Compiler if is_outside(of.py_func) else _ShortCompiler
-        library = _PartLibrary(of.targetctx.codegen(), of.py_func.__qualname__)
+        separate = self.separate and not is_outside(of.py_func) and not classes_of(arguments)
+        library = (_CodeLibrary if separate else _PartLibrary)(of.targetctx.codegen(), of.py_func.__qualname__)
+        library.enable_object_caching()
         done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
                                       pipeline_class=way)
+        symbol = _separate.symbol_of(of.py_func, arguments) if separate else ""
+        if separate:
+            _separate.rename(library, done.fndesc, symbol)
         library._ensure_finalized()
-        return _Compiled(library, done.fndesc, done.signature)
+        return _Compiled(library, done.fndesc, done.signature, symbol, _separate.called_in(library._final_module))
 
     def _call_template(self, arguments: Any, keywords: Any) -> Any:
         """What numba asks for when it meets a call."""

@@ -75,6 +75,9 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms
     drag = None if static else model.drag
+    if drag is not None and model.dragged.timed:
+        # its air is that of a run
+        drag = drag._replace(air=drag.air.copy())
     others = prescribed, loads, bodies, drag, *links, *free, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 

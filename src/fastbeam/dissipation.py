@@ -9,8 +9,9 @@ import numpy as np
 
 from .kernels.beam import ElementTables
 from .kernels.damping import Dissipation
-from .kernels.drag import Drag
+from .kernels.drag import AirSchedule, Drag
 from .kernels.layout import LIST
+from .load_times import mean_factors
 from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Net, Scene
@@ -74,6 +75,8 @@ class Dragged:
         1 where d1 counts.
     air : float64 [D, 3]
         Velocity of the air, m/s.
+    times : tuple of callable or None
+        Of every drag the factor of that as a function of time.
     """
 
     labels: tuple[str, ...]
@@ -82,6 +85,22 @@ class Dragged:
     coefficient: Array
     slender: Array
     air: Array
+    times: tuple[Any, ...] = ()
+
+    @property
+    def timed(self) -> bool:
+        """Whether the velocity of the air changes."""
+        return any(time is not None for time in self.times)
+
+    def schedule(self, given: Array, terms: tuple[Any, ...], times: Array, steps: Array) -> AirSchedule:
+        """The air in steps from these times on, of these sizes, s; given: float64 [*], the `air` of the tables of the model;
+        terms: those of the run."""
+        own = next(term for term in terms if isinstance(term, Drag))
+        factors = np.ones((len(times), len(self.times)))
+        for k, time in enumerate(self.times):
+            if time is not None:
+                factors[:, k] = mean_factors(time, times, steps, f"of {self.labels[k]}")
+        return AirSchedule(own.air, given, self.part, factors)
 
     def tables(self, row_of: Array, block: Array, first: int) -> Drag:
         """Tables; block: diagonal blocks [D]; first: place of the first drag in the history."""
@@ -103,7 +122,7 @@ def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragg
     given = np.array([(drag.normal, drag.tangential, drag.linear) for drag in scene.drags])[part]
     return Dragged(tuple(f"{drag.label} on {drag.on.label}" for drag in scene.drags), every, part,
                    np.where(slender == 1, length[every], 1.0)[:, None] * given, slender,
-                   np.array([drag.air for drag in scene.drags], dtype=float)[part])
+                   np.array([drag.air for drag in scene.drags], dtype=float)[part], tuple(drag.time for drag in scene.drags))
 
 
 def with_drag(model: Model, diagonal: Callable[[Array], Array]) -> Model:

@@ -39,6 +39,8 @@ def balance_of(result: Result) -> dict[str, Array]:
                 energies[key] = energies.get(key, 0.0) + sign * series[name][:, k]
     for name, sign in (("losses", 1.0), ("works", -1.0)):
         energies |= {part: sign * x for part, x in zip(result.names.get(name, []), series.get(name, np.zeros((0, 0))).T)}
+    if "filter_loss" in series:
+        energies |= dict(zip(("dissipated by filters", "stored in filters"), series["filter_loss"].T))
     energies["sum"] = np.sum(list(energies.values()), axis=0)
     return energies
 

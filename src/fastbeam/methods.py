@@ -48,6 +48,11 @@ class Method:
         return METHODS[self.name] + ("" if self.rho_inf is None else f", rho_inf = {self.rho_inf:g}")
 
     @property
+    def filters(self) -> bool:
+        """Whether conserving steps dissipate high frequencies."""
+        return self.name == "energy_momentum" and self.rho_inf is not None
+
+    @property
     def at_end(self) -> bool:
         """Whether forces belong to the end of a step, not to its middle."""
         return self.parameters is not None
@@ -63,14 +68,18 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
     """
     if not isinstance(name, str) or name not in METHODS:
         raise SceneError(f"method: {name!r} does not exist: choose from {', '.join(map(repr, METHODS))}")
-    if rho_inf is not None and name != "generalized_alpha":
-        raise SceneError(f"rho_inf: belongs to method='generalized_alpha', not to {name!r}; leave it out")
+    if rho_inf is not None and name not in ("generalized_alpha", "energy_momentum"):
+        raise SceneError(f"rho_inf: belongs to 'energy_momentum' and 'generalized_alpha', not to {name!r}; leave it out")
+    rho = RHO_INF if rho_inf is None else number("rho_inf", rho_inf)
+    if not 0.0 <= rho <= 1.0:
+        raise SceneError(f"rho_inf: must lie in [0, 1] (1 damps nothing, 0 annihilates high frequencies), got {rho:g}")
     if model.sleeves is not None and name != "energy_momentum":
         raise SceneError(f"method={name!r}: sleeves are held by conserving steps alone; leave method out")
     if any(isinstance(table, Knots) for table in model.links) and name != "energy_momentum":
         raise SceneError(f"method={name!r}: crossings, which have no mass, are known to conserving steps alone; leave method out")
     if name in ("energy_momentum", "midpoint"):
-        return Method(name, 1 if name == "midpoint" else None)
+        # 1 dissipates nothing: the step as it is
+        return Method(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)
     if order != 2:
         raise SceneError(f"order: method {name!r} has order 2, got order={order!r}; order 4 composes the symmetric steps of "
                          "'energy_momentum' or 'midpoint'")
@@ -79,9 +88,6 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
                          "leave tolerance out")
     if name == "trapezoidal":
         return Method(name, None, np.array([0.0, 0.0, 0.25, 0.5]))
-    rho = RHO_INF if rho_inf is None else number("rho_inf", rho_inf)
-    if not 0.0 <= rho <= 1.0:
-        raise SceneError(f"rho_inf: must lie in [0, 1] (1 damps nothing, 0 annihilates high frequencies), got {rho:g}")
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     gamma = 0.5 + af - am
     return Method(name, None, np.array([am, af, 0.25 * (gamma + 0.5)**2, gamma]), rho)
@@ -118,9 +124,9 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
         raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
                          "follows; use order=2")
     if composed and backward:
-        other = ", or dissipates=False for a law of time and place alone" if model.needs_forward_steps else ""
-        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in; use "
-                         f"order=2{other}")
+        raise SceneError(f"order=4 has a step backward in time, in which {', '.join(backward[:3])} would put energy in, and "
+                         "what rubs, hits or is locked has kinks in time, over which two runs cannot be extrapolated either; use "
+                         "order=2")
 
 
 def empty_rates(method: Method, n_nodes: int) -> Alpha | None:

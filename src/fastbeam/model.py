@@ -336,6 +336,7 @@ class Model:
                       holds.ends, holds.restitutions, holds.driven, holds.gains]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
+            parts += [np.array([time is None for time in self.dragged.times])] if self.dragged.timed else []
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:

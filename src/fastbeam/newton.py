@@ -387,6 +387,8 @@ class Stepper:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))
             out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
+        if self.core.dragged is not None and self.core.dragged.timed:
+            out.append(self.core.dragged.schedule(self.core.drag.air, self.terms, *self._substeps(t, h, n, done)))
         if self.model.user_forces:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))

@@ -42,6 +42,8 @@ class Observer:
     kinds : sequence of {'energy', 'momentum', 'slider', 'joint', 'spring', 'inner', 'velocity', 'section', 'reaction'}
     points : mapping name -> NodeRef, RigidBody, PointMass or (beam, s)
         Positions to record, velocities and section forces where these are asked for.
+    lost : float64 [2], optional
+        Energies that filters of strains have dissipated and store, J, as the stepper keeps them.
 
     Raises
     ------
@@ -49,8 +51,9 @@ class Observer:
         An unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None) -> None:
-        self.model = model
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None,
+                 lost: Array | None = None) -> None:
+        self.model, self.lost = model, lost
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
         self.slider = "slider" in kinds and model.n_sliders > 0
@@ -70,7 +73,7 @@ class Observer:
         self.springs = model.find_springs(model.links) if "spring" in kinds and model.find_springs is not None else []
         # whether rows hold forces of joints that are unknowns
         self.held = self.joint and model.motions.holds.held.size > 0
-        self.balance = self.energy and model.balances
+        self.balance = self.energy and (model.balances or lost is not None)
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
@@ -96,6 +99,8 @@ class Observer:
             out |= dict.fromkeys(EXCHANGED, (self.model.n_sliders,))
         if self.energy:
             out |= {name: (len(of),) for name, of in (("losses", self.model.losses), ("works", self.model.works)) if of}
+        if self.energy and self.lost is not None:
+            out["filter_loss"] = (2,)
         if self.balance:
             out |= {"balance": ()} | ({"external_work": ()} if self.model.accounts_loads else {})
         if self.model.motions is not None:
@@ -212,6 +217,10 @@ class Observer:
             stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
             sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
         stored += float(np.sum(lost)) - float(np.sum(put_in))
+        if self.lost is not None:
+            out["filter_loss"] = self.lost.copy()
+            stored += float(np.sum(self.lost))
+            sizes.append(float(np.sum(np.abs(self.lost))))
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
             sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
@@ -335,13 +344,13 @@ def strain_energy(model: Model, q: Array, work: Array | None = None) -> float:
     return float(total)
 
 
-def conserved(model: Model) -> list[str]:
+def conserved(model: Model, filtered: bool = False) -> list[str]:
     """Which invariants the scene has: constant dead loads keep the energy, nothing outside may act for the momenta."""
     out = [] if model.slider_forces is not None and model.slider_forces.leaves else ["gap"]
-    if model.balances:
+    if model.balances or filtered:
         out.append("balance")
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
-    if not (model.accounts_loads or model.losses or model.works or exchanging):
+    if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
         out.append("total")
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
     if not len(model.loads) and not held and model.drag is None:

@@ -10,6 +10,7 @@ from .connections import held_axes
 from .equilibrium import StaticSolver
 from .errors import SceneError
 from .kernels import step as kernels
+from .kernels.drag import Drag
 from .kernels.step import OK
 from .kernels.terms import Conserving, Equilibrium
 from .kernels.work import State
@@ -42,7 +43,9 @@ class Reactions:
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
         of = self.own if static else stepper
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
-        self.terms = tuple(term for term in terms if id(term) not in left_out)
+        # the air is that of the run
+        air = {Drag: term for term in of.terms if isinstance(term, Drag)}
+        self.terms = tuple(air.get(type(term), term) for term in terms if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
         # joints with multipliers, and which of them every link belongs to

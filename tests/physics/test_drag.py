@@ -58,13 +58,13 @@ def test_along_a_rope_the_tangential_coefficient_counts_and_a_linear_one_in_all_
         assert abs(extrapolated(found) - exact) < 1e-6 * exact
 
 
-def in_the_wind(planar: bool | str) -> fb.Model:
+def in_the_wind(planar: bool | str, air: Any = (4.0, 0.0, 1.0), **options: Any) -> fb.Model:
     """A hanging rope with a ball at its end in a wind, from a horizontal start."""
     beam = rope()
     ball = fb.RigidBody("ball", mass=0.05, inertia=(1e-4, 1e-4, 1e-4), position=(2, 0, 0))
     return fb.compile_scene(fb.Scene(
         beam, ball, fb.RigidConnection(beam.end, ball), fb.Pin(beam.start), gravity=(0, 0, -G),
-        *(fb.Drag(f"wind on {x.name}", x, normal=0.05, linear=0.01, air=(4.0, 0.0, 1.0)) for x in (beam, ball))), planar=planar)
+        *(fb.Drag(f"wind on {x.name}", x, normal=0.05, linear=0.01, air=air, **options) for x in (beam, ball))), planar=planar)
 
 
 def test_a_plane_gives_the_numbers_of_space_and_books_close_in_moving_air() -> None:
@@ -74,6 +74,16 @@ def test_a_plane_gives_the_numbers_of_space_and_books_close_in_moving_air() -> N
     np.testing.assert_allclose(flat.series["losses"], space.series["losses"], rtol=1e-9, atol=1e-13)
     assert flat.names["losses"] == ["drag 'wind on rope' on beam 'rope'", "drag 'wind on ball' on body 'ball'"]
     assert flat.info["iterations"] < 5 * flat.info["steps"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_a_factor_of_the_wind_is_that_wind(planar: bool | str) -> None:
+    """To the last bit, in reactions too."""
+    half, plain = (fb.simulate(model, t_end=0.1, step=0.005, observe=("energy", "reaction"), progress=False) for model in (
+        in_the_wind(planar, time=lambda t: 0.5), in_the_wind(planar, (2.0, 0.0, 0.5))))
+    assert np.array_equal(half.state.q, plain.state.q) and np.array_equal(half.series["reaction"], plain.series["reaction"])
+    assert half.drift("balance") < ROUND_OFF
 
 
 def test_a_wind_carries_a_mass_along_and_gives_the_energy() -> None:
@@ -86,6 +96,29 @@ def test_a_wind_carries_a_mass_along_and_gives_the_energy() -> None:
     assert abs(run.series["losses"][-1, 0] + run.series["kinetic"][-1]) < 1e-12
 
 
+@pytest.mark.parametrize("order", [2, 4])
+def test_gusts_have_the_order_of_the_step_and_are_in_the_books(order: int) -> None:
+    """m v' = c (3 (1 + sin(4 t)) - v)."""
+    c, m, w, t = 1.0, 0.5, 4.0, 1.0
+    mass = fb.PointMass("leaf", mass=m, position=(0, 0, 0))
+    model = fb.compile_scene(fb.Scene(mass, fb.Drag("wind", mass, linear=c, air=(0, 3, 0), time=lambda t: 1.0 + np.sin(w * t))))
+    r = c / m
+    exact = 3.0 * (1.0 - np.exp(-r * t)) + 3.0 * r * (r * np.sin(w * t) - w * np.cos(w * t) + w * np.exp(-r * t)) / (r**2 + w**2)
+    errors = []
+    for n in (20, 40, 80):
+        run = fb.simulate(model, t_end=t, step=t / n, order=order, progress=False)
+        assert run.drift("balance") < ROUND_OFF
+        errors.append(abs(run.state.v[1] - exact))
+    found = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert np.all(np.abs(found - order) < 0.15), found
+    # another run of the model does not remember the air of this one
+    again = fb.simulate(model, t_end=t, step=t / 80, order=order, progress=False)
+    assert np.array_equal(again.state.v, run.state.v)
+    half = fb.simulate(model, t_end=0.5, step=0.0125, progress=False)
+    rest, whole = (fb.simulate(model, t_end=1.0, step=0.0125, progress=False, **x) for x in ({"start": half.checkpoint}, {}))
+    assert np.array_equal(rest.state.v, whole.state.v)
+
+
 def test_a_run_goes_on_from_a_checkpoint_bit_for_bit() -> None:
     model = in_the_wind(True)
     whole = fb.simulate(model, t_end=0.2, step=0.005, every=10, progress=False)
@@ -96,15 +129,15 @@ def test_a_run_goes_on_from_a_checkpoint_bit_for_bit() -> None:
 
 def test_what_drag_does_not_go_together_with_is_refused() -> None:
     model = in_the_wind(True)
-    for options, says in (({"order": 4}, "backward in time"), ({"method": "midpoint"}, "does not know drag")):
-        with pytest.raises(fb.SceneError, match=says):
-            fb.simulate(model, t_end=0.1, step=0.01, progress=False, **options)
+    with pytest.raises(fb.SceneError, match="does not know drag"):
+        fb.simulate(model, t_end=0.1, step=0.01, progress=False, method="midpoint")
     with pytest.raises(fb.SceneError, match="planar|plane"):
         beam = rope()
         fb.compile_scene(fb.Scene(beam, fb.Drag("air", beam, normal=1.0, air=(0, 1, 0)), fb.Clamp(beam.start),
                                   gravity=(0, 0, -G)), planar=True)
     ball = fb.PointMass("ball", mass=1.0, position=(0, 0, 0))
     refused = ((lambda: fb.Drag("air", ball, tangential=1.0), "no direction"), (lambda: fb.Drag("air", ball), "give normal"),
+               (lambda: fb.Drag("air", ball, normal=1.0, time=lambda t: t), "time is a factor of air"),
                (lambda: fb.Drag("air", beam.end, normal=1.0), "beam 'rope' itself"))
     for make, says in refused:
         with pytest.raises(fb.SceneError, match=says):

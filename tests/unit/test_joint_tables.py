@@ -196,7 +196,7 @@ def test_errors_say_what_to_do(text: str) -> None:
 
 
 @pytest.mark.parametrize(("options", "joint", "text"), [
-    ({"order": 4}, {"damping": 1.0}, "order=4 has a step backward in time"),
+    ({"order": 4}, {"friction": 1.0}, "order=4 has a step backward in time"),
     ({"method": "generalized_alpha"}, {"stiffness": 1.0}, "no springs, dampers, motors, drives, friction and stops in joints")])
 def test_what_forces_in_joints_do_not_go_together_with(options: dict[str, Any], joint: dict[str, Any], text: str) -> None:
     arm = body("arm", (0.5, 0, 0))

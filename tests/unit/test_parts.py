@@ -104,6 +104,35 @@ def test_program_that_is_not_python_is_not_started(tmp_path: Path) -> None:
             kept.unlink()
 
 
+BEAM = """
+import json, sys
+import numpy as np
+import fastbeam as fb
+from fastbeam.kernels.beam import element_groups
+from fastbeam.kernels.chain import factor
+section = fb.Section.circle(radius=0.01, E=1e7, rho=1000.0)
+beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=section, elements=2, degree=1)
+parts = [fb.Clamp(beam.start)] if sys.argv[1] == "held" else []
+result = fb.simulate(fb.compile_scene(fb.Scene(beam, *parts, gravity=(0, 0, -9.81))), step=1e-2, t_end=0.05)
+print(json.dumps([result.state.q.tobytes().hex(), *([len(x.part.loaded), len(x.part.missed)] for x in (element_groups, factor))]))
+"""
+
+
+def test_scenes_share_machine_code_of_their_own_through_the_disk(tmp_path: Path) -> None:
+    def ran(kind: str, cache: str) -> Any:
+        done = subprocess.run([sys.executable, "-c", BEAM, kind], capture_output=True, text=True, check=True, timeout=400,
+                              env={**os.environ, "PYTHONPATH": str(SOURCE), "FASTBEAM_CACHE_DIR": str(tmp_path / cache)})
+        return json.loads(done.stdout)
+
+    assert not _jit.NUMBA_ONLY
+    alone = ran("held", "alone")
+    ran("free", "shared")
+    # another scene, compiled by another process: what both have in common is neither compiled nor other code
+    assert ran("held", "shared") == [alone[0], [1, 0], [1, 0]]
+    # nor is anything left to compile, nor a symbol to find, for the whole loop from the disk
+    assert ran("held", "shared") == [alone[0], [1, 0], [1, 0]]
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True
@@ -156,17 +185,18 @@ def test_long_compilation_says_what_it_is_for_and_how_long_it_takes(monkeypatch:
     progress = _parts._Progress()
     with progress.of("run"):
         for _ in range(6):
-            now[0] += 0.8
+            now[0] += 1.6
             progress.step()
         progress.machine_code()
         now[0] += 3.0
     shown = [line.rstrip() for line in stream.getvalue().replace("\n", "").split("\r")[1:]]
-    assert shown == ["fastbeam: compiling the time steps: 2 of about 4 kernels, about 3 s left",
-                     "fastbeam: compiling the time steps: 3 of about 4 kernels, about 2 s left",
+    assert shown == ["fastbeam: compiling the time steps: 1 of about 4 kernels, about 6 s left",
+                     "fastbeam: compiling the time steps: 2 of about 4 kernels, about 4 s left",
+                     "fastbeam: compiling the time steps: 3 of about 4 kernels, about 3 s left",
                      # more than expected: nothing is foretold
-                     *(f"fastbeam: compiling kernels for the time steps, {k} in {s} s" for k, s in ((4, 3), (5, 4), (6, 5))),
+                     *(f"fastbeam: compiling kernels for the time steps, {k} in {s} s" for k, s in ((4, 6), (5, 8), (6, 10))),
                      "fastbeam: compiling the time steps: machine code of 6 kernels, about 2 s left",
-                     "fastbeam: compiling kernels for the time steps, 6 in 8 s"]
+                     "fastbeam: compiling kernels for the time steps, 6 in 13 s"]
     assert stream.getvalue().endswith("\n")
     # every line covers the one before it
     lines = stream.getvalue().rstrip("\n").split("\r")[1:]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import inlined, kernel
+from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
 from .curves import find_element, node_of
 from .kinds import dim, vector, zero_vector
@@ -372,7 +372,7 @@ def account_forces(along, term, system, h):
                 state.history[place + AGAINST] = 0.0
 
 
-@kernel
+@separate
 def account_work(along, term, system, k):
     """Of friction and the drive of a slider that moves."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs

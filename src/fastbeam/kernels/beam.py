@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import inlined, kernel, one_variant
+from .._jit import inlined, kernel, separate
 from . import green_lagrange, simo_reissner  # noqa: F401  the strain sets
 from .algebra import WIDTH, add_iso, add_skew, address, cross, outer
 from .algebra import padd3 as vadd3
@@ -380,7 +380,7 @@ def evaluate_groups(tables, first, last, strains, motion, scratch, dofs):
         evaluate_group(tables, k, layout(dofs, tables.meta[k, NODES], tables.meta[k, POINTS]), strains, motion, scratch, dofs)
 
 
-@one_variant
+@separate
 def element_groups(tables, first, last, inner, strains, motion, r_out, blocks_out, scratch, dofs):
     """Add residual rows and tangent blocks of the groups from `first` to before `last`.
 

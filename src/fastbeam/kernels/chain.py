@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import inlined, kernel, one_variant
+from .._jit import inlined, kernel, one_variant, separate
 from .algebra import largest_of_row, vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_column, subtract_column, subtract_rows
 from .lanes import flush_column, flush_rows
@@ -263,7 +263,7 @@ def substitute_several(sides, plan, blocks, i, dofs):
 
 
 # --- factors and solution -----------------------------------------------------------------------------------------------
-@kernel
+@separate
 def factor(plan, blocks, pivots, sides, dofs):
     """Factor in place: diagonal blocks to LU, upper blocks to D^-1 A; and eliminate right-hand sides on the way. pivots [n rows]:
     the exchanges of a row, -1 first where there are none. Returns the worst pivot ratio of the blocks with exchanges, at most 1;
@@ -312,7 +312,7 @@ def factor(plan, blocks, pivots, sides, dofs):
     return worst
 
 
-@kernel
+@separate
 def back_substitute(plan, blocks, sides, dofs):
     """Solve for all right-hand sides that were eliminated."""
     for i in range(plan.diagonal.shape[0] - 1, -1, -1):

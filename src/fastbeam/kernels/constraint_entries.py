@@ -11,7 +11,7 @@ Arrays: store [*] as `Factors.store`; buffer [*], columns and lines of the const
 from __future__ import annotations
 
 from .._generic import generic
-from .._jit import inlined, kernel
+from .._jit import inlined, kernel, separate
 from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
 from .constraint_blocks import subtract_on_slider
@@ -286,7 +286,7 @@ def start_inner(inner, x_out, dofs):
             x_out[8 * i + c] = -inner.rhs[8 * i + c]
 
 
-@kernel
+@separate
 def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
     """Subtract from the rows of inner nodes what the solved unknowns y of constraints contribute: K_ii^-1 C_i y, and what is
     passed on from inner nodes before them."""
@@ -325,7 +325,7 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
             d += block * (1 + 2 * others)
 
 
-@kernel
+@separate
 def recover_inner_rows(tables, inner, x_out, scratch, dofs):
     """Increments of all inner nodes of elements with one strain set, from those of the end nodes and what `start_inner` and
     `add_inner` left in their rows."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._jit import inlined, kernel, one_variant
+from .._jit import inlined, kernel, one_variant, separate
 from .algebra import vld, vst
 from .blocks import lu_rows, lu_two, solve_column, solve_rows, solve_rows_with_last, subtract_column, subtract_rows
 from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
@@ -297,7 +297,7 @@ def solve_right(store, d, m):
         store[o + 8 * i] *= store[d + 9 * i]
 
 
-@kernel
+@separate
 def eliminate(couplings, order, factors, contact, force, dofs):
     """Factor in place, the right-hand side goes along. force: of the constraints, one after the other. Returns False at a
     singular block: `factors.failed` then has the constraint, or -1."""
@@ -347,7 +347,7 @@ def eliminate(couplings, order, factors, contact, force, dofs):
     return True
 
 
-@kernel
+@separate
 def substitute(order, factors, dofs):
     """Solution by positions from the eliminated rows."""
     store = factors.store
@@ -364,7 +364,7 @@ def substitute(order, factors, dofs):
             subtract_numbers(store, order.upper[e], x, 8 * j, 1, x, 8 * i, 1, m, order.unknowns[j], dofs)
 
 
-@kernel
+@separate
 def take_solution(couplings, order, factors, contact, force, x_out, y_out, dofs):
     """Solution by rows: nodes in rows of 8, constraints one by one; and the gaps that the augmented Lagrangian leaves."""
     n = order.rank.shape[0]

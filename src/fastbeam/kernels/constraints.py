@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import kernel
+from .._jit import kernel, separate
 from .beam import ElementTables
 from .beams import Beams
 from .constraint_entries import (add_inner, carry, clear_held_columns, put_entries, recover_inner_rows, start_blocks, start_inner)
@@ -78,7 +78,7 @@ def clear_columns_of_held(held, solver):
     clear_held_columns(held, solver.touched, solver.factors, solver.couplings.diagonal.shape[0])
 
 
-@kernel
+@separate
 def fill_constraints(contact, solver, r, q_mid, q_end, dofs):
     """Residual r and entries of all constraints into the blocks, in an order that is found again where they touch other rows.
     Returns False where there is not enough room: then `factors.failed[0]` is 1."""

@@ -12,7 +12,7 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import add_matrix, add_skew, component0, component1, cross, cross2, dot, outer, perp
 from .kinds import Plane, Space, add_stiffness, add_to, coordinates, dim, vector
-from .terms import Conserving, account, assemble, spread_nodes
+from .terms import Conserving, account, assemble, put_loads, spread_nodes
 
 
 class Drag(NamedTuple):
@@ -29,6 +29,15 @@ class Drag(NamedTuple):
     place: np.ndarray       # int64 [D]: where the energy stands in `State.history`
 
 
+class AirSchedule(NamedTuple):
+    """Air whose velocity changes in time."""
+
+    air: np.ndarray      # float64 [3 D], in a plane [2 D]: as in `Drag`, of this run
+    given: np.ndarray    # float64 [3 D], in a plane [2 D]: that of the scene
+    part: np.ndarray     # int64 [D]: column of factors
+    factors: np.ndarray  # float64 [substeps, drags]: means over every substep
+
+
 class Flow(NamedTuple):
     """What the air does to a node in a step."""
 
@@ -37,6 +46,14 @@ class Flow(NamedTuple):
     along: float      # velocity against the air along it
     across: Any       # and across
     speed: float      # size of that
+
+
+@put_loads.register(AirSchedule)
+@kernel
+def put_air(air, system, k):
+    d = air.air.shape[0] // air.part.shape[0]
+    for i in range(air.air.shape[0]):
+        air.air[i] = air.factors[k, air.part[i // d]] * air.given[i]
 
 
 @kernel

@@ -1,5 +1,6 @@
-"""How stresses follow strains at a point: elastically, or with the viscosity of Kelvin and Voigt (theory.md (2.5)), as types that
-strain sets carry. In a plane stresses and strains are vectors of three, in space lanes in scratch.
+"""How stresses follow strains at a point: elastically, with the viscosity of Kelvin and Voigt (theory.md (2.5)), or with filters
+that dissipate high frequencies (6.2), as types that strain sets carry. In a plane stresses and strains are vectors of three, in
+space lanes in scratch.
 
 Arrays: constants [*], the tables of a group, and scratch [*], its numbers in lanes: layout.py has their places.
 """
@@ -32,6 +33,18 @@ class TangentOfKelvinVoigt(NamedTuple):
     rate: float
 
 
+class Filtered(NamedTuple):
+    """S = C (E + more (E_n+1 - E_n)/2), theory.md (6.2); what the filters know before the step is in the reference strains."""
+
+    more: float
+
+
+class TangentOfFiltered(NamedTuple):
+    """Twice the change of that mean stress with the strain at the end of the step."""
+
+    more: float
+
+
 ELASTIC, KELVIN_VOIGT = Elastic(), KelvinVoigt(0.0)
 
 
@@ -52,6 +65,7 @@ def law_over(law, motion):
 
 
 @law_over.register(Elastic)
+@law_over.register(Filtered)
 @inlined
 def elastic_law(law, motion):
     return law
@@ -80,6 +94,12 @@ def viscous_tangent(law):
     return TangentOfKelvinVoigt(law.rate)
 
 
+@tangent_law.register(Filtered)
+@inlined
+def filtered_tangent(law):
+    return TangentOfFiltered(law.more)
+
+
 # --- in space -----------------------------------------------------------------------------------------------------------
 @generic
 def put_half_change(law, scratch, e, start, end):
@@ -93,6 +113,7 @@ def put_no_change(law, scratch, e, start, end):
 
 
 @put_half_change.register(KelvinVoigt)
+@put_half_change.register(Filtered)
 @inlined
 def put_change(law, scratch, e, start, end):
     vst(scratch, e + HALF_CHANGE, 0, 0.5 * (end - start))
@@ -122,6 +143,18 @@ def viscous_tangent_stress(law, constants, k, scratch, e):
     return (vld(constants, k, 0) + law.rate * vld(constants, VISCOSITY + k, 0)) * vld(scratch, e, 0)
 
 
+@stress_of.register(Filtered)
+@inlined
+def filtered_stress(law, constants, k, scratch, e):
+    return vld(constants, k, 0) * (vld(scratch, e, 0) + law.more * vld(scratch, e + HALF_CHANGE, 0))
+
+
+@stress_of.register(TangentOfFiltered)
+@inlined
+def filtered_tangent_stress(law, constants, k, scratch, e):
+    return (1.0 + law.more) * (vld(constants, k, 0) * vld(scratch, e, 0))
+
+
 @generic
 def modulus(law, constants, k):
     """Twice the derivative of the mean stress by a strain at the end of the step: C, or C + 2 D/h; k: offset in C."""
@@ -137,6 +170,12 @@ def elastic_modulus(law, constants, k):
 @inlined
 def viscous_modulus(law, constants, k):
     return vld(constants, k, 0) + law.rate * vld(constants, VISCOSITY + k, 0)
+
+
+@modulus.register(Filtered)
+@inlined
+def filtered_modulus(law, constants, k):
+    return (1.0 + law.more) * vld(constants, k, 0)
 
 
 # --- in a plane ---------------------------------------------------------------------------------------------------------
@@ -190,3 +229,16 @@ def viscous_planar_modulus(law, stiffness, constants, to):
     x = matrix_at(constants, to, VISCOSITY_IN_PLANE, law.rate)
     return Law(stiffness.c00 + x.c00, stiffness.c01 + x.c01, stiffness.c02 + x.c02, stiffness.c11 + x.c11,
                stiffness.c12 + x.c12, stiffness.c22 + x.c22)
+
+
+@planar_stress.register(Filtered)
+@inlined
+def filtered_planar_stress(law, stiffness, constants, to, e, half_change):
+    return apply_law(stiffness, e + law.more * half_change)
+
+
+@planar_modulus.register(Filtered)
+@inlined
+def filtered_planar_modulus(law, stiffness, constants, to):
+    x = 1.0 + law.more
+    return Law(x * stiffness.c00, x * stiffness.c01, x * stiffness.c02, x * stiffness.c11, x * stiffness.c12, x * stiffness.c22)

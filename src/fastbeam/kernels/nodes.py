@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import inlined, kernel
+from .._jit import inlined, kernel, separate
 from .algebra import (add3, add_iso, add_matrix, add_skew, cross, dot, largest, ld3, outer, st3, vld, vld3, vst, vst3, vzero,
                       zero3, zerom)
 from .blocks import SIX, THREE, TWELVE
@@ -94,7 +94,7 @@ def predict_from(past, o, share, c, h, first, last, x):
             x[k] = h * past[o + k]
 
 
-@kernel
+@separate
 def predict(q, v, h, c, past, held_theta, first, last, theta, dphi):
     """First guess of a step from the mean rates of the last two (`extrapolation` c), for the nodes from `first` to before `last`;
     past[3]: size of the step whose increments stand in dphi and theta, 0 where those are no rates. Where c is NaN positions move
@@ -157,7 +157,7 @@ def spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
                 spread_vector(q, v, director_increment(c, t, ld3(q, k, 1)), h, k, q_mid_out, q_end_out, u_out)
 
 
-@kernel
+@separate
 def update_nodes(row_of, x, first, last, theta, dphi, scratch):
     """Add the rows of x, 8 doubles each, to the increments of a step, of the nodes from `first` to before `last`. Returns the
     largest position increment and the largest increment of a Cayley vector over sqrt(1 + theta.theta/4): spins alone would also
@@ -207,7 +207,7 @@ def larger(x, y):
     return x if x > y or x != x else y
 
 
-@kernel
+@separate
 def add_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
     """Inertia of point masses and rigid bodies; the director form of the inertia of a body, same projection as a beam node.
     mass_factor: 2/h^2, or 0 where the derivative of u is added elsewhere."""
@@ -354,7 +354,7 @@ def accept_one_motion(v, q, k, move, h):
     st3(v, k, 1, velocity + (2.0 / h) * (move - h * velocity))
 
 
-@kernel
+@separate
 def advance(q, v, dphi, theta, h, first, last, scratch):
     """Accept the increments of the nodes from `first` to before `last`: q <- q + dq, v <- v + 2/h (dq - h v), theory.md (4.2); in
     statics, where v is NO_VELOCITIES, only the first."""

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._generic import generic
-from .._jit import inlined, kernel
+from .._jit import inlined, kernel, separate
 from .algebra import dot
 from .curves import find_element, node_of, nodes_of, nodes_under, point_on_curve, slot, step_basis
 from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
@@ -380,7 +380,7 @@ def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
 
 
 @add_contact.register(NoForceAlong)
-@kernel
+@separate
 def add_slider(along, term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs

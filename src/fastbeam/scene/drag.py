@@ -4,12 +4,14 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
-from fastbeam.arguments import Name, Number, Refusal, Vector, checked, shown
+import numpy as np
+
+from fastbeam.arguments import Name, Number, Refusal, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import ArrayField
 from fastbeam.scene.nets import Net
-from fastbeam.scene.parts import ZERO, PointMass, RigidBody
+from fastbeam.scene.parts import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
 
 NOT_NEGATIVE = Number(least=0.0)
 
@@ -26,7 +28,8 @@ class InAir:
         return value
 
 
-@checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Vector)
+@checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Steady(),
+         time=FACTOR)
 @dataclass(frozen=True, eq=False)
 class Drag:
     """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`.
@@ -46,11 +49,13 @@ class Drag:
         Force over velocity, N s/m^2, of a body N s/m; >= 0.
     air : array_like (3,)
         Velocity of the air, m/s.
+    time : callable, optional
+        t -> factor of that velocity: gusts, tides. Its mean over a step counts.
 
     Raises
     ------
     SceneError
-        A coefficient is negative, all are zero, or a body has a tangential one.
+        A coefficient is negative, all are zero, a body has a tangential one, or `time` is given for still air.
     """
 
     kind: ClassVar[str] = "drag"
@@ -62,10 +67,13 @@ class Drag:
     tangential: float = 0.0
     linear: float = 0.0
     air: ArrayField = ZERO
+    time: TimeFactor | None = None
 
     def __post_init__(self) -> None:
         if self.normal == self.tangential == self.linear == 0.0:
             raise SceneError(f"{self.label}: give normal, tangential or linear")
+        if self.time is not None and not np.any(self.air):
+            raise SceneError(f"{self.label}: time is a factor of air, which is 0; give air, the velocity where the factor is 1")
         if self.tangential > 0.0 and not self.is_slender:
             raise SceneError(f"{self.label}: {self.on.label} has no direction; give normal, its whole resistance")
 

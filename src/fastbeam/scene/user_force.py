@@ -51,7 +51,7 @@ class UserForce:
     parameters : array_like [n]
         Numbers for the law. Another law or other numbers compile no other part of the step again.
     dissipates : bool
-        False for a law of time, position and directors alone, which order 4 takes, too.
+        False for a law of time, position and directors alone, with which order 4 takes one run instead of two.
 
     Raises
     ------

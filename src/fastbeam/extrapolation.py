@@ -1,0 +1,152 @@
+"""Order four with what dissipates: runs with steps h and h/2 of the conserving step, extrapolated (theory.md 6)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .checkpoint import Clock
+from .errors import ConvergenceError, SceneError
+from .kernels.along import DRIVE_WORK, FRICTION_LOSS, HISTORY, LOCK_LOSS, STOP_LOSS
+from .kernels.work import State
+from .model import Model
+from .result import Result
+from .starting import check_start
+
+Array = np.ndarray
+# two runs that differ by more, of the size of the scene, are no longer in the range in which errors go with h^2
+NEAR = 0.05
+
+
+def extrapolates(model: Model) -> bool:
+    """Whether order 4 takes two runs: something dissipates, and nothing that has a kink in time does."""
+    sliders, motions = model.slider_forces, model.motions
+    smooth = bool(model.losses or model.needs_forward_steps)
+    # on switches arc lengths jump where a slider goes on to another track
+    rough = model.released is not None or bool(model.spans)
+    if sliders is not None:
+        smooth |= sliders.dissipates
+        rough |= sliders.lets_go or bool(np.any(sliders.tables.friction > 0.0))
+        rough |= any(x.stops is not None and x.stops.is_rigid for x in sliders.sliders)
+    if motions is not None:
+        smooth |= bool(motions.damped)
+        rough |= bool(motions.holds.rubs.size)
+    return smooth and not rough
+
+
+def check_two_runs(tolerance: Any, callback: Any, checkpoint: Any, min_step: Any, max_step: Any) -> None:
+    """Refuse what needs one state on the way.
+
+    Raises
+    ------
+    SceneError
+    """
+    given = [name for name, x in (("tolerance", tolerance), ("callback", callback), ("checkpoint", checkpoint),
+                                  ("min_step", min_step), ("max_step", max_step)) if x is not None]
+    if given:
+        raise SceneError(f"{given[0]}: order=4 with what dissipates extrapolates two runs, and there is no {given[0]} between "
+                         "them; leave it out, or use order=2")
+
+
+def between(coarse: Array, fine: Array) -> Array:
+    """(4 fine - coarse)/3, of equal numbers these numbers."""
+    return np.asarray(fine + (fine - coarse) / 3.0)
+
+
+def triads_between(coarse: Array, fine: Array) -> Array:
+    """The same for triads [..., 3, 3], directors in rows: on from fine by a third of the rotation from coarse to it."""
+    turn = np.einsum("...ia,...ib->...ab", fine, coarse)
+    axis = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
+                           turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, 0.5 * (np.trace(turn, axis1=-2, axis2=-1)[..., None] - 1.0)) / 3.0
+    axis = axis / np.where(sine > 0.0, sine, 1.0)
+    # Rodrigues' formula on every director
+    n = axis[..., None, :]
+    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    return np.asarray(c * fine + s * np.cross(n, fine) + (1.0 - c) * np.sum(n * fine, axis=-1, keepdims=True) * n)
+
+
+def _spins(q: Array, v: Array) -> Array:
+    return 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
+
+
+def state_between(model: Model, coarse: State, fine: State, step: float) -> State:
+    """The extrapolated state, on the nearest that joints and sliders allow."""
+    q, v = np.zeros((model.n_nodes, 4, 3)), np.zeros((model.n_nodes, 4, 3))
+    (q1, v1), (q2, v2) = ((x.q.reshape(-1, 4, 3), x.v.reshape(-1, 4, 3)) for x in (coarse, fine))
+    q[:, 0], v[:, 0] = between(q1[:, 0], q2[:, 0]), between(v1[:, 0], v2[:, 0])
+    q[:, 1:] = triads_between(q1[:, 1:], q2[:, 1:])
+    v[:, 1:] = np.cross(between(_spins(q1, v1), _spins(q2, v2))[:, None], q[:, 1:])
+    history = between(coarse.history, fine.history)
+    # of sliders there are flags beside energies
+    flags = np.setdiff1d(np.arange(HISTORY), (FRICTION_LOSS, DRIVE_WORK, STOP_LOSS, LOCK_LOSS))
+    own, known = (x[:model.work_place].reshape(-1, HISTORY) if model.slider_forces is not None else np.zeros((0, HISTORY))
+                  for x in (history, fine.history))
+    own[:, flags] = known[:, flags]
+    state = State(q.reshape(-1), v.reshape(-1), between(coarse.s, fine.s), fine.force.copy(), history)
+    try:
+        return check_start(model, state, step, mend=True)[0]
+    except SceneError:
+        return state
+
+
+def difference(model: Model, coarse: Result, fine: Result) -> float:
+    """Largest distance of nodes of the two runs in shapes and at the end, as a share of the size of the scene."""
+    end = (fine.state.q - coarse.state.q).reshape(-1, 12)[:, :3]
+    far = [float(np.max(np.linalg.norm(end, axis=-1), initial=0.0))]
+    if len(fine.t_snap) == len(coarse.t_snap):
+        far.append(float(np.max(np.linalg.norm(fine.phi - coarse.phi, axis=-1), initial=0.0)))
+    return max(far) / model.length
+
+
+def combine(model: Model, coarse: Result, fine: Result, step: float, t_end: float) -> Result:
+    """The result of order 4: every row is linear in those of the two runs, so that what they keep it keeps, books and momenta.
+
+    Parameters
+    ----------
+    coarse, fine : Result
+        With steps `step` and half of it, s.
+
+    Raises
+    ------
+    ConvergenceError
+        One of them ended before t_end.
+    """
+    for run in (coarse, fine):
+        if run.state is None or run.t[-1] != t_end:
+            why = run.events[-1]["text"] if run.events else "it ended early"
+            raise ConvergenceError(f"order=4 with what dissipates extrapolates two runs, and one of them ended at t = "
+                                   f"{run.t[-1]:g} s: {why}; end the run before that, or use order=2",
+                                   step=int(run.info["steps"]), time=float(run.t[-1]), state=run.state)
+    rows = [np.flatnonzero(np.isin(a.t, b.t)) for a, b in ((coarse, fine), (fine, coarse))]
+    shapes = [np.flatnonzero(np.isin(a.t_snap, b.t_snap)) for a, b in ((coarse, fine), (fine, coarse))]
+    series = {}
+    for name, x in fine.series.items():
+        a, b = coarse.series[name][rows[0]], x[rows[1]]
+        if name == "iterations":
+            # of both runs, a step
+            series[name] = a + 2 * b
+        elif name == "step_size":
+            series[name] = a
+        else:
+            series[name] = between(a, b)
+    a, b = coarse.info, fine.info
+    info = {**b, "method": f"{b['method']}, two runs extrapolated", "order": 4, "step": step, "steps": a["steps"],
+            **{name: a[name] + b[name] for name in ("iterations", "fallbacks", "wall_time")},
+            "scale": {name: max(x, a["scale"].get(name, 0.0)) for name, x in b["scale"].items()},
+            "difference": difference(model, coarse, fine)}
+    known = {(event["kind"], event["text"]) for event in fine.events}
+    events = [*fine.events, *(event for event in coarse.events if (event["kind"], event["text"]) not in known)]
+    if not info["difference"] <= NEAR:
+        text = (f"order=4: the runs with steps of {step:g} and {0.5 * step:g} s differ by {info['difference']:.2g} of the size "
+                "of the scene, too much for their difference to tell the error of both; take smaller steps, or a shorter run")
+        events.append({"kind": "extrapolation", "time": t_end, "text": text})
+    velocities = None if fine.velocities is None else between(coarse.velocities[shapes[0]], fine.velocities[shapes[1]])
+    result = Result(t=fine.t[rows[1]], series=series, model_text=fine.model_text, info=info, names=fine.names,
+                    t_snap=fine.t_snap[shapes[1]], phi=between(coarse.phi[shapes[0]], fine.phi[shapes[1]]),
+                    directors=triads_between(coarse.directors[shapes[0]], fine.directors[shapes[1]]), velocities=velocities,
+                    events=events)
+    result.state = state_between(model, coarse.state, fine.state, step)
+    result.checkpoint = Clock(t_end, t_end, step, step).checkpoint(model, result.state, False, None)
+    return result
