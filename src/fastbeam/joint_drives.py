@@ -344,10 +344,21 @@ class Holds:
         """What does not go with steps backward in time, and of which joint."""
         for k in self.rubs.tolist():
             return f"{'friction' if self.parts[k].has_friction else 'impacts on rigid stops'} of {self.parts[k].label}"
-        for k, gains in zip(self.driven.tolist(), self.gains):
-            if gains[0] == LAW or gains[0] == CONTROL and gains[2] > 0.0:
-                return f"the drive of {self.parts[k].label}, which depends on its rate,"
+        for k in self.driven[self.heeds_rates].tolist():
+            return f"the drive of {self.parts[k].label}, which depends on its rate,"
         return None
+
+    @property
+    def heeds_rates(self) -> Array:
+        """Which drives may depend on the rates of their coordinates, bool [*]."""
+        kind, _, damping, _ = self.gains.T
+        return np.asarray((kind == LAW) | (kind == CONTROL) & (damping > 0.0))
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether a drive has a largest force: a kink in time where that is reached."""
+        kind, limit = self.gains[:, 0], self.gains[:, 3]
+        return bool(np.any((kind == CONTROL) & np.isfinite(limit)))
 
     def forces(self, force: Array) -> Array:
         """Forces on all coordinates [C], N or N m, zero where there is none of its own; force: of all of these."""

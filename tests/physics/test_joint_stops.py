@@ -329,6 +329,13 @@ def test_a_speed_control_holds_its_speed_up_to_its_largest_torque_and_the_same_l
     assert np.max(weak["angle"]) < 0.5 and np.max(weak["drive"]) == 1.0
 
 
+def test_a_controller_without_a_limit_is_of_order_four_by_two_runs() -> None:
+    model = arm("auto", drive=fb.Drive(position=lambda t: t**4, stiffness=30.0, damping=2.0))
+    ends = [run(model, 1.0, step, order=4).state.q for step in (0.04, 0.02, 0.005)]
+    errors = [float(np.max(np.abs(q - ends[-1]))) for q in ends[:-1]]
+    assert np.log2(errors[0] / errors[1]) > 3.7 and errors[1] < 1e-6
+
+
 # -------------------------------------------------------------------------------------------------------------- how-to.md
 @pytest.mark.slow
 def test_the_recipe_runs() -> None:
@@ -355,7 +362,7 @@ def test_what_contradicts_each_other_is_refused(options: dict[str, Any], text: s
 
 def test_what_does_not_go_with_stops_friction_and_drives_says_so() -> None:
     stopped, rubbing = arm(stops=fb.Stops(-1, 1)), arm(coefficient=0.1, radius=0.1)
-    driven = arm(drive=fb.Drive(position=0.1, stiffness=3.0, damping=0.1))
+    driven = arm(drive=fb.Drive(position=0.1, stiffness=3.0, damping=0.1, limit=5.0))
     for model, text in ((stopped, "impacts on rigid stops of revolute joint 'pivot' would"),
                         (rubbing, "friction of revolute joint"),
                         (driven, "the drive of revolute joint 'pivot', which depends on its rate, would")):
