@@ -25,6 +25,7 @@ _WHERE = {
     "relaxing": ["relax"],
     "form_finding": ["force_density"],
     "equilibrium_paths": ["solve_path"],
+    "stick_limits": ["stick_interval"],
     "sensitivities": ["sensitivity"],
     "critical_slopes": ["critical_sensitivity"],
     "adjoint": ["adjoint_run"],
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from .checkpoint import Checkpoint as Checkpoint, load_checkpoint as load_checkpoint
     from .run import simulate as simulate
     from .statics import solve_static as solve_static
+    from .stick_limits import stick_interval as stick_interval
     from .vibration import modes as modes
     from .harmonic import frequency_response as frequency_response
     from .relaxing import relax as relax

@@ -11,12 +11,15 @@ from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
 from .kernels.prescribed import MovedRows, Prescribed
+from .kernels.sleeve import Rubbing, Sleeves
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
+from .kernels.twist import Twist
 from .kernels.user_force import UserForces
 from .kernels.work import State, Work
 from .model import Model
+from .twisting import sleeves_of_run
 
 Array = np.ndarray
 
@@ -53,12 +56,15 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     """
     terms: list[Any] = []
     if model.sliders is not None and not static:
+        sleeves = NoSleeves() if model.sleeves is None else sleeves_of_run(model.sleeves)
         terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties,
                              model.limits_at(model.s0),
                              NoForceAlong() if along is None else along,
-                             NoSleeves() if model.sleeves is None else model.sleeves))
-        if model.sleeves is not None:
-            terms.append(model.sleeves)
+                             sleeves))
+        if isinstance(sleeves, Sleeves):
+            terms.append(sleeves)
+            if isinstance(sleeves.twist, Twist):
+                terms.append(Rubbing(sleeves, terms[0]))
     if inner is not None:
         terms.append(inner)
     losses: list[Any] = []

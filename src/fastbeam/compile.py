@@ -44,7 +44,7 @@ from .prescribed import released_of
 from .report import describe
 from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
-from .sleeves import sleeves_of
+from .sleeves import rubbing_sleeves, sleeves_of, with_twist
 from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
@@ -130,15 +130,19 @@ class Variant:
     """
 
     def __init__(self, scene: Scene, **options: Any) -> None:
-        self._scene, self._options = scene, options
+        self.scene, self._options = scene, options
         self._made: dict[tuple[tuple[str, Any], ...], Model] = {}
 
     def __call__(self, **more: Any) -> Model:
         """The model; more: options that are left open."""
         key = tuple(sorted(more.items()))
         if key not in self._made:
-            self._made[key] = compile_scene(self._scene, **self._options, **more)
+            self._made[key] = compile_scene(self.scene, **self._options, **more)
         return self._made[key]
+
+    def know(self, model: Model, **more: Any) -> None:
+        """Take a model that was compiled with these options as the one for them."""
+        self._made[tuple(sorted(more.items()))] = model
 
 
 def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordered) -> Model:
@@ -183,7 +187,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
         load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
-        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), accounts_loads=accounts,
+        slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), twisting=rubbing_sleeves(scene),
+        accounts_loads=accounts,
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
@@ -192,7 +197,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
-    return replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
+    model = replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
+    return replace(model, sleeves=with_twist(scene, model))
 
 
 def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:

@@ -25,6 +25,7 @@ from .kernels.sleeve import Sleeves
 from .kernels.slider import Sliders
 from .kernels.substructures import Substructures
 from .kernels.ties import Ties
+from .kernels.twist import TWIST
 from .kernels.work import State
 from .mapping import state_for
 from .multipliers import KeptLink
@@ -93,7 +94,7 @@ class Model:
     slider_forces : slider_forces.SliderForces or None
         Friction, drives, stops, locks and releases of sliders.
     sleeves : Sleeves or None
-        The sliders that are sleeves.
+        The sliders that are sleeves; `twisting` numbers of those that rub on beams that turn in them, int64 [R].
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
     dampers, find_springs
@@ -164,6 +165,7 @@ class Model:
     load_parts: dict[str, Any] = field(default_factory=dict)
     slider_forces: Any = None
     sleeves: Sleeves | None = None
+    twisting: Array = field(default_factory=lambda: np.zeros(0, np.int64))
     damped: Any = None
     dampers: tuple[str, ...] = ()
     find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
@@ -322,7 +324,8 @@ class Model:
         # the ties of a joint are those of the model
         parts = [x for table in tables for x in ((None,) if table is None else table) if x is None or isinstance(x, np.ndarray)]
         parts += [self.pattern.row_of, self.spinless, self.loads, self.gravity, self.gravity_weight, self.constant_load, self.q0,
-                  self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())]
+                  self.v0, self.s0, self.slider_lengths, *(self.sleeves or ())[:5]]
+        parts += [] if self.sleeves is None or not self.twisting.size else [*self.sleeves.twist[:3]]
         if self.slider_forces is not None:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.limits_at(self.s0),
@@ -388,7 +391,12 @@ class Model:
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before."""
-        return self.motion_place + (0 if self.motions is None else self.motions.size)
+        return self.twist_place + TWIST * int(self.twisting.size)
+
+    @property
+    def twist_place(self) -> int:
+        """Where the numbers of sleeves that rub on beams that turn in them begin; they come last."""
+        return self.motion_place + (0 if self.motions is None else int(self.motions.size))
 
     @property
     def motion_place(self) -> int:

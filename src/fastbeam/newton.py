@@ -31,6 +31,7 @@ from .methods import Method, check_forces, empty_rates, start_rates
 from .model import Model
 from .released import own_supports
 from .starting import own_state
+from .twisting import check_twist, start_twisting
 from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
 
 Array = np.ndarray
@@ -150,6 +151,7 @@ class Stepper:
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
+        check_twist(model, static)
         if core.motions is not None and core.motions.rows.size:
             self.motion = core.motions.work(core)
             if memory is None:
@@ -193,6 +195,7 @@ class Stepper:
         own = self.core_state.history[:model.work_place].reshape(-1, HISTORY)
         moving &= (own[:, AGAINST] == 0.0) & (own[:, STICKS] == 0.0) & (own[:, HELD] == FREE)
         own[:, SIGN] = np.where(moving, np.sign(rates), 0.0)
+        start_twisting(model, self.core_state.history, *(x.reshape(-1, 4, 3) for x in state[:2]), state.s)
 
     @property
     def state(self) -> State:

@@ -16,10 +16,11 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS
+from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
 from .resultants import Sections
 from .sections_held import Section, sections
+from .twisting import angles, push_of_twist
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
 
@@ -78,6 +79,7 @@ class Observer:
         # what `add_forces` needs of the newest row
         self._moment: Any = None
         self._directions: list[Section] = []
+        self._angles = np.zeros(0)
 
     def series(self) -> dict[str, tuple[int, ...]]:
         """Shape of one row of every series."""
@@ -90,6 +92,7 @@ class Observer:
             out |= {"center": (3,), "inner_energy": (), "inner_spin": (3,)}
         if self.moments:
             out["contact_moment"] = (self.model.n_sliders, 3)
+            out |= dict.fromkeys(TWISTING, (self.model.n_sliders,)) if self.model.twisting.size else {}
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
@@ -160,6 +163,10 @@ class Observer:
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
             out["slider_position"] = state.q.reshape(-1, 12)[model.sliders.point, :3]
             self._directions = sections(model, state.s, state.q.reshape(-1, 4, 3))
+            if model.twisting.size:
+                self._angles = angles(model, state.history)
+                out["twist"] = np.zeros(model.n_sliders)
+                out["twist"][model.sleeve_pairs[:, 0]] = self._angles
         if self.forces is not None:
             tangent, rate = np.zeros((model.n_sliders, 3)), np.zeros(model.n_sliders)
             kernels.slider_motion(model.curves, model.sliders, self._contact, state.q, state.v, state.s, tangent.reshape(-1),
@@ -256,6 +263,13 @@ class Observer:
                 row["contact_moment"][k] = section.moment(mu)
                 push[k] = section.values(1) @ mu[:section.pairs]
                 edges[k] = bore @ (np.hypot(mu[0], mu[1]), abs(mu[2]))
+            if self.model.twisting.size:
+                row["twist_moment"] = np.zeros(s)
+            for o in self.model.twisting.tolist():
+                k, section = self.model.sleeve_pairs[o, 0], self._directions[o]
+                row["twist_moment"][k] = -own[o, 2]
+                row["contact_moment"][k] += own[o, 2] * section.axes[0]
+                push[k] += own[o, 2] * push_of_twist(section, self._angles[o])
         if self.forces is not None:
             found = self.forces.at_row(*self._moment, row["contact_force"], push, edges, share)
             row |= {"force_along": found.along, "friction_force": found.friction, "drive_force": found.drive,

@@ -17,6 +17,7 @@ from .kernels.work import State
 from .load_times import load_factors
 from .newton import Outcome, Stepper
 from .released import OwnSupports
+from .twisting import with_known_twist
 
 Array = np.ndarray
 
@@ -45,7 +46,8 @@ class Reactions:
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
         # the air is that of the run
         air = {Drag: term for term in of.terms if isinstance(term, Drag)}
-        self.terms = tuple(air.get(type(term), term) for term in terms if id(term) not in left_out)
+        known = with_known_twist(tuple(air.get(type(term), term) for term in terms), of.terms)
+        self.terms = tuple(term for term in known if id(term) not in left_out)
         self.ties = () if core.ties is None else (core.ties,)
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
         # joints with multipliers, and which of them every link belongs to

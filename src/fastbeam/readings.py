@@ -11,6 +11,8 @@ from .errors import SceneError
 # series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
 EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
 ALONG = ("slide_rate", "force_along", "friction_force", "drive_force", "stop_force", "lock_force", *EXCHANGED)
+# of sleeves that rub on beams that turn in them: angle, rad, and moment of friction on the beam, N m, about d_1
+TWISTING = ("twist", "twist_moment")
 # of what joints leave free: angles or distances and their rates; energies of springs, dampers and motors
 FREE, IN_JOINTS = ("joint_value", "joint_rate"), ("joint_energy", "joint_loss", "joint_work")
 # of springs, and of bushings
@@ -20,7 +22,7 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("kinetic", "strain", "gravity", "potential", "total", "balance", "external_work", "inner_energy",
                      "iterations", "step_size", "load_factor", "unstable_directions"), ()),
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
-    **dict.fromkeys(("gap", "s_slide", *ALONG), ("sliders",)), "losses": ("losses",), "works": ("works",),
+    **dict.fromkeys(("gap", "s_slide", *ALONG, *TWISTING), ("sliders",)), "losses": ("losses",), "works": ("works",),
     **dict.fromkeys((*FREE, *IN_JOINTS, "joint_force", "joint_friction"), ("joints",)),
     **{f"spring_{name}": ("springs",) for name in SPRINGS}, "bushing_energy": ("bushings",),
     **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},

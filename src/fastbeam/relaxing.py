@@ -32,6 +32,7 @@ from .starting import check_start
 from .static_sliders import SlidingSolver
 from .statics import START, TOLD, WHERE, check_slider_forces
 from .supports import check_supports
+from .twisting import check_twist
 
 Array = np.ndarray
 # steps from rest to the peak of the kinetic energy that are wanted; fewer: steps are halved, more: they grow
@@ -108,6 +109,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     check_backend(backend)
     check_motions(model.motions, None, 1, True)
+    check_twist(model, True)
     if model.released is not None:
         raise SceneError("relax: a support lets go (until=); leave that out for the equilibrium, or run in time")
     if model.motions is not None and model.motions.holds.given.size:

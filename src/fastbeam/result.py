@@ -16,7 +16,7 @@ from .arguments import LONGEST_RANGE, Anything, FilePath, Flag, Refusal, Word, c
 from .errors import SceneError
 from .exchanged import balance_of, joint_of
 from .exports import Exports
-from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, Readings
+from .readings import ALONG, COLUMNS, HINTS, PLACES, ROWS, TWISTING, Readings
 from .rows import RowBuffer, Rows, listing
 
 if TYPE_CHECKING:
@@ -235,11 +235,14 @@ class Result(Readings, Exports):
     @checked(name=NAMED)
     def slider(self, name: str) -> dict[str, np.ndarray]:
         """Of one slider: s [n] (m), force [n, 3] (N, on the slider; NaN where no steps tell it), gap [n] (m); position [n, 3] (m)
-        where recorded; where there are sleeves, moment [n, 3] (N m, on the holder)."""
+        where recorded; where there are sleeves, moment [n, 3] (N m, on the holder), and where some rub on beams that turn in
+        them twist, the angle by which the beam has turned about d_1 in the sleeve (rad), and twist_moment, that of friction on
+        the beam about d_1 (N m), [n]."""
         k = self._index("sliders", "slider", name)
         out = {"s": self._series("s_slide")[:, k], "force": self._series("contact_force")[:, k],
                "gap": self._series("gap")[:, k]}
-        for series, key in (("slider_position", "position"), ("contact_moment", "moment"), *((x, x) for x in ALONG)):
+        same = ((x, x) for x in (*ALONG, *TWISTING))
+        for series, key in (("slider_position", "position"), ("contact_moment", "moment"), *same):
             if series in self.series:
                 out[key] = self.series[series][:, k]
         return out

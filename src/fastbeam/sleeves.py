@@ -7,7 +7,8 @@ import numpy as np
 
 from .connections import Connections
 from .errors import SceneError
-from .kernels.sleeve import Sleeves
+from .kernels.sleeve import NoTwist, Sleeves
+from .kernels.twist import TWIST, Twist
 from .mapping import nodes_of_curve
 from .model import Model
 from .numbering import NodeList
@@ -41,7 +42,26 @@ def sleeves_of(scene: Scene, nodes: NodeList, joints: int) -> Sleeves | None:
     edges = np.array([(2.0 / sleeve.length if sleeve.length else 0.0, 1.0 / sleeve.key_radius if sleeve.key_radius else 0.0)
                       for sleeve in scene.sleeves])
     return Sleeves(of_slider, np.array([len(scene.sliders) + joints]), keyed, np.concatenate(axes).reshape(-1),
-                   edges.reshape(-1))
+                   edges.reshape(-1), NoTwist())
+
+
+def rubbing_sleeves(scene: Scene) -> Array:
+    """Numbers of the sleeves whose beams rub where they turn, int64 [R]."""
+    return np.flatnonzero([sleeve.radius is not None for sleeve in scene.sleeves]).astype(np.int64)
+
+
+def with_twist(scene: Scene, model: Model) -> Sleeves | None:
+    """The sleeves of a model with their friction of twist."""
+    table = model.sleeves
+    if table is None or not model.twisting.size:
+        return table
+    every: list[Any] = list(scene.sleeves)
+    n = len(every)
+    arm = np.array([x.friction.coefficient * x.radius if x.radius is not None else 0.0 for x in every])
+    place = np.full(n, -1, np.int64)
+    place[model.twisting] = model.twist_place + TWIST * np.arange(model.twisting.size)
+    work = *np.zeros((5, n)), np.zeros(2 * n), *np.zeros((3, n), np.int64), np.zeros(1)
+    return table._replace(twist=Twist(arm, place, table.axes.copy(), *work))
 
 
 def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: list[Line]) -> list[tuple[int, Section]]:
@@ -58,9 +78,11 @@ def held_at_start(scene: Scene, nodes: NodeList, joints: Connections, lines: lis
 
 def _axes(sleeve: Sleeve, nodes: NodeList) -> Array:
     """R [3, 3] with D_i = sum_k R_ik d_k of the holder: D_i . d_j(s) = 0 for i < j at t = 0."""
-    first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
-    keep = np.flatnonzero(values[0])
-    d = np.einsum("a,ajc->jc", values[0, keep], nodes.directors[nodes.start(sleeve.beam) + int(first[0]) + keep])
+    d = sleeve.section_at_start
+    if d is None:
+        first, values, _ = sleeve.contact_curve.evaluate(sleeve.at)
+        keep = np.flatnonzero(values[0])
+        d = np.einsum("a,ajc->jc", values[0, keep], nodes.directors[nodes.start(sleeve.beam) + int(first[0]) + keep])
     # exact for directors that are not orthonormal, as between the nodes of a curved beam
     axis = np.cross(d[1], d[2])
     axis /= np.linalg.norm(axis)
@@ -96,4 +118,5 @@ def sleeves_in_plane(model: Model, plane: Plane) -> tuple[Sleeves | None, Array]
     beam = np.array([nodes_of_curve(model.curves, int(c))[0] for c in model.sliders.curve[sliders]])
     cos, sin = plane.factor[beam, 1].imag, plane.normal[beam, 1]
     turn = to_plane(axis, plane.axes) * np.conj(u) / np.abs(u)
-    return sleeves._replace(axes=numbers_of(turn / np.abs(turn))), np.stack((cos, -sin, np.zeros(len(cos))), axis=1)
+    return (sleeves._replace(axes=numbers_of(turn / np.abs(turn)), twist=NoTwist()),
+            np.stack((cos, -sin, np.zeros(len(cos))), axis=1))

@@ -97,7 +97,7 @@ class StaticContacts:
         at = (12 * np.unique(ends)[:, None] + np.arange(12)).reshape(-1)
         # what joints are given, in their order; None: they stay
         self.given: Array | None = None
-        self._joint_ties, self._joint_nodes = _reduced(sparse.csr_matrix(
+        self._joint_ties, self._joint_nodes = reduced(sparse.csr_matrix(
             (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self.ties)
 
     def free(self, size: int) -> Array:
@@ -133,7 +133,7 @@ class StaticContacts:
             k, nodes, values = (np.concatenate(x) for x in zip(nothing, *part))
             out.append(sparse.csr_matrix((np.repeat(values, 3), ((3 * k[:, None] + c).reshape(-1),
                                                                  (12 * nodes[:, None] + c).reshape(-1))), (3 * s.size, 12 * n)))
-        by_nodes, nodes = _reduced(sparse.vstack(out[:2], format="csr") @ self.ties)
+        by_nodes, nodes = reduced(sparse.vstack(out[:2], format="csr") @ self.ties)
         # where no triad takes part nothing depends on the shape
         fixed = not np.any(by_nodes.indices % 12 >= 3)
         found = Weights(*out, by_nodes, nodes, None)
@@ -349,7 +349,7 @@ class StaticContacts:
         return out.reshape(-1)
 
 
-def _reduced(matrix: Any) -> tuple[Any, Array]:
+def reduced(matrix: Any) -> tuple[Any, Array]:
     """The columns of the nodes that a sparse matrix [k, 12 N] has entries for, [k, 12 T], and these nodes [T]."""
     nodes = np.unique(matrix.indices // 12).astype(np.int64)
     return matrix[:, (12 * nodes[:, None] + np.arange(12)).reshape(-1)], nodes

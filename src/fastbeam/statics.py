@@ -12,6 +12,7 @@ from .arguments import Anything, Count, Flag, Instance, Listing, Name, Number, N
 from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
+from .exact_contact import ExactSolver, Observed
 from .interrupt import Interrupts
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -38,6 +39,7 @@ TOLD = {"unstable": "this equilibrium is unstable, its tangent has {} negative e
                 "spin freely, such as a beam between two ball joints about its axis; what it does there is arbitrary"}
 WHERE = {"space": "in space", "plane": "in the plane of the scene (motions out of it are not counted)"}
 SHARE = Number(above=0.0, most=1.0)
+CONTACTS = ("mesh", "exact")
 # of `simulate`'s what there is at rest
 RECORDED = ("energy", "spring", "section", "reaction")
 
@@ -65,13 +67,13 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
-         rest_intervals=which_sliders, raise_loads=Flag())
+         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS))
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
                  observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
-                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True) -> Result:
+                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh") -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -108,13 +110,20 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     raise_loads : bool
         False: loads and drives act in full from the first step on, and the load factor is how far supports that move, and
         prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
+    contacts : {'mesh', 'exact'}
+        Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
+        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points. Without friction and
+        rigid stops of sliders that are free; on beams with Lagrange elements that are no part of a net.
 
     Returns
     -------
     Result
         With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
-        (`Result.slider`). `info["unstable_directions"]` and `info["free_directions"]` count the negative and the zero eigenvalues
-        of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load was passed, or is met,
+        (`Result.slider`). With `contacts="exact"` the state is that of the given mesh, all sliders held in their exact places,
+        and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that other parts
+        refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the negative and
+        the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load
+        was passed, or is met,
         or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
         scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
         counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
@@ -126,7 +135,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     Raises
     ------
     SceneError
-        A scene that is not compiled, an argument out of range, something that is held by nothing, a slider that does not exist.
+        A scene that is not compiled, an argument out of range, something that is held by nothing, a slider that does not exist,
+        or is of a kind that contacts='exact' does not know.
     ConvergenceError
         The smallest load step fails, or a slider runs off its beam; carries the last equilibrium and the result until then.
     Interrupted
@@ -153,7 +163,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
     if model.n_constraints:
-        solver = SlidingSolver(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
+        kind = ExactSolver if contacts == "exact" and model.n_sliders else SlidingSolver
+        solver = kind(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
     if model.prescribed is not None and at_time is not None:
@@ -161,7 +172,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     flat = solver.stepper.plane is not None
     held_in_space = check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
-    observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+    observed = "slider", *(kind for kind in observe if kind in RECORDED)
+    observer = Observer(model, observed, points)
     reactions = StaticReactions(solver) if observer.reactions else None
     info: dict[str, Any] = {"scene": model.scene_name, "method": "static", "conserved": [],
                             **({"contact_force": "of the equilibrium"} if model.n_sliders else {})}
@@ -170,11 +182,16 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
 
     def record(factor: float, iterations: int, size: float) -> None:
         row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
+        loads = factor * factors if raise_loads else factors
+        shown = solver.state
         if observer.needs_forces:
-            found = reactions.at(factors if not raise_loads else factor * factors) if reactions else ()
+            found = reactions.at(loads) if reactions else ()
             observer.add_forces(row, np.concatenate((solver.state.force, found)), factor)
+        if isinstance(solver, ExactSolver) and solver.found is not None:
+            row |= solver.row(Observed(observed, points or {}), at_time or 0.0, loads, factor)
+            shown = solver.shown
         buffer.append(row, factor)
-        q = solver.state.q.reshape(-1, 4, 3)
+        q = shown.q.reshape(-1, 4, 3)
         buffer.snapshot(factor, q[:, 0], q[:, 1:])
 
     def finish() -> Result:
@@ -233,6 +250,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         bar.close()
         if isinstance(solver, SlidingSolver):
             info |= solver.at_rest(asked, factors)
+        if isinstance(solver, ExactSolver):
+            info["force_along"] = solver.forces_along()
         counted_in = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
         counted = solver.signs(factors, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
@@ -354,6 +373,8 @@ def _no_rest(solver: SlidingSolver, target: float, reached: float, result: Resul
     if solver.runaway >= 0:
         text = (f"slider {name!r} runs off its beam: nowhere on the way to the end does it come to rest. Hold it where it is "
                 f"(held=({name!r},)), let the scene begin with it elsewhere, or put something at the end that keeps it")
+    elif isinstance(solver, ExactSolver) and solver.why_stuck:
+        text = solver.why_stuck
     else:
         text = (f"slider {name!r} is pushed to the same place from both sides, near s = {solver.last_s[solver.stuck]:.6g} m: a "
                 "kink of its curve at an element end, where it has no direction to rest on. Let it run on curve='c1', or hold "

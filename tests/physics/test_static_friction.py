@@ -70,6 +70,40 @@ def test_a_spring_with_friction_has_an_interval_of_rest() -> None:
         assert found.state.s[0] == pytest.approx(end, abs=1e-4) and ends[0] < found.state.s[0] < ends[1]
 
 
+def pushed(mu: float, planar: Any = "auto", angle: float = 30.0) -> fb.Model:
+    """A bead of 2 kg on a rigid rail at this angle (degrees) to the horizontal, pushed by t N along the horizontal."""
+    a = np.radians(angle)
+    section = fb.Section.circle(radius=0.05, E=200e9, rho=7800.0)
+    rail = fb.Beam.straight("rail", (0, 0, 0), (4 * np.cos(a), 0, 4 * np.sin(a)), section=section, elements=4)
+    bead = fb.PointMass("bead", mass=2.0)
+    return fb.compile_scene(fb.Scene(rail, bead, *[fb.Clamp(rail.node(i)) for i in range(rail.n_nodes)], fb.Slider(
+        "s", bead, rail, at=1.0, friction=mu), fb.Load("push", bead, force=(1, 0, 0), time=lambda t: t),
+        gravity=(0, 0, -G)), planar=planar)
+
+
+@pytest.mark.parametrize("planar", ["auto", False])
+def test_an_interval_of_load_factors_in_which_a_bead_sticks(planar: Any) -> None:
+    angle, friction = np.pi / 6.0, np.arctan(0.2)
+    low, high = 2.0 * G * np.tan(angle - friction), 2.0 * G * np.tan(angle + friction)
+    found = fb.stick_interval(pushed(0.2, planar), "s", at_time=(0.0, 1.0), load_factor=10.0, within=(-100.0, 100.0))
+    print(f"off by {found.low / low - 1.0:.1e} and {found.high / high - 1.0:.1e}")
+    assert found.low == pytest.approx(low, rel=1e-10) and found.high == pytest.approx(high, rel=1e-10)
+    assert found.at_low.s[0] == found.at_high.s[0] == 1.0
+    # beyond an angle of friction nothing pushes it up, and where the loads are looked at only so far it sticks there
+    jammed = fb.stick_interval(pushed(2.0, planar), "s", at_time=(0.0, 1.0), load_factor=10.0, within=(-5.0, 1000.0))
+    assert jammed.high == np.inf and jammed.low == -np.inf
+    with pytest.raises(fb.ConvergenceError, match="no equilibrium is found at load factor 30"):
+        fb.stick_interval(pushed(0.2, planar), "s", at_time=(0.0, 1.0), load_factor=30.0, within=(0.0, 100.0))
+
+
+def test_intervals_of_load_factors_say_what_is_wrong() -> None:
+    model = pushed(0.2)
+    for words, given in (("no slider 't'", dict(slider="t")), ("must enclose load_factor=1", dict(within=(2.0, 3.0))),
+                         ("at_time", dict(at_time=None)), ("is held", dict(held="s"))):
+        with pytest.raises(fb.SceneError, match=words):
+            fb.stick_interval(model, **{"slider": "s", "at_time": (0.0, 1.0), **given})
+
+
 # --- a bead on an arc, a ring on a rope ---------------------------------------------------------------------------------
 def arc(at: float, mu: float, planar: Any = "auto") -> tuple[fb.Model, float]:
     """A bead on a stiff arc of radius 2 m, and the arc length of its lowest point."""
@@ -184,6 +218,12 @@ def test_a_capstan_of_rings_in_statics(rings: int, per_length: int, elements: in
         print(f"{rings} rings, {elements} cubic elements: T1/T2 = {ratio:.6f}, off by {ratio / CAPSTAN[rings] - 1.0:.1e}")
         assert abs(ratio / CAPSTAN[rings] - 1.0) < 1e-4
     assert not any(x["sticks"] for x in result.info["friction"].values())
+    if rings == 1:
+        # let go, it slips back where the other side pulls as much more
+        found = fb.stick_interval(model, "s0", start=result.state, within=(0.0, 2.0))
+        ratio = found.low / tension(found.at_low.q.reshape(-1, 4, 3)[:, 0])
+        print(f"on the way back T2/T1 = {1.0 / ratio:.6f}, off by {1.0 / ratio / CAPSTAN[1] - 1.0:.1e}; up to {found.high:.6f}")
+        assert abs(ratio * CAPSTAN[1] - 1.0) < 1e-4 and 1.0 <= found.high < 1.0 + 3e-5
 
 
 @pytest.mark.slow

@@ -52,6 +52,13 @@ def held() -> Model:
 
 
 @cache
+def rubbing() -> Model:
+    mass = fb.PointMass("m", mass=0.1)
+    return fb.compile_scene(fb.Scene(BEAM, mass, fb.Clamp(BEAM.start), fb.Clamp(BEAM.end),
+                                     fb.Slider("s", mass, BEAM, at=0.5, friction=0.5), gravity=(0, 0, -0.01)))
+
+
+@cache
 def result() -> fb.Result:
     return fb.simulate(model(), t_end=2e-3, step=1e-3, progress=False, points={"tip": BEAM.end})
 
@@ -367,7 +374,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Sleeve": Call(fb.Sleeve, dict(name="s", point=BODY, beam=RAIL, at=0.5, length=0.2),
                        dict(name=is_text, point=NODE, beam=A_BEAM, on=A_BEAM, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), keyed=is_flag, length=is_real,
-                            key_radius=is_real, axis=VECTOR, **LOCKED)),
+                            key_radius=is_real, radius=is_real, axis=VECTOR, **LOCKED)),
         "Friction": Call(fb.Friction, dict(coefficient=0.1), dict(coefficient=is_real, viscous=is_real, smoothing=is_real)),
         "Drive": Call(fb.Drive, dict(speed=0.5), dict(
             position=either(is_real, is_function), speed=either(is_real, is_function), force=either(is_real, is_function),
@@ -401,12 +408,15 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag)),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"))),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
             side=among(1, -1))),
+        "stick_interval": Call(fb.stick_interval, dict(model=rubbing(), slider="s"), dict(
+            model=one_of(Model), slider=is_text, load_factor=is_real, within=is_array(2), at_time=either(is_real, is_array(2)),
+            start=one_of(State), held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
             held=either(is_flag, is_text, is_list_of(is_text)), damped=is_flag, backend=is_text)),

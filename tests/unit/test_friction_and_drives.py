@@ -78,6 +78,11 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "friction of a bore of no length": (lambda: sleeve(friction=0.1, length=0.0), ("sleeve 's'", "length=")),
     "friction of a bore of unknown length": (lambda: sleeve(friction=0.1), ("sleeve 's'", "length=")),
     "key of a sleeve that is not keyed": (lambda: sleeve(length=0.1, keyed=False, key_radius=0.1), ("key_radius", "keyed=False")),
+    "friction of a twist that is held": (lambda: sleeve(length=0.1, friction=0.1, radius=0.01),
+                                         ("radius", "keyed=True", "key_radius=")),
+    "friction of a twist without a coefficient": (lambda: sleeve(length=0.1, keyed=False, radius=0.01), ("radius", "friction=")),
+    "smoothed friction of a twist": (lambda: sleeve(length=0.1, keyed=False, radius=0.01, friction=fb.Friction(
+        0.1, smoothing=0.1)), ("radius", "Coulomb", "smoothing")),
     "nan on the way": (lambda: fb.simulate(model(drive=fb.Drive(position=lambda t: 0.5 if t < 0.05 else np.nan)), t_end=0.1,
                                            step=0.01), ("slider 's'", "position", "finite number")),
 }

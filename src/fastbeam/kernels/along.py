@@ -5,9 +5,10 @@
 Q is a function of s_n, s_n+1 and the size of the step: of drives, elastic stops, viscous and smoothed friction. Coulomb friction
 takes |Q| <= mu F_n |T|, F_n = |F_across| and what moments of a sleeve press on its edges, (5.11), and its sign is that of the
 velocity at the end of the step, ds/dt = 2 Ds/h - ds/dt_n. Where the velocity there is zero, Ds = h ds/dt_n / 2 takes the place of
-(5.3); a slider that sticks has ds/dt_n = 0, so it stays where it is to the last bit. Which of the three holds is decided anew in
-every iteration (a semismooth Newton method). A force that would put energy in, as where the velocity is turned around within a
-step, is refused: then the sign of the increment of s decides.
+(5.3). What a stop beside others that move leaves of ds/dt is taken away in the same way in the steps behind it; from then on the
+slider stays where it is to the last bit. Which of the three holds is decided anew in every iteration (a semismooth Newton
+method). A force that would put energy in, as where the velocity is turned around within a step, is refused: then the sign of
+the increment of s decides.
 """
 from __future__ import annotations
 
@@ -29,8 +30,8 @@ from .terms import put_loads, spread_nodes
 NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
-# impacts, J; 1 where friction holds it since a step before, else 0; FREE, LOCKED or OFF; how many times its locks have taken hold
-# or let go; energy lost where they took hold, J
+# impacts, J; where friction holds it since how many steps, RESTS at most, else 0; FREE, LOCKED or OFF; how many times its locks
+# have taken hold or let go; energy lost where they took hold, J
 HISTORY = 9
 SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS = range(HISTORY)
 # a slider slides, is held where it is, or has left its beam
@@ -41,6 +42,9 @@ ALONG_ONLY = 1e-12
 MOST_FLIPS = 6
 # so many iterations of a step judge signs before they count
 JUDGED = 2
+# a slider that friction holds since so many steps is at rest, whatever the beam does; before, what is left of its velocity is
+# taken away, down to an increment of s that is this share of the size of the scene
+RESTS, LEFT = 8, 1e-12
 
 
 class Along(NamedTuple):
@@ -327,13 +331,15 @@ def begin_forces(along, term, system, h):
             along.flips[k] = 0
             along.judged[k] = 0
             along.rest[k] = 0.0
-            if sign != 0:
+            if sign != 0 or (along.against[k] == 0 and state.history[HISTORY * k + STICKS] < RESTS):
                 e = find_element.call(term.curves, term.sliders.curve[k], state.s[k], system.contact.element[k])
                 tangent, relative = motion_along(term.curves, term.sliders, system.contact, state.q, state.v, state.s[k], k, e,
                                                  system.dofs)
-                along.rest[k] = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
-            else:
-                system.work.s_end[k] = state.s[k]
+                rest = 0.5 * h * (dot(relative, tangent) / dot(tangent, tangent))
+                if sign != 0 or abs(rest) > LEFT * system.length:
+                    along.rest[k] = rest
+            if sign == 0:
+                system.work.s_end[k] = state.s[k] + along.rest[k]
 
 
 @is_settled_along.register(Along)
@@ -367,7 +373,8 @@ def account_forces(along, term, system, h):
         if has_signs(along, k) and not is_prescribed(along, k):
             place = HISTORY * k
             state.history[place + SIGN] = along.sign[k]
-            state.history[place + STICKS] = 1.0 if along.sign[k] == 0 and along.against[k] == 0 else 0.0
+            sticks = along.sign[k] == 0 and along.against[k] == 0
+            state.history[place + STICKS] = min(state.history[place + STICKS] + 1.0, float(RESTS)) if sticks else 0.0
             if along.sign[k] != 0:
                 state.history[place + AGAINST] = 0.0
 

@@ -27,8 +27,8 @@ from .along import force_of_edges
 from .curves import node_of, slot
 from .joint_entries import take_forces_of
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
-from .slider import entry_of, hold_section, push_of_moments
-from .terms import is_settled, take_unknowns
+from .slider import Sliding, entry_of, hold_section, push_of_moments
+from .terms import account, first_guess, is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
 SETTLED = 4e-15
@@ -43,6 +43,22 @@ class Sleeves(NamedTuple):
     axes: np.ndarray       # float64 [9 O]: R with D_i = sum_k R_ik d_k of the holder; in a plane [2 O], D_1 = (a, b) stands for
     #                        a u + b J u
     edges: np.ndarray      # float64 [2 O]: 2/length of the bore and 1/radius of the key, 1/m; 0 where that is not given
+    twist: Any             # twist.Twist or NoTwist
+
+
+class NoTwist(NamedTuple):
+    """Of sleeves in which beams turn without friction."""
+
+
+class KnownTwist(NamedTuple):
+    """Of sleeves whose moments of friction are those of the state."""
+
+
+class Rubbing(NamedTuple):
+    """The term of sleeves that rub on beams that turn in them: what needs the curves of their sliders."""
+
+    sleeves: Any           # Sleeves with a Twist
+    sliding: Sliding
 
 
 class Pair(NamedTuple):
@@ -95,6 +111,47 @@ def holder_director_in_space(dofs, sleeves, o, i, q, node):
 def holder_director_in_plane(dofs, sleeves, o, i, q, node):
     u = ld2(q, 4 * node + 2, 1)
     return sleeves.axes[2 * o] * u + sleeves.axes[2 * o + 1] * perp(u)
+
+
+@generic
+def begin_twist(twist, sleeves, term, system, h):
+    """After the first guess of a step of size h."""
+
+
+@generic
+def twist_rubs(twist, sleeves, term, system, k, o, nodes, lo, hi):
+    """Right-hand side, corner and moment of the twist of sleeve o, slider k, which is not keyed: 1 where it has a condition, 0
+    where its moment is known, -1 where there is none."""
+
+
+@generic
+def twist_is_settled(twist, sleeves, system):
+    """Whether friction of twists is that of the step, when Newton's method has converged."""
+
+
+@generic
+def account_twist(twist, sleeves, term, system, h):
+    """What friction of twists takes in a converged step, and where sections are."""
+
+
+@twist_rubs.register(NoTwist)
+@kernel
+def twist_is_free(twist, sleeves, term, system, k, o, nodes, lo, hi):
+    return -1.0
+
+
+@twist_rubs.register(KnownTwist)
+@kernel
+def twist_is_known(twist, sleeves, term, system, k, o, nodes, lo, hi):
+    system.contact.corner[sleeves.first[0] + o, 18] = 1.0
+    system.contact.residual[sleeves.first[0] + o, 2] = 0.0
+    return 0.0
+
+
+@twist_is_settled.register(NoTwist)
+@kernel
+def no_twist_is_settled(twist, sleeves, system):
+    return True
 
 
 @generic
@@ -267,6 +324,15 @@ def edge_by_moment(sleeves, system, o, c, p):
     return sleeves.edges[2 * o] * system.state.force[system.contact.first_force[c] + p] / across if across > 0.0 else 0.0
 
 
+@kernel
+def let_go(contact, c, p, dofs):
+    """Equation p of constraint c depends on no node."""
+    n = 8 * len(dofs)
+    for m in range(contact.entries[c]):
+        for i in range(n * m + p, n * m + n, 8):
+            contact.line[c, i] = 0.0
+
+
 @hold_section.register(Sleeves)
 @kernel
 def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, law):
@@ -282,12 +348,15 @@ def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, law):
         contact.cross[o, 0, i] = 0.0
         contact.cross[o, 1, i] = 0.0
     for p in range(contact.forces[c]):
-        moment = state.force[contact.first_force[c] + p]
+        held = 1.0
         if p == 2 and not sleeves.keyed[o]:
-            # a multiplier that stays zero
-            contact.corner[c, 9 * p] = 1.0
-            contact.residual[c, p] = moment
-            continue
+            held = twist_rubs.call(sleeves.twist, sleeves, term, system, k, o, nodes, lo, hi)
+            if held < 0.0:
+                # a multiplier that stays zero
+                contact.corner[c, 9 * p] = 1.0
+                contact.residual[c, p] = state.force[contact.first_force[c] + p]
+                continue
+        moment = state.force[contact.first_force[c] + p]
         i = p // 2
         j = min(p + 1, 2)
         holder_start = holder_director.call(dofs, sleeves, o, i, state.q, point)
@@ -298,10 +367,13 @@ def hold_section_in_sleeve(sleeves, term, system, k, nodes, lo, hi, law):
         put_pair_on_holder(term, system, k, c, p, moment, sums, holder_mid, holder_end)
         put_push(term, system, k, p, law.share * moment, j, sums, holder_end, nodes, lo, hi)
         slide = 0.5 * (dot(holder_start, sums.t0) + dot(holder_end, sums.t1))
-        contact.residual[c, p] = dot(holder_end, sums.end)
+        if p < 2 or sleeves.keyed[o]:
+            contact.residual[c, p] = dot(holder_end, sums.end)
         contact.corner[k, 9 * d] -= 0.5 * law.share * moment * (dot(holder_start, sums.dt0) + dot(holder_end, sums.dt1))
         contact.cross[o, 0, p] = -law.share * slide + law.rub * edge_by_moment(sleeves, system, o, c, p)
-        contact.cross[o, 1, p] = dot(holder_end, sums.end_s)
+        contact.cross[o, 1, p] = held * dot(holder_end, sums.end_s)
+        if held == 0.0:
+            let_go(contact, c, p, dofs)
 
 
 # --- as a term of a step ------------------------------------------------------------------------------------------------
@@ -319,4 +391,16 @@ def sections_are_held(sleeves, system):
     for c in range(sleeves.first[0], sleeves.first[0] + sleeves.keyed.shape[0]):
         if not system.contact.remaining[c] <= SETTLED:
             return False
-    return True
+    return twist_is_settled.call(sleeves.twist, sleeves, system)
+
+
+@first_guess.register(Rubbing)
+@kernel
+def begin_rubbing_twist(term, system, h, c):
+    begin_twist.call(term.sleeves.twist, term.sleeves, term.sliding, system, h)
+
+
+@account.register(Rubbing)
+@kernel
+def account_rubbing_twist(term, system, h):
+    account_twist.call(term.sleeves.twist, term.sleeves, term.sliding, system, h)

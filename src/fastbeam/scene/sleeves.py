@@ -23,7 +23,8 @@ from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
 
 @checked(name=Name(), point=Node(), beam=ABeam(), on=ABeam(), at=Number(), rate=Number(), curve=Word(CURVES),
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided(),
-         keyed=Flag(), length=Number(least=0.0, unit="m"), key_radius=Number(above=0.0, unit="m"), axis=Vector)
+         keyed=Flag(), length=Number(least=0.0, unit="m"), key_radius=Number(above=0.0, unit="m"),
+         radius=Number(above=0.0, unit="m"), axis=Vector)
 @dataclass(frozen=True, eq=False)
 class Sleeve(Slider):
     """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
@@ -48,6 +49,10 @@ class Sleeve(Slider):
     key_radius : float, optional
         Where splines hold the twist, m from the axis: with friction the torsion moment adds |M_1|/key_radius to |F_n|, by default
         nothing.
+    radius : float, optional
+        Where a beam that turns in a sleeve that is not keyed rubs, m from the axis, as the radius of its section: with friction
+        it sticks and slips against a moment of up to coefficient x |F_n| x radius (theory.md (5.14)), beside the friction along
+        the beam, each with its own limit. By default it turns without friction.
     axis : array_like (3,), optional
         Direction of the bore in the triad of the holder. It has to be that of the beam at t = 0; the default takes that.
 
@@ -55,7 +60,8 @@ class Sleeve(Slider):
     ------
     SceneError
         An argument is of the wrong kind or not finite, the holder is a point mass, which has no direction, or there is friction
-        and no length of the bore. `compile_scene` tests the axis.
+        and no length of the bore; `radius` with a twist that is held, or without Coulomb friction. `compile_scene` tests the
+        axis.
     """
 
     kind: ClassVar[str] = "sleeve"
@@ -64,6 +70,7 @@ class Sleeve(Slider):
     keyed: bool = True
     length: float | None = None
     key_radius: float | None = None
+    radius: float | None = None
     axis: ArrayField = None
 
     def __post_init__(self) -> None:
@@ -79,6 +86,8 @@ class Sleeve(Slider):
         if self.key_radius is not None and not self.keyed:
             raise SceneError(f"{who}: key_radius={self.key_radius:.6g} m, but keyed=False lets the beam twist; leave one of them "
                              "out")
+        if self.radius is not None:
+            self._check_radius(who)
         if self.length is None:
             checks.fill(self, length=self.beam.length / self.beam.basis.n_elements)
         if self.length > self.beam.length:
@@ -87,6 +96,19 @@ class Sleeve(Slider):
         self._put_on_curve(who)
         if self.axis is not None and not np.linalg.norm(self.axis) > 0.0:
             raise SceneError(f"{who}: axis=(0, 0, 0) is no direction; give that of the bore in the triad of the holder")
+
+    def _check_radius(self, who: str) -> None:
+        """What rubs on a beam that turns is Coulomb friction of a sleeve that lets it turn."""
+        friction = self.friction
+        if self.keyed:
+            raise SceneError(f"{who}: radius={self.radius:.6g} m, but keyed=True holds the twist, so that nothing turns; use "
+                             "keyed=False, or key_radius= for splines that rub")
+        if friction is None or not friction.coefficient > 0.0:
+            raise SceneError(f"{who}: radius={self.radius:.6g} m, but no friction; give friction=, a coefficient, or leave "
+                             "radius out")
+        if friction.smoothing is not None:
+            raise SceneError(f"{who}: radius={self.radius:.6g} m: a beam that turns in its sleeve rubs by Coulomb's law alone; "
+                             "leave out smoothing, or radius")
 
     @cached_property
     def place(self) -> Array:
@@ -121,6 +143,11 @@ class Sleeve(Slider):
                              f"lies {off:.3g} m off it, where {holder} is not; give length=0, or let a RigidBody that is "
                              "connected there hold the sleeve")
         checks.fill(self, point=owner.point(holder.offset + owner.directors @ (self.place - here)))
+
+    @property
+    def section_at_start(self) -> Array | None:
+        """Directors (3, 3) of the section that it holds, by rows; None: those of the mesh, averaged over the bore."""
+        return None
 
     @property
     def contact_curve(self) -> CurveBasis:

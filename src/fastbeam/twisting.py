@@ -1,0 +1,96 @@
+"""Friction of beams that turn in unkeyed sleeves: tables, where a run starts from, and what rows tell of it (theory.md 5.8)."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .errors import SceneError
+from .kernels.sleeve import KnownTwist, Rubbing, Sleeves
+from .kernels.slider import Sliding
+from .kernels.twist import ANGLE, SIGN, STICKS, TWIST, Twist
+from .mapping import contact
+from .model import Model
+from .sections_held import Section, sections
+
+Array = np.ndarray
+# an angle in the history that differs more from that of the coordinates belongs to another state, rad
+STALE = 1e-11
+# a velocity below this share of the fastest motion is none
+AT_REST = 1e-12
+
+
+def sleeves_of_run(table: Sleeves) -> Sleeves:
+    """The table with the arrays of one run."""
+    if not isinstance(table.twist, Twist):
+        return table
+    twist = Twist(*(x.copy() for x in table.twist))
+    return table._replace(axes=table.axes.copy(), twist=twist)
+
+
+def with_known_twist(terms: tuple[Any, ...], running: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Terms with the moments of friction of the state instead of equations for them; running: those of the run, which tell where
+    their sections are."""
+    rubbing = [x.sleeves for x in running if isinstance(x, Rubbing)]
+    if not rubbing:
+        return terms
+    (own,) = [x for x in terms if isinstance(x, Sleeves)]
+    known = own._replace(axes=rubbing[0].axes, twist=KnownTwist())
+    return tuple(x._replace(sleeves=known) if isinstance(x, Sliding) else known if isinstance(x, Sleeves) else x
+                 for x in terms if not isinstance(x, Rubbing))
+
+
+def check_twist(model: Model, static: bool) -> None:
+    """Refuse what knows no friction of twist.
+
+    Raises
+    ------
+    SceneError
+    """
+    if static and model.twisting.size:
+        name = model.names["sliders"][model.sleeve_pairs[model.twisting[0], 0]]
+        raise SceneError(f"sleeve {name!r}: radius: equilibria and modes know no friction of a beam that turns in its "
+                         "sleeve, which leaves a range of them; leave radius out, hold the twist by keyed=True, or run until it "
+                         "rests")
+
+
+def start_twisting(model: Model, history: Array, q: Array, v: Array, s: Array) -> None:
+    """Bring angles and signs of velocities in a history up to coordinates q, v [N, 4, 3] and places s [S]. What a run before left
+    at rest stays there."""
+    every = sections(model, s, q)
+    fastest = float(np.max(np.abs(v), initial=0.0))
+    for i, o in enumerate(model.twisting.tolist()):
+        own = history[model.twist_place + TWIST * i:][:TWIST]
+        section, k = every[o], int(model.sleeve_pairs[o, 0])
+        up, across = (float(section.axes[1] @ x) for x in np.einsum("a,ajc->jc", section.shapes[0], section.d)[1:])
+        found = np.arctan2(across, up)
+        found += 2.0 * np.pi * np.round((own[ANGLE] - found) / (2.0 * np.pi))
+        if abs(found - own[ANGLE]) > STALE * (1.0 + abs(found)):
+            own[ANGLE] = found
+        rate = rate_of(model, section, k, q, v, s, own[ANGLE])
+        own[SIGN] = np.sign(rate) if abs(rate) > AT_REST * fastest and own[STICKS] == 0.0 else 0.0
+
+
+def rate_of(model: Model, section: Section, k: int, q: Array, v: Array, s: Array, angle: float) -> float:
+    """Velocity of the angle of a section in the sleeve of slider k, rad/s."""
+    _, tangent, relative = contact(model, k, float(s[k]), q, v)
+    along = float(relative @ tangent / (tangent @ tangent))
+    d, slope = (np.einsum("a,ajc->jc", shapes, section.d) for shapes in section.shapes[:2])
+    moving = np.einsum("a,ajc->jc", section.shapes[0], v[section.nodes[:-1], 1:]) + along * slope
+    turn = np.cos(angle) * section.turn[1] - np.sin(angle) * section.turn[2]
+    axis, holder = turn @ q[section.nodes[-1], 1:], turn @ v[section.nodes[-1], 1:]
+    return float((holder @ d[2] + axis @ moving[2]) / (axis @ d[1]))
+
+
+def angles(model: Model, history: Array) -> Array:
+    """Angle by which the section has turned about d_1 in every sleeve since t = 0, rad, [O]; 0 of those that do not rub."""
+    out = np.zeros(len(model.sleeve_pairs))
+    out[model.twisting] = -history[model.twist_place:][:TWIST * model.twisting.size].reshape(-1, TWIST)[:, ANGLE]
+    return out
+
+
+def push_of_twist(section: Section, angle: float) -> float:
+    """Force along the beam, N, of a moment of 1 N m of friction in its twist, as a beam that is twisted in its reference screws
+    itself out; angle: as of `angles`."""
+    d = np.einsum("a,ac->c", section.shapes[1], section.d[:, 2])
+    return float((np.cos(angle) * section.axes[1] + np.sin(angle) * section.axes[2]) @ d)
