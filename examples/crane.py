@@ -55,8 +55,7 @@ def main(out: str = "out", boom_elements: int = 12, rope_elements: int = 6, step
     scene = build(boom_elements, rope_elements)
     model = fb.compile_scene(scene)
     print(model)
-    points = {"load": scene.bodies[0], "tip": scene.beams[0].end}
-    result = fb.simulate(model, t_end=t_end, step=step, points=points)
+    result = fb.simulate(model, t_end=t_end, step=step, points={"load": scene.bodies[0], "tip": scene.beams[0].end})
     info, s = result.info, result.slider("trolley on boom")["s"]
     tip, load = result.point("tip"), result.point("load")
     print(f"\n{info['steps']} steps in {info['wall_time']:.2f} s, "

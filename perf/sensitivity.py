@@ -1,6 +1,7 @@
-"""Derivatives of an equilibrium by the sections of all beams of a net: one adjoint against one solution for each of some.
+"""Derivatives by everything at once: of an equilibrium by the sections of all beams of a net, one adjoint against one solution
+for each of some; of 1000 steps of a chain by thousands of parameters, against `simulate`.
 
-    python perf/sensitivity.py [nodes on a side]
+    python perf/sensitivity.py [nodes on a side] [elements of the chain] [steps]
 """
 from __future__ import annotations
 
@@ -28,6 +29,60 @@ def roof(n: int, areas: np.ndarray | float) -> fb.Net:
     rim = np.unique(np.concatenate((grid[0], grid[-1], grid[:, 0], grid[:, -1])))
     return fb.Net("roof", np.stack((x, y, height), axis=-1).reshape(-1, 3).astype(float), edges, section=sections,
                   section_of=np.arange(len(edges)), elements=2, degree=2, clamps=rim, loads=loads)
+
+
+def chain(elements: int, EI: float = 25.0) -> tuple[fb.Model, dict[str, fb.NodeRef]]:  # noqa: N803
+    """A clamped chain of beams of two cubic elements each, a mass at its end, in space."""
+    section = fb.Section(EA=1e5, GA2=4e4, GA3=4e4, GJ=20.0, EI2=EI, EI3=25.0, rhoA=1.0, rhoI2=1e-3, rhoI3=1e-3)
+    ends = np.zeros((elements // 2 + 1, 3))
+    ends[:, 0] = 0.2 * np.arange(len(ends))
+    beams = [fb.Beam.straight(f"b{k}", a, b, section=section, elements=2, degree=3)
+             for k, (a, b) in enumerate(zip(ends, ends[1:]))]
+    mass = fb.PointMass("mass", mass=0.5, position=ends[-1])
+    joints = [fb.RigidConnection(a.end, b.start) for a, b in zip(beams, beams[1:])]
+    scene = fb.Scene(*beams, mass, *joints, fb.RigidConnection(beams[-1].end, mass), fb.Clamp(beams[0].start),
+                     fb.Load("pull", beams[-1].end, force=(0, 2.0, 1.0)), gravity=(0, 0, -9.81))
+    return fb.compile_scene(scene), {"tip": beams[-1].end}
+
+
+def run(elements: int, steps: int, h: float = 2e-3) -> None:
+    """Processor time of the run that remembers its steps and of its gradient, next to that of `simulate`; the best of three."""
+    model, points = chain(elements)
+    best = np.full(3, np.inf)
+    for k in range(4):
+        begin = [time.process_time()]
+        result = fb.simulate(model, t_end=steps * h, step=h, points=points, progress=False)
+        begin.append(time.process_time())
+        kept = fb.adjoint_run(model, t_end=steps * h, step=h, points=points)
+        begin.append(time.process_time())
+        by = kept.gradient(points={"tip": (0, 0, 1)})
+        begin.append(time.process_time())
+        if k:
+            best = np.minimum(best, np.diff(begin))
+    sections = sum(9 * len(x.rhoA) for x in by.sections.values())
+    plain, forward, backward = best.tolist()
+    print(f"chain of {elements} cubic elements, {model.n_unknowns} unknowns, {steps} steps, "
+          f"{np.mean(result.series['iterations'][1:]):.2f} iterations a step")
+    print(f"  simulate                                      {plain:8.2f} s")
+    print(f"  adjoint_run: the same, steps kept             {forward:8.2f} s   {forward / plain:.2f} of simulate")
+    print(f"  gradient: {sections} stiffnesses and inertias, masses, {by.forces.size + by.moments.size} loads, "
+          f"{by.velocities.size + by.spins.size} initial velocities")
+    print(f"                                                {backward:8.2f} s   {backward / plain:.2f} of simulate, together "
+          f"{(forward + backward) / plain:.2f}")
+
+
+def exact(elements: int, steps: int, h: float = 2e-3) -> None:
+    """A derivative against a difference of order 6 of runs."""
+    def go(EI: float) -> fb.AdjointRun:  # noqa: N803
+        model, points = chain(elements, EI)
+        return fb.adjoint_run(model, t_end=steps * h, step=h, points=points)
+
+    e, away = 0.05, np.arange(-3, 4)
+    found = sum(x.stiffness[:, 4, 4].sum() for x in go(25.0).gradient(points={"tip": (0, 0, 1)}).sections.values())
+    rows = np.array([go(25.0 + k * e).point("tip")[-1, 2] for k in away])
+    slope = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60 @ rows / e
+    print(f"  of {steps} steps of {elements} elements, by EI of all: {found:.12e}, difference of runs {slope:.12e}, "
+          f"off by {abs(found / slope - 1):.1e}")
 
 
 def main() -> None:
@@ -62,6 +117,8 @@ def main() -> None:
     print(f"  adjoint: sections of all beams, loads         {adjoint:8.2f} s   ({found.factorisations} factorisation)")
     print(f"  the same sum by the tangent of one parameter  {tangent:8.2f} s")
     print(f"  the sum over all areas: adjoint {total:.12e}, tangent {one.point('top')['area'][2]:.12e}")
+    run(int(sys.argv[2]) if len(sys.argv) > 2 else 200, int(sys.argv[3]) if len(sys.argv) > 3 else 1000)
+    exact(20, 1000)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
     python perf/springs.py                    chains of 1000, 10 000 and 100 000 links of every kind
     python perf/springs.py --links 5000       one size
 
-Chains of up to 1000 links hang from the ground side by side and swing under their weight. Kinds: linear springs; ropes, slack in
-part, with damping; tables of 20 points; bushings; bushings with damping. Prints the time to compile the scene, Newton
-iterations a step, the time of an iteration for each link, nodes included, and how well the energies add up.
+Chains of up to 1000 links hang from the ground side by side and swing under their weight. Kinds: linear springs; ropes, slack
+in part, with damping; damped springs; the same by a law (LineForce); tables of 20 points; bushings, with damping too. Prints the
+time to compile the scene, Newton iterations a step, the time of an iteration for each link, nodes included, and how well the
+energies add up.
 """
 from __future__ import annotations
 
@@ -20,7 +21,12 @@ from typing import Any  # noqa: E402
 import numpy as np  # noqa: E402
 
 STEP, STEPS, LONGEST = 1e-3, 10, 1000
-KINDS = ("linear", "ropes", "tables", "bushings", "damped bushings")
+KINDS = ("linear", "ropes", "dampers", "laws", "tables", "bushings", "damped bushings")
+
+
+def strut(t: float, length: float, rate: float, parameters: Any) -> float:
+    """A damped spring as a law of one's own."""
+    return parameters[0] * (length - parameters[1]) + parameters[2] * rate
 
 
 def chains(links: int, kind: str) -> Any:
@@ -40,9 +46,11 @@ def chains(links: int, kind: str) -> Any:
                 link: Any = fb.Bushing(last, part, f"s{name}", stiffness=six, damping=damping)
             else:
                 part = fb.PointMass(f"m{name}", mass=0.1, position=place)
-                more = {"linear": {"stiffness": 1e3}, "ropes": {"stiffness": 1e3, "tension_only": True, "damping": 0.1},
+                more = {"linear": {"stiffness": 1e3}, "dampers": {"stiffness": 1e3, "damping": 0.1}, "laws": {},
+                        "ropes": {"stiffness": 1e3, "tension_only": True, "damping": 0.1},
                         "tables": {"table": (e, 1e3 * e + 1e5 * e**3)}}[kind]
-                link = fb.Spring(last, part, f"s{name}", length=0.1, **more)
+                law = fb.LineForce(last, part, f"s{name}", law=strut, parameters=(1e3, 0.1, 0.1)) if kind == "laws" else None
+                link = law or fb.Spring(last, part, f"s{name}", length=0.1, **more)
             parts += [part, link]
             last = part
     return fb.Scene(*parts, gravity=(0, 0, -9.81))

@@ -2,7 +2,8 @@
 
 All scenes have the same kinds of parts, so that few variants of the kernels are compiled: beams of both strain sets with inner
 nodes, a body on a rigid connection, a ball joint on one of its points, one or two sliders; supports and loads where `held`; two
-bodies on joints with axes where `jointed`.
+bodies on joints with axes where `jointed`. Paths are drawn by `paths`; springs with laws, bushings, crossings, switches and
+rollers by `yards`.
 """
 from __future__ import annotations
 
@@ -251,3 +252,62 @@ def build_path(drawn: DrawnPath) -> fb.Scene:
         bead = fb.PointMass(f"mass {k}", mass=mass)
         parts += [bead, fb.Slider(f"slider {k}", bead, on=path, at=path.length * share, rate=rate, curve=curve)]
     return fb.Scene(*parts, fb.RigidMotion(velocity=drawn.motion[0], spin=drawn.motion[1]), project_velocities=True)
+
+
+# --- links, crossings, switches, rollers ---------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class DrawnYard:
+    """A track that forks, a beam across it, a body on springs and a bushing behind it, a roller at its start, and sliders."""
+
+    sections: list[dict[str, Any]]
+    mesh: list[dict[str, Any]]
+    rest: dict[str, Any]
+    step: float
+
+
+@st.composite
+def yards(draw: Draw) -> DrawnYard:
+    """Always the same kinds of parts: springs of a table and with a damper that only pull, a bushing, a crossing, a switch."""
+    rest = {"fork": draw(number(0.3, 0.9)), "lift": draw(number(-0.3, 0.3)), "cross": draw(number(0.3, 0.7)),
+            "tilt": draw(number(-0.5, 0.5)), "choice": draw(st.sampled_from(["left", "right"])),
+            "friction": draw(st.sampled_from([0.0, 0.2])), "axes": draw(st.sampled_from(["x", "yz", "xz", "z"])),
+            "slack": draw(number(0.8, 1.2)), "rate": draw(number(2.0, 6.0)), "left": draw(number(0.01, 0.1)),
+            "mass": draw(power(-1, 0)), "body": draw(power(-1, 1)), "spline": draw(st.booleans()),
+            "table": np.cumsum([0.0] + [draw(number(0.5, 3.0)) for _ in range(4)]),
+            "elastic": [draw(power(0, 3)) for _ in range(6)], "damping": [draw(power(-2, 1)) for _ in range(6)],
+            "coupled": draw(st.integers(0, 999)), "velocity": draw(vectors(0.5, False)), "spin": draw(vectors(0.5, False)),
+            "order": draw(st.integers(0, 999)), "gravity": draw(vectors(9.81, False))}
+    mesh = [{"elements": draw(st.integers(2, 4)), "degree": draw(st.integers(2, 3))} for _ in range(4)]
+    return DrawnYard([draw(sections(False)) for _ in range(4)], mesh, rest, draw(power(-3, -2)))
+
+
+def build_yard(drawn: DrawnYard, order: Any = None) -> fb.Scene:
+    """The scene of what was drawn; order: a function that permutes a list in place."""
+    rest = drawn.rest
+    made = [dict(section=section(of), **mesh) for of, mesh in zip(drawn.sections, drawn.mesh)]
+    stem = fb.Beam.straight("stem", (0, 0, 0), (2, 0, 0), **made[0])
+    # without a corner, where a car would be hit
+    up = np.array((0.0, np.cos(rest["lift"]), np.sin(rest["lift"])))
+    left = fb.Beam.arc("left", (2, 0, 0), (1, 0, 0), up, radius=1.5, angle=rest["fork"], **made[1])
+    right = fb.Beam.arc("right", (2, 0, 0), (1, 0, 0), (0, -1, 0), radius=1.5, angle=rest["fork"], **made[2])
+    x = 2.0 * rest["cross"]
+    over = fb.Beam.straight("over", (x - rest["tilt"], -1, -0.2), (x + rest["tilt"], 1, 0.2), **made[3])
+    bead = fb.PointMass("bead", mass=rest["mass"])
+    body = fb.RigidBody("body", mass=rest["body"], inertia=np.array((0.2, 0.3, 0.4)) * rest["body"], position=(4.0, 1.0, 0.5))
+    fork = fb.Switch("fork", [stem, left, right], choose={"car": rest["choice"]})
+    a = np.random.default_rng(rest["coupled"]).standard_normal((6, 6))
+    stiffness = np.diag(rest["elastic"]) + 0.1 * min(rest["elastic"]) * a @ a.T
+    ends = np.array([-0.4, -0.1, 0.0, 0.3, 0.8])
+    parts: list[Any] = [
+        stem, left, right, over, bead, body, fb.RigidConnection(stem.end, left.start), fb.RigidConnection(stem.end, right.start),
+        fb.Crossing("cross", stem, over, at=(x, 0.5 * over.length)), fb.Pin(stem.start, axes=rest["axes"]),
+        fb.Slider("car", bead, on=fork, at=2.0 - rest["left"], rate=rest["rate"], friction=rest["friction"]),
+        fb.Spring(left.end, body, "law", table=(ends, rest["table"] - rest["table"][2]),
+                  interpolation="spline" if rest["spline"] else "linear"),
+        fb.Spring(right.end, body, "rope", stiffness=50.0, damping=1.0, tension_only=True,
+                  length=rest["slack"] * float(np.linalg.norm((0.5, 1.0 + rest["fork"], 0.5)))),
+        fb.Bushing(over.end, body, "mount", stiffness=stiffness, damping=rest["damping"]),
+        fb.RigidMotion(velocity=rest["velocity"], spin=rest["spin"])]
+    if order is not None:
+        order(parts)
+    return fb.Scene(*parts, project_velocities=True, gravity=rest["gravity"])

@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "Load", "Lock", "Net", "NodeRef",
-              "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
+    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load", "Lock", "Net",
+              "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
               "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
-              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce"],
+              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce", "Winch"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
     "vibration": ["modes"],
+    "steady": ["Spin", "Travel"],
     "harmonic": ["frequency_response"],
     "relaxing": ["relax"],
     "form_finding": ["force_density"],
@@ -42,15 +43,18 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
-        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Crossing as Crossing,
+        BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Controller as Controller,
+        Crossing as Crossing,
         CylindricalJoint as CylindricalJoint,
         Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
-        Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, Load as Load, Lock as Lock, Net as Net,
+        Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, LineForce as LineForce, Load as Load,
+        Lock as Lock, Net as Net,
         NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
         Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,
         Stops as Stops, Switch as Switch, UniversalJoint as UniversalJoint, UserForce as UserForce,
+        Winch as Winch,
     )
     from .errors import (
         BackendError as BackendError, ConvergenceError as ConvergenceError, Interrupted as Interrupted,
@@ -62,6 +66,7 @@ if TYPE_CHECKING:
     from .statics import solve_static as solve_static
     from .stick_limits import stick_interval as stick_interval
     from .vibration import modes as modes
+    from .steady import Spin as Spin, Travel as Travel
     from .harmonic import frequency_response as frequency_response
     from .relaxing import relax as relax
     from .form_finding import force_density as force_density

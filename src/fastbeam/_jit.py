@@ -31,7 +31,8 @@ from ._folder import cache_folder
 F = TypeVar("F", bound=Callable[..., Any])
 
 __all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background", "compile_counts",
-           "compiled_force", "compiled_law", "inlined", "kernel", "link_library", "one_variant", "separate", "work"]
+           "compiled_force", "compiled_law", "compiled_tension", "inlined", "kernel", "link_library", "one_variant", "separate",
+           "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -197,16 +198,37 @@ def compiled_law(function: Callable[..., float]) -> Any:
     return numba.cfunc("float64(float64, float64, float64)")(function)
 
 
-def compiled_force(law: Callable[..., None], n: int) -> tuple[Any, Any]:
-    """A law of a user force with n parameters as machine code that kernels call by its `.address`, and for Python; the code lives
-    as long as these objects."""
+def compiled_force(law: Callable[..., None], n: int, time: Callable[[float], float] | None = None) -> tuple[Any, Any]:
+    """A law of a user force with n parameters, times a function of time, as machine code that kernels call by its `.address`, and
+    for Python; the code lives as long as these objects."""
     from numba import carray, types
     inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
+    if time is not None:
+        steady, factor = inner, numba.njit(error_model="numpy")(time)
+
+        @numba.njit(error_model="numpy")
+        def inner(t: Any, x: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+            steady(t, x, directors, velocity, spin, parameters, force, moment)
+            share = factor(t)
+            for i in range(3):
+                force[i] *= share
+                moment[i] *= share
 
     @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
         x, y = carray(given, (18,)), carray(found, (6,))
         inner(t, x[:3], x[3:12].reshape((3, 3)), x[12:15], x[15:18], carray(parameters, (n,)), y[:3], y[3:6])
+    return entry, inner
+
+
+def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
+    """A law of a force along a line with n parameters, as `compiled_force`."""
+    from numba import carray, types
+    inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
+
+    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
+    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
+        carray(found, (1,))[0] = inner(t, given[0], given[1], carray(parameters, (n,)))
     return entry, inner
 
 

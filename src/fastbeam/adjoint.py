@@ -2,34 +2,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
-from typing import Any, NamedTuple
+from math import ceil, sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .arguments import Anything, Count, Names, Number, Word, checked, numbers, shown
+from .backward import Backward, Stretch, Sums, Weights
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
-from .kernels import step as kernels
+from .kernels.ball_joint import BallJoints
+from .kernels.bushing import Bushings
+from .kernels.distance_joint import DistanceJoints
+from .kernels.joint_conditions import JointConditions
 from .kernels.spring import Springs
+from .kernels.spring_laws import SpringLaws
 from .kernels.step import OK
 from .kernels.work import State
-from .linsolve import SMALL, check_backend, load_mkl
-from .load_times import load_factors, mean_factors
-from .maps import mass_map, tie_map
+from .linsolve import check_backend
 from .model import Model, check_model
 from .newton import Stepper
 from .observe import POINTS, Observer
-from .saddle import Factors
+from .plane import TOLERANCE
+from .scene.checks import Place
+from .section_gradient import beam_numbers
 from .starting import check_start
 from .statics import START
-from .step_gradient import SectionSums
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 # bytes that the steps of a run may take
 MOST = 4e9
-# relative residual of a solution with the transposed tangent
-GOOD = 1e-13
+# links whose forces are symmetric in time, with exact derivatives
+SYMMETRIC = Springs, SpringLaws, Bushings, BallJoints, DistanceJoints, JointConditions
 
 
 class RunSectionGradient(NamedTuple):
@@ -40,21 +47,27 @@ class RunSectionGradient(NamedTuple):
     stiffness : float64 [beams, 6, 6]
         By C.
     rhoA, rhoI2, rhoI3 : float64 [beams]
+    viscosity : float64 [beams, 6, 6]
+        By D of theory.md (2.5), where a section has damping; else 0.
     """
 
     stiffness: Array
     rhoA: Array  # noqa: N815  the field's symbols
     rhoI2: Array  # noqa: N815
     rhoI3: Array  # noqa: N815
+    viscosity: Array
 
-    def by(self, stiffness: Any, rhoA: Any = 0.0, rhoI2: Any = 0.0, rhoI3: Any = 0.0) -> Array:  # noqa: N803
-        """Derivatives by a parameter [beams], from its derivatives of C (6, 6), or one of every beam, and of the inertias."""
+    def by(self, stiffness: ArrayLike, rhoA: ArrayLike = 0.0, rhoI2: ArrayLike = 0.0,  # noqa: N803
+           rhoI3: ArrayLike = 0.0, viscosity: ArrayLike = 0.0) -> Array:
+        """Derivatives by a parameter [beams], from its derivatives of C (6, 6), or one of every beam, of the inertias, and of D
+        (6, 6): with `damping=d` of a section D = d C changes with C."""
         return (np.sum(self.stiffness * np.asarray(stiffness), axis=(1, 2)) + self.rhoA * np.asarray(rhoA)
-                + self.rhoI2 * np.asarray(rhoI2) + self.rhoI3 * np.asarray(rhoI3))
+                + self.rhoI2 * np.asarray(rhoI2) + self.rhoI3 * np.asarray(rhoI3)
+                + np.sum(self.viscosity * np.asarray(viscosity), axis=(1, 2)))
 
 
 class RunGradient(NamedTuple):
-    """Derivatives of one number of a run.
+    """Derivatives of one number of a run in n steps.
 
     Attributes
     ----------
@@ -66,6 +79,13 @@ class RunGradient(NamedTuple):
         By dead forces and moments that act on a node from the start to the end.
     velocities, spins : float64 [N, 3]
         By the initial velocity and spin of a node, those of its row where several share one, 0 where it follows others.
+    gravity : float64 [3]
+        By the gravity of the scene, as it is before its time function.
+    factors : dict of str to float64 [n]
+        By the mean factor over every step of a time function: of the loads that have it, by their names as in
+        "load 'pull'", several with a comma between them.
+    pushes : dict of str to float64 [n, 3]
+        By a dead force on an observed point during every step, for loads that change in time.
     """
 
     sections: dict[str, RunSectionGradient]
@@ -74,10 +94,13 @@ class RunGradient(NamedTuple):
     moments: Array
     velocities: Array
     spins: Array
+    gravity: Array
+    factors: dict[str, Array]
+    pushes: dict[str, Array]
 
 
 class AdjointRun:
-    """A run that remembers all its steps; made by `adjoint_run`.
+    """A run that remembers its steps; made by `adjoint_run`.
 
     Attributes
     ----------
@@ -86,31 +109,68 @@ class AdjointRun:
     model : Model
     state : State
         The last one.
+    outside : int
+        Steps of the last `gradient` that block elimination left to a solver with pivoting.
     """
 
-    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Any], t: float, h: float, n: int) -> None:
-        self.model, self._stepper, self._h = model, stepper, h
-        self.t = t + h * np.arange(n + 1)
+    def __init__(self, model: Model, stepper: Stepper, points: Mapping[str, Place], h: float, n: int,
+                 every: int) -> None:
+        self.model, self._stepper, self._h, self._every = model, stepper, h, every
+        self.t = h * np.arange(n + 1)
+        self.outside = 0
         self._points = Observer(model, (), points).points
-        size = stepper.core_state.q.size
-        self._q, self._v = np.empty((n + 1, size)), np.empty((n + 1, size))
-        self._moves = np.empty((n, 2, size // 4))
-        for k in range(n + 1):
-            self._q[k], self._v[k] = stepper.core_state.q, stepper.core_state.v
-            if k == n:
-                break
-            outcome = stepper.advance(t, h, 1, k)
-            if outcome.status != OK:
-                raise failure(stepper, outcome, float(self.t[k]), k)
-            self._moves[k] = stepper.work.dphi[:size // 4], stepper.work.theta[:size // 4]
+        self._rows = {name: np.empty((2, n + 1, 3)) for name in self._points}
+        self._saved: list[Any] = []
+        # all steps, or those of the newest stretch
+        self._stretch: Stretch | None = None
+        for first in range(0, n, every):
+            if every < n:
+                self._saved.append(stepper.save())
+            self._stretch = self._go(first)
+            self._observe(self._stretch)
         self.state = stepper.copy_state()
 
-    def _read(self, name: str, of: Array) -> Array:
+    def _go(self, first: int) -> Stretch:
+        """Steps from row `first` on, from the present state."""
+        stepper, n = self._stepper, min(self._every, self.t.size - 1 - first)
+        state, work = stepper.core_state, stepper.work
+        nodes, dim = self.model.n_nodes, stepper.core.dim
+        out = Stretch(first, np.empty((n + 1, state.q.size)), np.empty((n + 1, state.q.size)), np.empty((n, dim * nodes)),
+                      np.empty((n, (len(stepper.core.dofs) - dim) * nodes)), np.empty((n + 1, state.s.size)),
+                      np.empty((n, state.force.size)))
+        for k in range(n + 1):
+            out.q[k], out.v[k], out.s[k] = state.q, state.v, state.s
+            if k < n:
+                outcome = stepper.advance(0.0, self._h, 1, first + k)
+                if outcome.status != OK:
+                    raise failure(stepper, outcome, float(self.t[first + k]), first + k)
+                out.dphi[k], out.theta[k] = work.dphi[:out.dphi.shape[1]], work.theta[:out.theta.shape[1]]
+                out.force[k] = state.force
+        return out
+
+    def _again(self, first: int) -> Stretch:
+        """The steps from row `first` on, taken once more where they are not kept: the same bits."""
+        if self._stretch is None or self._stretch.first != first:
+            self._stepper.load(self._saved[first // self._every])
+            self._stretch = self._go(first)
+        return self._stretch
+
+    def _observe(self, part: Stretch) -> None:
+        """Places and velocities of points."""
+        plane, rows = self._stepper.plane, slice(part.first, part.first + len(part.q))
+        for name, (nodes, weights) in self._points.items():
+            for kind, of in enumerate((part.q, part.v)):
+                if plane is None:
+                    of_nodes = of.reshape(len(of), -1, 4, 3)[:, nodes]
+                else:
+                    of_nodes = plane.vectors_of(of, nodes, kind == 0)
+                self._rows[name][kind, rows] = np.einsum("ma,tmac->tc", weights, of_nodes)
+
+    def _read(self, name: str, kind: int) -> Array:
         if name not in self._points:
             there = ", ".join(map(repr, self._points)) or "none"
             raise SceneError(f"adjoint_run: there is no point {shown(name)}; there are {there}")
-        nodes, weights = self._points[name]
-        return np.einsum("ma,tmac->tc", weights, of.reshape(len(of), -1, 4, 3)[:, nodes])
+        return self._rows[name][kind].copy()
 
     @checked(name=Word())
     def point(self, name: str) -> Array:
@@ -121,7 +181,7 @@ class AdjointRun:
         SceneError
             There is no such point.
         """
-        return self._read(name, self._q)
+        return self._read(name, 0)
 
     @checked(name=Word())
     def velocity(self, name: str) -> Array:
@@ -132,11 +192,12 @@ class AdjointRun:
         SceneError
             There is no such point.
         """
-        return self._read(name, self._v)
+        return self._read(name, 1)
 
     @checked(points=Names("must map names of points to weights (3,) or (n + 1, 3)"),
              velocities=Names("must map names of points to weights (3,) or (n + 1, 3)"))
-    def gradient(self, *, points: Mapping[str, Any] | None = None, velocities: Mapping[str, Any] | None = None) -> RunGradient:
+    def gradient(self, *, points: Mapping[str, ArrayLike] | None = None,
+                 velocities: Mapping[str, ArrayLike] | None = None) -> RunGradient:
         """Derivatives of a weighed sum of positions and velocities of points, backward through all steps once.
 
         Parameters
@@ -153,10 +214,45 @@ class AdjointRun:
         """
         if not points and not velocities:
             raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
-        return _Backward(self, self._weights(points or {}), self._weights(velocities or {})).gradient()
+        wanted = [*self._weights(points or {}, False), *self._weights(velocities or {}, True)]
+        plane, n = self._stepper.plane, self.t.size - 1
+        # what points out of the plane depends on what leads out of it
+        flat = plane is not None and all(
+            np.max(np.abs(x.rows @ plane.axes[2])) <= TOLERANCE * np.max(np.abs(x.rows)) for x in wanted)
+        assert self.model.uneliminated is not None
+        own = self.model.uneliminated(planar=flat, solver="auto")
+        back = Backward(own, flat, 0.0, self._h, n, wanted, list(self._points.values()))
+        part = None
+        for first in reversed(range(0, n, self._every)):
+            part = self._again(first)
+            if plane is not None and not flat:
+                part = part.in_space(plane)
+            if first + len(part.dphi) == n:
+                back.start(part.q[-1])
+            try:
+                back.through(part)
+            except ArithmeticError as error:
+                raise ConvergenceError(f"gradient: the tangent of step {error.args[0]} is singular", step=error.args[0],
+                                       time=float(self.t[error.args[0]]), state=self.state) from None
+        assert part is not None
+        self.outside = back.outside
+        return self._found(back.sums(part.q[0]))
 
-    def _weights(self, given: Mapping[str, Any]) -> list[tuple[Array, Array, Array]]:
-        """(nodes, weights of their coordinates, weights of rows [n + 1, 3])."""
+    def _found(self, sums: Sums) -> RunGradient:
+        """By the names of the scene."""
+        model = self.model
+        sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T, sums.viscosity[part])
+                    for name, part in beam_numbers(model)[1].items()}
+        names = [(entry["name"], entry["node"]) for kind in ("bodies", "masses") for entry in model.names.get(kind, [])]
+        number = {} if model.bodies is None else {int(node): j for j, node in enumerate(model.bodies.node)}
+        masses = {name: float(sums.bodies[number[node]]) for name, node in names if node in number}
+        factors = {name: sums.factors[:, k].copy() for k, (name, time) in enumerate(zip(model.load_names, model.load_times))
+                   if time is not None}
+        pushes = {name: sums.pushes[:, k].copy() for k, name in enumerate(self._points)}
+        return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.gravity, factors,
+                           pushes)
+
+    def _weights(self, given: Mapping[str, ArrayLike], is_rate: bool) -> list[Weights]:
         out = []
         for name, value in given.items():
             if name not in self._points:
@@ -168,180 +264,22 @@ class AdjointRun:
                                  f"got {shown(value)}")
             rows = np.zeros((self.t.size, 3))
             rows[(slice(None) if found.ndim == 2 else -1)] = found
-            out.append((*self._points[name], rows))
+            out.append(Weights(*self._points[name], rows, is_rate))
         return out
-
-
-class _Backward:
-    """The adjoint recursion."""
-
-    def __init__(self, run: AdjointRun, of_points: list[Any], of_velocities: list[Any]) -> None:
-        from scipy import sparse
-        self.run, self.of_points, self.of_velocities = run, of_points, of_velocities
-        self.stepper = stepper = run._stepper
-        self.model = model = stepper.core
-        n, rows = model.n_nodes, model.pattern.n
-        free = np.ones((rows, 6))
-        if model.held is not None:
-            free[model.held.row] *= 1 - (model.held.mask[:, None] >> np.arange(6) & 1)
-        pick = sparse.csr_matrix((np.ones(n), (np.arange(n), model.pattern.row_of)), shape=(n, rows))
-        self.rows = (sparse.kron(pick, sparse.eye(6)) @ sparse.diags(free.reshape(-1))).tocsr()
-        self.rows_back, self.ties, self.mass = self.rows.T.tocsr(), tie_map(model), mass_map(model)
-        self.ties_back = self.ties.T.tocsr()
-        self.sums = SectionSums(model)
-        self.masses = np.zeros(0 if model.bodies is None else model.bodies.node.size)
-        self.mkl = load_mkl()
-        # the structure of tangents by columns, and where their entries stand in the blocks
-        size = model.pattern.keys.size
-        numbered = stepper.linear.superlu.matrix(np.arange(1.0, 48.0 * size + 1.0).reshape(-1, 6, 8))
-        self.place = numbered.data.astype(np.int64) - 1
-        self.structure = numbered.indices, numbered.indptr
-        self.factors: Factors | None = None
-        self.terms, self.system = stepper.terms, stepper.system
-
-    # --- maps -----------------------------------------------------------------------------------------------------------
-    def lift(self, q: Array, x: Array) -> Array:
-        """Unknowns of the rows -> rates of all coordinates [N, 4, 3] at q [N, 4, 3]."""
-        of_node = (self.rows @ x).reshape(-1, 6)
-        out = np.empty_like(q)
-        out[:, 0] = of_node[:, :3]
-        out[:, 1:] = _cross(of_node[:, None, 3:], q[:, 1:])
-        return np.asarray(self.ties @ out.reshape(-1)).reshape(q.shape)
-
-    def lower(self, q: Array, y: Array) -> Array:
-        """The transpose: forces on the coordinates [12 N] -> on the unknowns of the rows."""
-        own = (self.ties_back @ y.reshape(-1)).reshape(q.shape)
-        forces = np.concatenate((own[:, 0], _cross(q[:, 1:], own[:, 1:]).sum(axis=1)), axis=1)
-        return np.asarray(self.rows_back @ forces.reshape(-1))
-
-    def tangent(self, q: Array, v: Array, moves: Array) -> Any:
-        """Derivative of the equations of a step from q, v by increments `moves` by the unknowns at its end."""
-        state, work = self.stepper.core_state, self.stepper.work
-        state.q[:], state.v[:] = q, v
-        work.dphi[:moves.shape[1]], work.theta[:moves.shape[1]] = moves
-        work.increment.control[0] = 0.0
-        kernels.assemble_all(self.terms, self.system, self.run._h)
-        from scipy import sparse
-        n = self.structure[1].size - 1
-        return sparse.csc_matrix((work.blocks[self.place], *self.structure), shape=(n, n))
-
-    def solve(self, matrix: Any, right: Array, k: int) -> Array:
-        """Of the transposed matrix.
-
-        Raises
-        ------
-        ConvergenceError
-        """
-        back = matrix.T
-        solved: Any = None
-        if self.mkl is not None:
-            if self.factors is None:
-                threads = 1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads()
-                self.factors = Factors(self.mkl, threads=threads)
-            if self.factors.factor(back.tocsr()):
-                solved = self.factors.solve
-        if solved is None:
-            from scipy.sparse.linalg import splu
-            try:
-                lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            except RuntimeError:
-                lu = splu(matrix)
-
-            solved = partial(lu.solve, trans="T")
-        x = solved(right)
-        size = float(np.linalg.norm(right)) or 1.0
-        for _ in range(2):
-            rest = right - back @ x
-            if np.linalg.norm(rest) <= GOOD * size:
-                break
-            x = x + solved(rest)
-        if not np.isfinite(x).all():
-            raise ConvergenceError(f"gradient: the tangent of step {k} is singular", step=k, time=float(self.run.t[k]),
-                                   state=self.run.state)
-        return x
-
-    def weights(self, which: list[Any], k: int) -> Array:
-        """Derivatives of the number by the coordinates, or their rates, of row k, [N, 4, 3]."""
-        out = np.zeros((self.model.n_nodes, 4, 3))
-        for nodes, weights, rows in which:
-            np.add.at(out, nodes, weights[:, :, None] * rows[k])
-        return out
-
-    # --- backward ---------------------------------------------------------------------------------------------------------
-    def gradient(self) -> RunGradient:
-        """Through all steps."""
-        run, model, h = self.run, self.model, self.run._h
-        kept = self.stepper.save()
-        q, v = run._q, run._v
-        last = q.shape[0] - 1
-        shape = (model.n_nodes, 4, 3)
-        by_shape = self.lower(q[last].reshape(shape), self.weights(self.of_points, last))
-        by_rates = self.weights(self.of_velocities, last).reshape(-1)
-        forces = np.zeros((model.n_nodes, 2, 3))
-        timed = any(time is not None for time in model.load_times)
-        for k in range(last - 1, -1, -1):
-            start, end = q[k].reshape(shape), q[k + 1].reshape(shape)
-            middle = 0.5 * (start + end)
-            if timed:
-                factors = load_factors(model, run.t[k:k + 1], np.full(1, h))[0]
-                kernels.external_forces(model.loads, factors, self.stepper.work.f_ext)
-            right = by_shape + 2.0 / h * self.lower(end, by_rates)
-            x = self.solve(self.tangent(q[k], v[k], run._moves[k]), right, k)
-            # the same step backward in time: its end is the start of this one
-            backward = self.tangent(q[k + 1], -v[k + 1], -run._moves[k])
-            rates = self.lift(middle, x)
-            inertia = np.asarray(self.mass @ rates.reshape(-1))
-            by_shape = (4.0 / h**2 * self.lower(start, inertia) - backward.T @ x - 2.0 / h * self.lower(start, by_rates)
-                        + self.lower(start, self.weights(self.of_points, k)))
-            second = (v[k + 1] - v[k]).reshape(shape) / h
-            self._collect(start, end, rates, second, float(run.t[k]))
-            forces[:, 0] += rates[:, 0]
-            forces[:, 1] += self._spins(x)
-            by_rates = 2.0 / h * inertia - by_rates + self.weights(self.of_velocities, k).reshape(-1)
-        self.stepper.load(kept)
-        self.sums.finish()
-        at_start = (self.rows @ self.lower(q[0].reshape(shape), by_rates)).reshape(-1, 2, 3)
-        sums = self.sums
-        sections = {name: RunSectionGradient(sums.stiffness[part], *sums.inertia[part].T) for name, part in sums.parts.items()}
-        names = [entry["name"] for kind in ("bodies", "masses") for entry in model.names.get(kind, [])]
-        places = [entry["node"] for kind in ("bodies", "masses") for entry in model.names.get(kind, [])]
-        number = {} if model.bodies is None else {int(node): j for j, node in enumerate(model.bodies.node)}
-        masses = {name: float(self.masses[number[node]]) for name, node in zip(names, places) if node in number}
-        return RunGradient(sections, masses, forces[:, 0], forces[:, 1], at_start[:, 0], at_start[:, 1])
-
-    def _spins(self, x: Array) -> Array:
-        """Spins of all nodes, those of tied ones from their roots [N, 3]."""
-        return (self.rows @ x).reshape(-1, 6)[self.model.spin_root, 3:]
-
-    def _collect(self, start: Array, end: Array, rates: Array, second: Array, t: float) -> None:
-        """What the equations of a step depend on besides its shapes."""
-        model = self.model
-        factor = 1.0
-        if model.gravity_time is not None:
-            factor = float(mean_factors(model.gravity_time, np.full(1, t), np.full(1, self.run._h))[0])
-        gravity = factor * model.gravity
-        self.sums.add(start, end, rates, second, gravity)
-        if model.bodies is not None:
-            at = model.bodies.node
-            self.masses -= np.sum(rates[at, 0] * (second[at, 0] - gravity), axis=1)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Of vectors [..., 3]; np.cross takes five times as long for few of them."""
-    x, y = a[..., (1, 2, 0)], a[..., (2, 0, 1)]
-    return x * b[..., (2, 0, 1)] - y * b[..., (1, 2, 0)]
 
 
 @checked(model=Anything(), t_end=Number(above=0.0, unit="s"), step=Number(above=0.0, unit="s"), start=START, points=POINTS,
-         max_iterations=Count(most=10_000), backend=Word())
-def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None, points: Mapping[str, Any] | None = None,
-                max_iterations: int = 25, backend: str = "auto") -> AdjointRun:
-    """A run in conserving steps of order 2 that remembers all of them, for gradients of what it leads to (theory.md 13).
+         max_iterations=Count(most=10_000), backend=Word(), keep_every=Count(most=1_000_000_000))
+def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None = None,
+                points: Mapping[str, Place] | None = None, max_iterations: int = 25, backend: str = "auto",
+                keep_every: int = 1) -> AdjointRun:
+    """A run in conserving steps of order 2 that remembers them, for gradients of what it leads to (theory.md 13).
 
     Parameters
     ----------
     model : Model
-        Beams, nets, bodies and masses with supports, rigid and ball joints that are eliminated, springs, loads and gravity.
+        Beams, nets, bodies and masses with supports, joints, sliders, springs, dampers, bushings, drag, damped sections, loads
+        and gravity.
     t_end, step : float
         s; as many steps as fit, the last one ending within round-off of t_end.
     start : State, optional
@@ -350,40 +288,50 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     max_iterations : int
     backend : {'auto', 'pardiso', 'superlu'}
         Of the steps forward.
+    keep_every : int
+        Steps between states that are kept. 1: all steps are. More: those between are taken once more by `gradient`, to the same
+        bits, for a run whose steps do not fit into the memory; about the root of the number of steps takes the least.
 
     Returns
     -------
     AdjointRun
         `.point(name)`, `.velocity(name)` at all steps; `.gradient(points={...})`: derivatives of a weighed sum of them by the
-        sections of all beams, masses, loads and initial velocities.
+        sections of all beams, masses, loads and what they do in every step, gravity, and initial velocities.
 
     Raises
     ------
     SceneError
-        Sliders, joints with multipliers, damping, drag, supports that move or user forces, whose steps have no adjoint here;
-        steps that do not fit into t_end, or into the memory.
+        Friction, drives, stops and locks of sliders, sleeves, springs, motors and given motions of joints with axes, supports
+        that move or let go and user forces, whose steps have no adjoint here; steps that do not fit into t_end, or into the
+        memory.
     ConvergenceError
         A step fails.
     """
     check_model("adjoint_run", model)
     check_backend(backend)
     unknown = [name for name, there in (
-        ("sliders", model.n_sliders), ("joints with multipliers", len(model.kept)),
-        ("damping", model.damped is not None or bool(model.losses)), ("joints with axes", model.motions is not None),
-        ("drag", model.dragged is not None), ("supports that move", model.prescribed is not None),
-        ("supports that let go", model.released is not None),
-        ("user forces", model.user_forces), ("links of other kinds than springs", any(
-            not isinstance(x, Springs) for x in model.links))) if there]
+        ("friction, drives, stops, locks or contact that lets go", model.slider_forces is not None),
+        ("sleeves", model.sleeves is not None), ("sliders on nets of condensed beams", model.carriers is not None),
+        ("springs, dampers, motors, friction, stops or given motions of joints with axes", model.motions is not None and (
+            model.motions.acts or model.motions.holds.held.size > 0 or model.motions.holds.stopped.size > 0)),
+        ("supports that move", model.prescribed is not None), ("supports that let go", model.released is not None),
+        ("user forces", model.user_forces), ("controllers", model.controllers),
+        ("air that changes in time", model.dragged is not None and model.dragged.timed),
+        ("links of other kinds than springs, dampers, bushings and joints", any(
+            not isinstance(x, SYMMETRIC) for x in model.links))) if there]
     if unknown:
         raise SceneError(f"adjoint_run: steps with {', '.join(unknown)} have no adjoint here; use differences of runs")
     n = round(t_end / step)
     if n < 1 or abs(n * step - t_end) > 1e-9 * t_end:
         raise SceneError(f"adjoint_run: t_end={t_end:g} s is no whole number of steps of {step:g} s")
-    assert model.uneliminated is not None
-    own = model.uneliminated(planar=False)
-    if (n + 1) * own.q0.size * 20.0 > MOST:
-        raise SceneError(f"adjoint_run: {n} steps of {own.n_nodes} nodes take {n * own.q0.size * 20.0 / 1e9:.3g} GB of "
-                         f"memory, more than {MOST / 1e9:g}; run in parts")
+    every = n if keep_every == 1 else min(keep_every, n)
+    # shapes, velocities and increments; of a state that is kept also what the first guess of the next step takes
+    size = 20.0 * model.q0.size * ((every + 1) + 1.6 * (ceil(n / every) if every < n else 0))
+    if size > MOST:
+        least = ceil(sqrt(1.6 * n))
+        advice = f"keep a state of every {least} steps by keep_every={least}" if every == n else "run in parts"
+        raise SceneError(f"adjoint_run: {n} steps of {model.n_nodes} nodes take {size / 1e9:.3g} GB of memory, more than "
+                         f"{MOST / 1e9:g}; {advice}")
     if start is not None:
         start, _ = check_start(model, start, step)
-    return AdjointRun(own, Stepper(own, np.ones(1), start, max_iterations, backend), points or {}, 0.0, step, n)
+    return AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every)

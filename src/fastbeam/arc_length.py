@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .eigen import Pencil, SingularError, lowest
+from .eigen import Pencil, SingularError, grown, lowest
 from .kernels.step import has_converged, next_increment
 from .kernels.work import State
 from .model import Model
@@ -16,6 +16,13 @@ from .static_sliders import Increment, SlidingSolver
 Array = np.ndarray
 # longest correction, in sizes of the scene and rad
 LONGEST = 1.0
+# eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
+# each dimension of their vectors; cosine of two that are the same
+MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
+# next to the largest stiffness: where they are looked for, and round-off of one
+NEXT_TO, ROUND_OFF = 1e-9, 1e-14
+# an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
+STRAY, LEAST_STRAY = 0.6, 1e-7
 # accuracy of the place of a critical point on its step, and evaluations until then
 ACCURATE, MOST_EVALUATIONS = 1e-12, 40
 
@@ -49,13 +56,23 @@ class PathSolver(SlidingSolver):
             self._load(part)
             loads.append(self.work.f_ext.copy())
         self._first_loads, self._unit_loads = loads
+        self._of_time = factors
         self.factor = factor
+        # largest stiffness in the metric of the steps
+        self._stiffest = 1.0
+        # what the last step has added to the unknowns, to first order
+        self.gone = np.zeros(0)
         core = self.core
         size, rows = len(core.dofs), core.pattern.n
         place = np.arange(size * rows) % size < core.dim
         # square of the length of a step: mean over nodes, in sizes of the scene and rad
-        self._weight = np.concatenate((np.where(place, 1.0 / core.length**2, 1.0) / rows, np.full(held.size, core.length**-2.0),
+        self.weight = np.concatenate((np.where(place, 1.0 / core.length**2, 1.0) / rows, np.full(held.size, core.length**-2.0),
                                        np.zeros(core.n_forces)))
+
+    @property
+    def load_factors(self) -> Array:
+        """Of all load vectors at the present load factor, [K]."""
+        return np.asarray(self._of_time[0] + self.factor * self._of_time[1])
 
     @property
     def name(self) -> str:
@@ -84,11 +101,17 @@ class PathSolver(SlidingSolver):
     def equations(self) -> tuple[Saddle, Array, Array]:
         """Tangent, forces and gaps that are left, and their derivative by the load factor."""
         # both from the same shape, the present factor last
-        self._loads[:] = self._first_loads + (self.factor + 1.0) * self._unit_loads
+        self._at(self.factor + 1.0)
         _, more = self._assembled(self.sliding)
-        self._loads[:] = self._first_loads + self.factor * self._unit_loads
+        self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
         return saddle, right, more - right
+
+    def _at(self, factor: float) -> None:
+        """Loads, supports that move, and forces of a steady motion of a load factor."""
+        self._loads[:] = self._first_loads + factor * self._unit_loads
+        if self.motion is not None:
+            self.motion.share = factor
 
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
         """Solution of [K, -column; row, corner]."""
@@ -100,14 +123,14 @@ class PathSolver(SlidingSolver):
 
     def product(self, a: Direction, b: Direction) -> float:
         """Of two directions."""
-        return float(np.sum(self._weight * a.x * b.x)) + a.factor * b.factor
+        return float(np.sum(self.weight * a.x * b.x)) + a.factor * b.factor
 
     def direction(self, along: Direction | None, sign: float = 1.0) -> Direction | None:
         """Of the path at the present equilibrium, forward along one before it; without one as the load factor grows (sign -1:
         falls)."""
         self.work.increment.control[0] = 0.0
         saddle, right, loads = self.equations()
-        row = np.zeros(right.size) if along is None else self._weight * along.x
+        row = np.zeros(right.size) if along is None else self.weight * along.x
         x = self._bordered(saddle, loads, row, sign if along is None else along.factor, np.zeros(right.size), 1.0)
         if x is None:
             return None
@@ -119,16 +142,19 @@ class PathSolver(SlidingSolver):
         """From an equilibrium to the next one by a step; the number of iterations, 0 where it fails. to: a load factor that it
         ends at instead of the plane across the direction."""
         self.work.increment.control[0] = 0.0
-        n, s = self._weight.size - self.core.n_forces, self.sliding.size
+        n, s = self.weight.size - self.core.n_forces, self.sliding.size
         nodes = n - s
 
+        self.gone, first = np.zeros_like(along.x), self.factor
+
         def move(x: Array, factor: float) -> float:
+            self.gone += x
             size = self._move(Increment(x[:nodes], x[nodes:n], x[n:]))
             self.factor += factor
             return size + abs(factor)
 
         move(step * along.x, step * along.factor if to is None else to - self.factor)
-        row, corner = (self._weight * along.x, along.factor) if to is None else (np.zeros_like(along.x), 1.0)
+        row, corner = (self.weight * along.x, along.factor) if to is None else (np.zeros_like(along.x), 1.0)
         before = expected = np.inf
         for k in range(self.max_iterations):
             saddle, right, loads = self.equations()
@@ -140,10 +166,16 @@ class PathSolver(SlidingSolver):
             if np.any((state.s < self.ends[:, 0]) | (state.s > self.ends[:, 1])) or not size < np.inf:
                 return 0
             if has_converged(size, before, expected):
-                return k + 1
+                # further off than a path that turns by less than the steps allow: another one
+                return k + 1 if to is not None or self._strayed(along, step, first) <= max(STRAY * step, LEAST_STRAY) else 0
             before, expected = size, next_increment(size, before)
             self.interrupts.serve()
         return 0
+
+    def _strayed(self, along: Direction, step: float, first: float) -> float:
+        """How far from the end of a step along the direction its equilibrium lies, from the load factor `first` on."""
+        off = self.gone - step * along.x
+        return float(np.sqrt(np.sum(self.weight * off * off) + (self.factor - first - step * along.factor)**2))
 
     def eigenvalue(self, k: int) -> float:
         """The k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not found. That
@@ -151,25 +183,74 @@ class PathSolver(SlidingSolver):
         found = self._eigen(k + 1)
         return np.nan if found is None or found[0].size <= k else float(found[0][k])
 
-    def critical_direction(self, k: int) -> Direction | None:
-        """Of the eigenvalue next to zero among the lowest k + 2, its largest component positive."""
-        found = self._eigen(k + 2)
+    def critical_directions(self, k: int) -> Array | None:
+        """Of the eigenvalues that vanish together next to the k-th, vectors of length 1 by columns [n, m], their largest
+        component positive."""
+        found = self._eigen(k + MOST_TOGETHER, NEXT_TO)
         if found is None or not found[0].size:
             return None
-        v = found[1][:, int(np.argmin(np.abs(found[0])))]
-        return Direction(v * np.sign(v[np.argmax(np.abs(v) * np.sqrt(self._weight))]), 0.0)
+        order = np.argsort(np.abs(found[0]))
+        size = np.maximum(np.abs(found[0])[order], ROUND_OFF * self._stiffest)
+        gaps = np.flatnonzero(size[:-1] <= TOGETHER * size[1:])
+        # without a gap all are zero, or there is none
+        m = int(gaps[0]) + 1 if gaps.size else size.size if size[-1] <= 10.0 * ROUND_OFF * self._stiffest else 1
+        v = found[1][:, order[:m]]
+        peak = np.argmax(np.abs(v) * np.sqrt(self.weight)[:, None], axis=0)
+        return np.asarray(v * np.sign(v[peak, np.arange(v.shape[1])]))
 
-    def _eigen(self, n: int) -> tuple[Array, Array] | None:
-        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1."""
+    def branches(self, k: int, step: float) -> tuple[list[Direction], bool]:
+        """Directions in which other paths leave a critical point, and whether they are some of a continuum.
+
+        Where several eigenvalues vanish together, steps into many directions of their vectors are tried; each that ends in an
+        equilibrium tells the direction of its path.
+        """
+        v = self.critical_directions(k)
+        if v is None:
+            return [], False
+        m = v.shape[1]
+        if m == 1:
+            return [Direction(sign * v[:, 0], 0.0) for sign in (1.0, -1.0)], False
+        if m == 2:
+            angles = np.arange(TRIALS) * (2.0 * np.pi / TRIALS)
+            tried = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+        else:
+            tried = np.random.default_rng(0).standard_normal((TRIALS * m, m))
+            tried /= np.linalg.norm(tried, axis=1, keepdims=True)
+        before = self.saved()
+        ways: list[Array] = []
+        for c in tried:
+            self.restore(before)
+            if not self.go(Direction(v @ c, 0.0), step):
+                continue
+            way = v.T @ (self.weight * self.gone)
+            way /= np.linalg.norm(way)
+            if not ways or np.max(np.array(ways) @ way) < SAME_WAY:
+                ways.append(way)
+        self.restore(before)
+        # opposite ones one after the other, as of a simple point
+        ways.sort(key=lambda way: tuple(np.round(way, 3)), reverse=True)
+        is_continuum = len(ways) > 0.5 * len(tried)
+        return [Direction(v @ way, 0.0) for way in (ways[:1] + [-ways[0]] if is_continuum else ways)], is_continuum
+
+    def _eigen(self, n: int, below_zero: float = 0.0) -> tuple[Array, Array] | None:
+        """The lowest n eigenvalues of the tangent in the metric of the steps, and vectors of length 1; below_zero: looked for so
+        far below zero, next to the largest stiffness, where several may vanish."""
         from scipy import sparse
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
         k = int(np.sum(~saddle.multiplier))
         free = np.append(self.contacts.free(len(self.core.dofs)), np.ones(self.sliding.size))
-        mass = sparse.diags(self._weight[:k] * free, format="csr")
+        mass = sparse.diags(self.weight[:k] * free, format="csr")
         matrix = (0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
+        pencil = Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((k, 0)))
+        if below_zero:
+            # not the median, which may be one of those that vanish
+            heavy = mass.diagonal() > 0.0
+            self._stiffest = float(np.max(np.abs(matrix.diagonal()[:k][heavy]) / mass.diagonal()[heavy], initial=0.0)) or 1.0
+            more = below_zero * self._stiffest * grown(mass, saddle.multiplier.size)
+            pencil = pencil._replace(stiffness=(matrix + more).tocsr())
         try:
-            v = lowest(Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((k, 0))), n, self._backend).vectors
+            v = lowest(pencil, n, self._backend).vectors
         except SingularError:
             return None
         # not set to zero where they are round-off

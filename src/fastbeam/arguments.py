@@ -39,7 +39,7 @@ ALSO = {"dt": "step", "h": "step", "time_step": "step", "timestep": "step", "ten
         "filename": "file", "path": "file", "restart": "start", "initial_state": "start", "load_steps": "load_step",
         "n_steps": "t_end and step", "steps": "t_end and step", "parts": "each part without a name", "mu": "friction"}
 # what is not there at all: docs/limits.md
-ABSENT = ("spring", "motor", "contact", "follower", "plasticity", "gpu", "dofs")
+ABSENT = ("spring", "motor", "contact", "plasticity", "gpu", "dofs")
 
 
 class Refusal(ValueError):
@@ -62,7 +62,7 @@ def shown(value: Any) -> str:
         return f"an array of {value.dtype} of shape {value.shape}"
     try:
         text = "a function" if isinstance(value, FunctionType) else " ".join(repr(value).split())
-        label = getattr(value, "label", None) if len(text) > 100 else None
+        label = getattr(value, "label", None) if len(text) > 60 else None
         text = label if isinstance(label, str) else text
     except Exception:          # whatever a foreign repr does, or a whole number with too many digits
         text = f"a {type(value).__name__}"

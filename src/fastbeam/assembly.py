@@ -10,6 +10,7 @@ from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
+from .kernels.line_force import LineForces
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.sleeve import Rubbing, Sleeves
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
@@ -17,6 +18,7 @@ from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.twist import Twist
 from .kernels.user_force import UserForces
+from .kernels.winch import Winches
 from .kernels.work import State, Work
 from .model import Model
 from .twisting import sleeves_of_run
@@ -76,7 +78,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
-    links = [x._replace(work=law_work) if isinstance(x, UserForces) else x for x in model.links]
+    links = [x._replace(work=law_work) if isinstance(x, (UserForces, LineForces, Winches)) else x for x in model.links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

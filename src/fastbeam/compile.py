@@ -33,6 +33,7 @@ from .kernels.nodes import Bodies, Held
 from .kernels.slider import Sliders
 from .kernels.terms import NoTies
 from .kernels.ties import Ties
+from .kernels.winch import Winches
 from .links import Links
 from .model import Model
 from .numbered import number
@@ -42,14 +43,16 @@ from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .prescribed import released_of
 from .report import describe
-from .scene import Beam, Bushing, Damper, Path, RigidBody, Scene, Spring, Switch
+from .scene import Beam, Bushing, Damper, LineForce, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
+from .scene.winch import Coil
 from .sleeves import rubbing_sleeves, sleeves_of, with_twist
 from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import track_of
 from .unpacked import Unpacked, unpack
+from .winches import WinchRows
 
 Array = np.ndarray
 SOLVERS = ("auto", "chain", "sparse")
@@ -134,10 +137,10 @@ class Variant:
         self._made: dict[tuple[tuple[str, Any], ...], Model] = {}
 
     def __call__(self, **more: Any) -> Model:
-        """The model; more: options that are left open."""
+        """The model; more: options that are left open, or others."""
         key = tuple(sorted(more.items()))
         if key not in self._made:
-            self._made[key] = compile_scene(self.scene, **self._options, **more)
+            self._made[key] = compile_scene(self.scene, **{**self._options, **more})
         return self._made[key]
 
     def know(self, model: Model, **more: Any) -> None:
@@ -192,8 +195,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
-        user_forces=tuple(force.name for force in laws),
-        needs_forward_steps=tuple(force.name for force in laws if force.dissipates))
+        user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce)[0])),
+        needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
@@ -207,6 +210,7 @@ def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:
     out: list[Any] = []
     if parts:
         out.append(SpringRows(parts, node, np.linalg.norm(np.diff(links.nodes.phi[node], axis=1)[:, 0], axis=1)))
+    out += [WinchRows([winch.name for winch in links.ropes.winches], table) for table in tables if isinstance(table, Winches)]
     return out + [BushingRows(links.of(Bushing)[0], table) for table in tables if isinstance(table, Bushings)]
 
 
@@ -371,5 +375,6 @@ def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:
              "outline_of": net.section_of.tolist() if len(net.sections) > 1 else []} for net in scene.nets]
     return {"beams": beams, **({"nets": nets} if nets else {}),
             "bodies": [{"name": p.name, "node": nodes.start(p)} for p in scene.bodies],
-            "masses": [{"name": p.name, "node": nodes.start(p)} for p in scene.masses],
+            "masses": [{"name": p.name, "node": nodes.start(p), **({"drum": True} if isinstance(p, Coil) else {})}
+                       for p in scene.masses],
             "sliders": [s.name for s in scene.sliders], "points": []}

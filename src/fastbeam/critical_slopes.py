@@ -1,8 +1,8 @@
 """Derivatives of critical loads by parameters: of limit points, and of bifurcations that stay ones (theory.md (13.7), (13.8))."""
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from .errors import ConvergenceError, SceneError
 from .kernels.work import State
 from .load_times import load_factors_at
 from .model import Model
-from .parameters import CHANGES, SHARE, SIXTH, Family
+from .parameters import CHANGES, SHARE, SIXTH, Build, Family
 from .response import OutOfPlane, Response, at_shape
 from .saddle import Saddle
 from .sensitivities import family_of, which_build
@@ -131,9 +131,9 @@ class _Critical:
 
 @checked(build=which_build, values=Names("must map names of parameters to numbers"), state=START, load_factor=Number(),
          scale=Names("must map names of parameters to sizes"), at_time=Number(unit="s"), held=which_sliders, backend=Word())
-def critical_sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, state: State, load_factor: float,
+def critical_sensitivity(build: Build, values: Mapping[str, float], *, state: State, load_factor: float,
                          scale: Mapping[str, float] | None = None, at_time: float | None = None,
-                         held: Any = False, backend: str = "auto") -> CriticalSlopes:
+                         held: bool | str | Sequence[str] = False, backend: str = "auto") -> CriticalSlopes:
     """Derivatives of the load factor of a limit point or a bifurcation (a buckling load) by parameters (theory.md 13).
 
     Parameters

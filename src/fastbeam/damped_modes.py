@@ -75,7 +75,12 @@ def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     picks = [j for j in order if flat[j] or np.imag(rates[j]) > 0.0]
     rates = np.where(flat, np.real(rates), rates)
     rates[np.abs(rates) <= ZERO * np.max(np.abs(rates), initial=0.0)] = 0.0
-    return rates[picks], vectors[:, picks]
+    rates, vectors = rates[picks], vectors[:, picks]
+    # of a zero that comes several times a dense solver may return one vector several times: free motions themselves
+    free = np.flatnonzero(np.diag(stiffness) == 0.0)
+    for j, k in zip(np.flatnonzero(rates == 0.0), free[free < n]):
+        vectors[:, j] = np.arange(m) == k
+    return rates, vectors
 
 
 def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: complex, x: Array,
@@ -124,7 +129,7 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: compl
         best = rate, x, size
     rate, x, size = best
     share = abs(np.vdot(start, mass @ x[:k]))**2 / (np.real(np.vdot(start, mass @ start)) * np.real(np.vdot(x[:k], mass @ x[:k])))
-    known = any(abs(rate - other) <= 1e-9 * abs(rate) and abs(np.vdot(y[:k], mass @ x[:k])) > 1.0 - 1e-6
+    known = rate != 0.0 and any(abs(rate - other) <= 1e-9 * abs(rate) and abs(np.vdot(y[:k], mass @ x[:k])) > 1.0 - 1e-6
                 for other, y, _ in before)
     if not size <= GOOD or share < SAME or known:
         raise SingularError

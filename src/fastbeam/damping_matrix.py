@@ -12,6 +12,7 @@ from .errors import SceneError
 from .kernels.bushing import Bushings
 from .kernels.kinds import SPACE
 from .kernels.layout import VISCOSITY, layout_of
+from .kernels.line_force import LineForces
 from .kernels.spring_laws import SpringLaws
 from .kernels.user_force import UserForces
 from .model import Model
@@ -42,6 +43,7 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
     """
     damped = () if model.damped is None else model.damped.strains
     links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)
+    links = links + _of_lines(model, q, t, factor)
     return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
 
 
@@ -156,6 +158,27 @@ def _of_springs(model: Model, q: Array) -> Any:
         lead = sparse.csr_matrix((np.concatenate((direction.reshape(-1), -direction.reshape(-1))), (rows, columns)),
                                  shape=(k.size, n))
         total = total + lead.T @ sparse.diags(table.damping[acts]) @ lead
+    return total
+
+
+def _of_lines(model: Model, q: Array, t: float, factor: float) -> Any:
+    """Of forces along lines the derivative of the tension by the rate of the length: central differences."""
+    from scipy import sparse
+    total = sparse.csr_matrix((12 * model.n_nodes, 12 * model.n_nodes))
+    for table in model.links:
+        if not isinstance(table, LineForces):
+            continue
+        for k, (a, b) in enumerate(table.node.tolist()):
+            way = q[b, 0] - q[a, 0]
+            length = float(np.linalg.norm(way))
+            size, found = RATE * length, np.zeros(2)
+            parameters = np.append(table.parameters[table.first[k]:], 0.0)
+            for i, rate in enumerate((size, -size)):
+                given = np.array([length, rate])
+                LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found[i:])))
+            at = np.concatenate((12 * b + np.arange(3), 12 * a + np.arange(3)))
+            lead = sparse.csr_matrix((np.concatenate((way, -way)) / length, (np.zeros(6, int), at)), shape=(1, total.shape[0]))
+            total = total + factor * (found[0] - found[1]) / (2.0 * size) * (lead.T @ lead)
     return total
 
 

@@ -4,8 +4,9 @@ matplotlib is imported when something is drawn; no window is opened and no displ
 """
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
@@ -66,7 +67,8 @@ class Shapes:
         self.lines = Lines(result.names, n_nodes, 4 if n_nodes <= SMALL else 1)
         self.width = 1.0 if result.names.get("nets") else 1.8
         self.bodies = [entry["node"] for entry in result.names.get("bodies", [])]
-        self.masses = [entry["node"] for entry in result.names.get("masses", [])]
+        # the drum of a winch is a length, no place
+        self.masses = [entry["node"] for entry in result.names.get("masses", []) if "drum" not in entry]
         self.paths = {name: slider_path(result, name) for name in slider_names(result)}
         self.everything = np.concatenate([result.phi.reshape(-1, 3), *(path for _, path in self.paths.values())])
         low, high = bounds(self.everything)
@@ -138,9 +140,23 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(size: tuple[float, float]) -> Figure:
-    """A figure of so many inches that no window knows."""
+    """A figure of so many inches that no window knows; notebooks show it, also where they do not know matplotlib."""
     from matplotlib.figure import Figure
-    return Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout="constrained")
+    setattr(figure, "_repr_png_", partial(_png_of, figure))
+    return figure
+
+
+def _png_of(figure: Figure) -> bytes:
+    """A figure as notebooks ask for it."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png")
+    return image.getvalue()
+
+
+def as_text(name: str) -> str:
+    """A name of the user's as matplotlib shows it letter by letter: no formulas, and not left out of legends."""
+    return f"{' ' if name.startswith('_') else ''}{name}".replace("$", r"\$")
 
 
 def shapes_size(points: np.ndarray, plane: str) -> tuple[float, float]:

@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from .eigen import FAIR, GIVE, GOOD, IDLE, NOISE, Pencil, SingularError, grown, scales, stiffest, upper
+from .eigen import GIVE, IDLE, NOISE, Pencil, SingularError, grown, refined, scales, stiffest, upper
 from .linsolve import SMALL, load_mkl
 from .saddle import Factors
 
 Array = np.ndarray
-REFINEMENTS = 4
 # share of forces along a motion that is round-off
 PUSHED = 1e-9
 
@@ -207,22 +206,8 @@ class Solver:
         return True
 
     def _refined(self, right: Array) -> Array:
-        size = float(np.linalg.norm(right)) or 1.0
-        x = best = self._solve(right)
-        worst = np.inf
-        for _ in range(REFINEMENTS):
-            rest = right - self._matrix @ x
-            left = float(np.linalg.norm(rest)) / size
-            if not left < 0.5 * worst:
-                break
-            worst, best = left, x
-            if left <= GOOD:
-                break
-            x = x + self._solve(rest)
-        if not (self._lenient and np.isfinite(best).all()) and not worst <= FAIR and not self._is_near(right, best):
-            raise SingularError
-        self.residual = worst
-        return best
+        x, self.residual = refined(lambda rest: self._solve(rest[0])[None], self._matrix, right[None], self._lenient)
+        return x[0]
 
     def noise(self, x: Array) -> float:
         """Estimate of what round-off of the matrix makes of a solution [n], next to its size, in scaled unknowns."""
@@ -232,12 +217,6 @@ class Solver:
         signs = 1.0 - 2.0 * (np.arange(whole.size) * 2654435761 >> 16 & 1)
         change = self._solve(NOISE * signs * (abs(self._matrix) @ np.abs(whole)) + 0j)
         return float(np.linalg.norm(change) / (np.linalg.norm(whole) or 1.0))
-
-    def _is_near(self, right: Array, x: Array) -> bool:
-        """Whether the residual is what round-off leaves of large terms."""
-        rest = np.abs(right - self._matrix @ x)
-        size = abs(self._matrix) @ np.abs(x) + np.abs(right)
-        return bool(np.isfinite(x).all() and np.max(rest) <= 1e-12 * np.max(size))
 
     def solve(self, right: Array) -> Array:
         """Of right-hand side [n], complex; without the rows of modes."""

@@ -12,6 +12,7 @@ from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGUL
 from .kernels.work import State
 from .newton import MEANING, Outcome, Stepper
 from .ways import Ways
+from .winches import used_up
 
 Array = np.ndarray
 SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
@@ -51,7 +52,7 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
         sliding = f", sliding {slide:.3g} N" if k < model.n_sliders else ""
         worst += f", {model.constraint_names[k]} (gap {gap:.3g} m{sliding})"
     sizes = [float(x) for x in outcome.sizes if x > 0.0 or x != x]
-    cause, advice = _cause(stepper, outcome)
+    cause, advice = _cause(stepper, outcome, h)
     if not np.isfinite(size) and outcome.status in (SINGULAR, NOT_FINITE):
         cause = (f"on the way the axis was compressed to nothing near {model.node_label(node)}, where strains have no meaning, "
                  "or numbers ran away from there")
@@ -66,8 +67,11 @@ def failure(stepper: Stepper, outcome: Outcome, t: float, step: int, h: float = 
         step=step, time=t, residuals=sizes, worst=worst, state=stepper.copy_state())
 
 
-def _cause(stepper: Stepper, outcome: Outcome) -> tuple[str, str]:
+def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
     """Why a step failed, and what to do."""
+    spent = used_up(stepper.model, stepper.state, h) if outcome.status == SINGULAR else ""
+    if spent:
+        return spent, "End the run before, give more rope, or brake the drum (tension=, inertia=)"
     names, contact = stepper.model.constraint_names, stepper.contact
     others, smaller = "supports, connections or other sliders hold", "Try a smaller step, or step control with tolerance=..."
     if outcome.status == BORDER_SINGULAR:

@@ -7,12 +7,13 @@ K - shift M tell how many eigenvalues lie below a shift (Sylvester), so that non
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .linsolve import SMALL, load_mkl
-from .saddle import Factors, equilibrated
+from .saddle import Factors, equilibrated, signs_between
 
 Array = np.ndarray
 # right-hand sides of a solution
@@ -21,6 +22,12 @@ BLOCK = 4
 CONVERGED = 1e-9
 # relative residual of a solution: wanted, and accepted
 GOOD, FAIR = 1e-13, 1e-6
+# solutions at most, and the residual next to the largest of its terms that is round-off
+REFINEMENTS, ROUND_OFF = 4, 1e-12
+# residual next to the solution of a matrix of size 1 that is round-off of the product
+LAST_BITS = 2.0 * np.finfo(float).eps
+# and residual up to which that is no sign of a matrix that is singular to round-off
+CLEAR = 1e-8
 # shift next to the largest stiffness over mass, where a zero eigenvalue would make the matrix singular
 LEAST_SHIFT = 1e-13
 # eigenvalues that are zero may be so much closer to the shift than the lowest other one; beyond, the shift is moved
@@ -34,8 +41,11 @@ IDLE = 1e-10
 OPEN = 1e-6
 # round-off of x . K x, next to |x| . |K| |x|
 NOISE = 8.0 * np.finfo(float).eps
-# neighbours differ by more than this share where eigenvalues are counted
-DISTINCT = 1e-6
+# neighbours differ by more than this share where eigenvalues are counted; gaps and places in them where that is tried; unknowns
+# up to which it is done by all eigenvalues of a dense matrix where pivots are not certain
+DISTINCT, GAPS, SHARES, DENSE = 1e-6, 3, (0.5, 0.3), 1500
+# growth of the number of Krylov vectors between two looks at what they give
+GROWTH = 1.04
 # what is left of a vector once others are taken out of it, and is round-off
 NOTHING = 1e-12
 TINY = 1e-300
@@ -141,32 +151,44 @@ class Shifted:
         """Solutions of the scaled equations [m, n], refined where that helps."""
         if len(right) < BLOCK:
             return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
-        size = np.linalg.norm(right, axis=1)
-        size[size == 0.0] = 1.0
-        x = self._solve(right)
-        worst = np.inf
-        for _ in range(4):
-            rest = right - (self.matrix @ x.T).T
-            left = float(np.max(np.linalg.norm(rest, axis=1) / size))
-            if not left < 0.5 * worst:
-                break
-            worst, best = left, x
-            if left <= GOOD:
-                break
-            x = x + self._solve(rest)
-        if not worst <= FAIR and not self._is_near(right, x):
-            raise SingularError
-        return best
-
-    def _is_near(self, right: Array, x: Array) -> bool:
-        """Whether the residual is what round-off leaves of large terms."""
-        rest = np.abs(right - (self.matrix @ x.T).T)
-        size = (abs(self.matrix) @ np.abs(x).T).T + np.abs(right)
-        return bool(np.isfinite(x).all() and np.max(rest) <= 1e-12 * np.max(size))
+        return refined(self._solve, self.matrix, right, to_last_bits=False)[0]
 
     def solve(self, right: Array) -> Array:
         """Of K - shift M for right-hand sides [n, m]."""
         return (self._refined(np.ascontiguousarray((self.scale[:, None] * right).T)) * self.scale).T
+
+
+def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient: bool = False,
+            to_last_bits: bool = True) -> tuple[Array, float]:
+    """Solutions of matrix x = b for rows b of `right` [m, n], real or complex, refined where that helps, and the largest residual
+    next to its b; lenient: it is not looked at; to_last_bits: also where the residual is round-off of the product.
+
+    Raises
+    ------
+    SingularError
+        The residual is neither small nor what round-off leaves of large terms.
+    """
+    size = np.linalg.norm(right, axis=1)
+    size[size == 0.0] = 1.0
+    x = best = solve(right)
+    worst = np.inf
+    for _ in range(REFINEMENTS):
+        rest = right - (matrix @ x.T).T
+        left = float(np.max(np.linalg.norm(rest, axis=1) / size))
+        if not left < 0.5 * worst:
+            break
+        worst, best = left, x
+        # of a matrix whose largest entries are 1
+        if left <= GOOD or not to_last_bits and left <= CLEAR and np.all(
+                np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
+            break
+        x = x + solve(rest)
+    if lenient and np.isfinite(best).all() or worst <= FAIR:
+        return best, worst
+    terms = (abs(matrix) @ np.abs(best).T).T + np.abs(right)
+    if np.isfinite(best).all() and np.max(np.abs(right - (matrix @ best.T).T)) <= ROUND_OFF * np.max(terms):
+        return best, worst
+    raise SingularError
 
 
 def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
@@ -185,7 +207,7 @@ def lowest(pencil: Pencil, n: int, backend: str = "auto") -> Eigen:
             break
         shift = better
     found = _with_noise(pencil, factors, values, vectors)
-    return found._replace(is_complete=found.values.size < n or _counted(found, backend))
+    return found._replace(is_complete=True) if found.values.size < n else _confirmed(found, n, backend)
 
 
 def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, float | None]:
@@ -206,9 +228,10 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         return x
 
     most = min(k, 12 * n + 200)
-    basis = np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F")
+    # and its products with the masses
+    basis, weighed = (np.zeros((k, min(most, 4 * n + 40) + 2 * BLOCK), order="F") for _ in range(2))
     h = np.zeros((basis.shape[1],) * 2)
-    m = 0
+    m, look = 0, min(n, most)
     first = applied(mass @ draw.standard_normal((k, BLOCK)))
     block, _ = _orthonormal(first, _sizes(first, mass), basis[:, :0], mass)
     values, y = np.zeros(0, complex), np.zeros((0, 0))
@@ -216,22 +239,25 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
         b = block.shape[1]
         if m + 2 * b > basis.shape[1]:
             more = min(basis.shape[1], max(most + 2 * BLOCK - basis.shape[1], 2 * BLOCK))
-            basis = np.asfortranarray(np.pad(basis, ((0, 0), (0, more))))
+            basis, weighed = (np.asfortranarray(np.pad(x, ((0, 0), (0, more)))) for x in (basis, weighed))
             h = np.pad(h, (0, more))
         basis[:, m:m + b] = block
-        known = basis[:, :m + b]
-        image = applied(mass @ block)
+        weighed[:, m:m + b] = mass @ block
+        known, against = basis[:, :m + b], weighed[:, :m + b]
+        image = applied(weighed[:, m:m + b])
         sizes = _sizes(image, mass)
         for _ in range(2):
-            part = known.T @ (mass @ image)
+            part = against.T @ image
             image -= known @ part
             h[:m + b, m:m + b] += part
         m += b
         block, rest = _orthonormal(image, sizes, known, mass)
         if rest.size:
             h[m:m + len(rest), m - b:m] = rest
-        if m < min(n, most) and block.shape[1]:
+        if m < look and m < most and block.shape[1]:
             continue
+        # all of a small matrix each time would take longer than what it is for
+        look = int(GROWTH * m)
         values, y = _ritz(h[:m, :m], pencil.is_symmetric)
         error = np.linalg.norm(rest @ y[m - b:], axis=0) if rest.size else np.zeros(m)
         good = error <= CONVERGED * np.abs(values)
@@ -245,7 +271,7 @@ def _krylov(factors: Shifted, n: int, may_move: bool) -> tuple[Array, Array, flo
             block = applied(mass @ draw.standard_normal((k, BLOCK)))
             sizes = _sizes(block, mass)
             for _ in range(2):
-                block -= known @ (known.T @ (mass @ block))
+                block -= known @ (against.T @ block)
             block, _ = _orthonormal(block, sizes, known, mass)
     if not m:
         return np.zeros(0), np.zeros((k, 0)), None
@@ -376,23 +402,57 @@ def _others(values: Array) -> Array:
     return np.flatnonzero(np.imag(values) < 0.0)
 
 
-def _counted(found: Eigen, backend: str) -> bool:
-    """Whether the number of eigenvalues below a shift behind the last ones is that of those that were found."""
-    values = np.real(found.values)
+def _confirmed(found: Eigen, n: int, backend: str) -> Eigen:
+    """The same with the number of eigenvalues below a shift in a gap, behind the last ones, compared with that of those that were
+    found; where some are missing they are looked for from there, as many as there are."""
     pencil = found.factors.pencil
-    if not pencil.is_symmetric or values.size < 2:
-        return False
+    if not pencil.is_symmetric or found.values.size < 2:
+        return found
+    still = pencil.still.shape[1]
+    for last, shift in _gaps(found):
+        try:
+            between = Shifted(pencil, shift, backend)
+        except SingularError:
+            continue
+        if between.below is None:
+            between.below = _below(pencil, shift)
+        if between.below is None:
+            continue
+        between.below -= still * (shift > 0.0)
+        if between.below == last + 1:
+            return found._replace(is_complete=True)
+        try:
+            values, vectors, _ = _krylov(between, max(n, between.below), False)
+        except SingularError:
+            continue
+        again = _with_noise(pencil, between, values, vectors)
+        if np.sum(again.values < shift) == between.below:
+            return again._replace(values=again.values[:n], vectors=again.vectors[:, :n], noise=again.noise[:n], is_complete=True)
+    return found
+
+
+def _gaps(found: Eigen) -> list[tuple[int, float]]:
+    """Places of shifts between the last eigenvalues, those of clear gaps, and the numbers of the eigenvalues before them."""
+    values = np.real(found.values)
     size = np.maximum(np.abs(values), np.maximum(found.noise, abs(found.factors.shift)))
-    gaps = np.flatnonzero(np.diff(values) > DISTINCT * size[1:] + 2.0 * found.noise[1:])
-    if not gaps.size:
-        return False
-    last = int(gaps[-1])
-    shift = 0.5 * float(values[last] + values[last + 1])
-    try:
-        between = Shifted(pencil, shift, backend)
-    except SingularError:
-        return False
-    return between.below == last + 1 + (pencil.still.shape[1] if shift > 0.0 else 0)
+    gaps = np.flatnonzero(np.diff(values) > DISTINCT * size[1:] + 2.0 * found.noise[1:])[::-1][:GAPS]
+    return [(int(k), float((1.0 - share) * values[k] + share * values[k + 1])) for share in SHARES for k in gaps]
+
+
+def _below(pencil: Pencil, shift: float) -> int | None:
+    """The number of eigenvalues below a shift where PARDISO cannot count its pivots; None where this cannot either."""
+    n = pencil.multiplier.size
+    matrix = (pencil.stiffness - shift * grown(pencil.mass, n)).tocsr()
+    scale = scales(matrix, True)
+    matrix = (matrix.multiply(scale[:, None]).multiply(scale)).tocsr()
+    if n <= DENSE:
+        # dependent constraints and idle coordinates are zeros
+        values = np.linalg.eigvalsh(matrix.toarray())
+        zero = np.abs(values) <= NOTHING
+        rows = matrix[pencil.multiplier][:, ~pencil.multiplier].toarray()
+        return int(np.sum((values < 0.0) & ~zero)) - (int(np.linalg.matrix_rank(rows, NOTHING)) if rows.size else 0)
+    found = signs_between(matrix, pencil.multiplier)
+    return None if found is None or found[1] else found[0]
 
 
 def stiffest(pencil: Pencil) -> float:

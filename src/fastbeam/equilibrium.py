@@ -11,7 +11,7 @@ from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.work import State
 from .model import Model
 from .newton import Stepper
-from .static_motion import StaticMotion, assemble_moved
+from .static_motion import StaticMotion, StaticShift, assemble_moved
 
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
@@ -35,7 +35,7 @@ class StaticSolver:
         self.longest = 0
         self.interrupts = Interrupts()
         # supports on their way to where they are at the time of the loads
-        self.motion: StaticMotion | None = None
+        self.motion: StaticMotion | StaticShift | None = None
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 

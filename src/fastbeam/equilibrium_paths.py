@@ -6,24 +6,31 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arc_length import Direction, PathSolver, root
-from .arguments import Anything, Count, Number, Refusal, Word, checked, shown, whole
+from .arguments import Anything, Count, Number, Refusal, Vector, Word, checked, shown, take, whole
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .kernels.work import State
 from .linsolve import check_backend
-from .load_times import load_path, which_times
+from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
-from .observe import POINTS, Observer
+from .observe import OBSERVED, POINTS, Observer
 from .progress import Progress
+from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene.checks import Place
 from .starting import check_start
-from .statics import START, check_slider_forces, held_sliders, which_sliders
-from .supports import check_supports
+from .static_motion import StaticShift
+from .statics import RECORDED, START, check_slider_forces, held_sliders, which_sliders
+from .supports import check_supports, standing_supports, supported
+from .winches import refuse_winches
 
 Array = np.ndarray
+Support = Clamp | Pin | PrescribedMotion | NodeRef | PointMass | RigidBody
 # steps in which the path turns by more (cosine) are halved
 LEAST_COSINE = 0.9
 # iterations up to which steps grow, and by how much
@@ -51,13 +58,15 @@ def which_branch(value: Any) -> int:
 
 
 @checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
-         most_points=Count(most=1_000_000), at_time=which_times, points=POINTS, held=which_sliders,
-         max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch)
+         most_points=Count(most=1_000_000), at_time=which_times, points=POINTS, observe=OBSERVED, held=which_sliders,
+         max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch, branch=Count(0),
+         moves=Anything())
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
                largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500,
                at_time: float | tuple[float, float] | None = None,
-               points: Mapping[str, Any] | None = None, held: bool | str | Sequence[str] = False, max_iterations: int = 15,
-               backend: str = "auto", stop_at: str | None = None, side: int | None = None) -> Result:
+               points: Mapping[str, Place] | None = None, observe: Sequence[str] = (), held: bool | str | Sequence[str] = False,
+               max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
+               branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
     length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 
@@ -82,6 +91,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         other. `start` is then an equilibrium under the first loads, `solve_static(model, at_time=...)`.
     points : mapping
         As in `simulate`.
+    observe : sequence of str
+        Besides what sliders do, of 'energy', 'spring', 'section' and 'reaction', as in `solve_static`.
     held : bool, str or sequence of str
         Sliders that stay where they are, as in `solve_static`. Those that are free need a start in which their contact carries
         a force.
@@ -92,13 +103,22 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         End at the first critical point of this kind.
     side : {1, -1}, optional
         Leave the start, a bifurcation (`stop_at`), on the other path that goes through it, to this side.
+    branch : int, optional
+        The same where several directions lead away, from 0: number of one of `info["critical_points"][-1]["branches"]`; of a
+        simple bifurcation 0 is side 1 and 1 is side -1.
+    moves : mapping, optional
+        Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by
+        which they are shifted from the start, straight, without turning, times the load factor less that of the start. Loads and
+        gravity stay as they are, in full, but for those with time functions between two times.
 
     Returns
     -------
     Result
         Rows are equilibria along the path, `result.t` its length; `series["load_factor"]`, `series["unstable_directions"]` (NaN
         where moments leave the number open). Critical points are rows, too; `info["critical_points"]` lists them: kind ("limit"
-        or "bifurcation"), load_factor, length, row.
+        or "bifurcation"), load_factor, length, row; of the bifurcation that stop_at= ends at also multiplicity, branches
+        (directions that lead away, as components along the vectors that vanish together) and continuum (whether they are two
+        opposite ones of a continuum, as of a column that may bend to all sides).
 
     Raises
     ------
@@ -112,6 +132,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     check_model("solve_path", model)
     stays = held_sliders(model, held)
     check_slider_forces("solve_path", model, stays)
+    refuse_winches("solve_path", model)
     if model.user_forces:
         raise SceneError(f"solve_path: user force {model.user_forces[0]!r} is no load that grows by one factor; use "
                          "solve_static, which scales it, or leave it out")
@@ -122,14 +143,25 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                          f"{largest_step:g}")
     if to == load_factor:
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
-    if not model.loads.shape[0] or not np.any(model.loads):
-        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity")
-    factors = load_path("solve_path", model, at_time)
-    if start is None and np.any(factors[0]):
+    if moves is None and (not model.loads.shape[0] or not np.any(model.loads)):
+        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, or move "
+                         "supports, moves={clamp: (0, 0, -0.1)}")
+    shifts = {} if moves is None else _shifts(model, moves)
+    if moves is None or isinstance(at_time, tuple):
+        factors = load_path("solve_path", model, at_time)
+    else:
+        stay = load_factors_at("solve_path", model, at_time)
+        factors = stay, np.zeros_like(stay)
+    if start is None and np.any(factors[0]) and np.any(model.loads):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
     if start is not None:
         start, _ = check_start(model, start, 1.0, at_rest=True)
+    if branch is not None and side is not None:
+        raise SceneError("branch: give side= or branch=, not both")
+    if branch is not None and start is None:
+        raise SceneError("branch: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
+                         "load_factor=")
     if side is not None and start is None:
         raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                          "load_factor=")
@@ -138,18 +170,45 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if model.motions is not None:
         for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
             model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
-    return _Path(model, solver, points, step, largest_step, smallest_step, most_points).to(to, stop_at, side)
+    if shifts:
+        solver.motion = StaticShift(solver.stepper.model, shifts, solver.state.q, load_factor)
+    path = _Path(model, solver, points, step, largest_step, smallest_step, most_points, observe)
+    return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
+
+
+def _shifts(model: Model, moves: Any) -> dict[int, Array]:
+    """Displacements of nodes that supports hold.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not isinstance(moves, Mapping) or not moves:
+        raise SceneError("solve_path, moves: must be a mapping {support or its node: displacement (3,) in m}, got "
+                         f"{shown(moves)}")
+    held, out = standing_supports(model), {}
+    for what, value in moves.items():
+        vector = take(Vector, f"solve_path, moves: displacement of {shown(what)}", value)
+        axes = int(np.sum(np.array([1, 2, 4])[vector != 0.0]))
+        if axes:
+            out[supported("solve_path: moves=", model, what, held, axes)] = vector
+    if not out:
+        raise SceneError("solve_path, moves: all displacements are zero, got " + shown(moves))
+    return out
 
 
 class _Path:
     """Goes along, and keeps rows."""
 
-    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Any] | None, step: float, largest: float,
-                 smallest: float, most: int) -> None:
+    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
+                 smallest: float, most: int, observe: Sequence[str] = ()) -> None:
+        Observer(model, observe, points)  # refuses what does not exist
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
+        self.first_step = step
         self.resolution = Resolution(model)
-        self.observer = Observer(model, ("slider",), points)
+        self.observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+        self.reactions = StaticReactions(solver) if self.observer.reactions else None
         self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
                                      "counted_in": "space" if solver.stepper.plane is None else "plane"}
         header = self.observer.header(self.info)
@@ -163,8 +222,9 @@ class _Path:
         state = self.solver.state
         row = {**self.observer.row(0.0, state), "iterations": iterations, "step_size": size,
                "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
-        if self.model.n_sliders:
-            self.observer.add_forces(row, state.force)
+        if self.observer.needs_forces:
+            found = self.reactions.at(self.solver.load_factors) if self.reactions else ()
+            self.observer.add_forces(row, np.concatenate((state.force, found)))
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)
         self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
@@ -181,8 +241,8 @@ class _Path:
         result.state = State(*(x.copy() for x in self.solver.state))
         return result
 
-    def to(self, to: float, stop_at: str | None, side: int | None) -> Result:
-        """Until this load factor, or a critical point of this kind; side: of the bifurcation that it begins at.
+    def to(self, to: float, stop_at: str | None, branch: int | None) -> Result:
+        """Until this load factor, or a critical point of this kind; branch: of the bifurcation that it begins at.
 
         Raises
         ------
@@ -191,7 +251,7 @@ class _Path:
         bar = Progress(float(self.most), f"{self.model.scene_name}: path")
         try:
             with Interrupts() as self.solver.interrupts:
-                self._go(to, stop_at, side, bar)
+                self._go(to, stop_at, branch, bar)
         except KeyboardInterrupt as stopped:
             bar.close()
             result = self.finish()
@@ -200,9 +260,9 @@ class _Path:
         bar.close()
         return self.finish()
 
-    def _go(self, to: float, stop_at: str | None, side: int | None, bar: Progress) -> None:
+    def _go(self, to: float, stop_at: str | None, branch: int | None, bar: Progress) -> None:
         solver = self.solver
-        along = self._first(to) if side is None else self._off(side)
+        along = self._first(to) if branch is None else self._off(branch)
         unstable, sign = solver.unstable(), np.sign(along.factor)
         self.record(0, 0.0, unstable)
         first = solver.saved()
@@ -224,7 +284,7 @@ class _Path:
                                    "text": f"the path is back at its start, load factor {solver.factor:.6g}"})
                 return
             found = None
-            if self.rows == 1 and side is not None:
+            if self.rows == 1 and branch is not None:
                 # what changes on the way off is no event
                 sign = np.sign(after.factor)
             elif after.factor * sign < 0.0:
@@ -250,6 +310,7 @@ class _Path:
             self.record(iterations, size, counted)
             bar.update(1.0)
             if found is not None and self.info["critical_points"][-1]["kind"] == stop_at:
+                self._list_branches(min(counted or 0, unstable or 0))
                 return
             along, unstable = after, counted
             self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
@@ -267,7 +328,7 @@ class _Path:
         solver = self.solver
         # from what may not quite be an equilibrium
         sign = 1.0 if to > solver.factor else -1.0
-        at = Direction(np.zeros_like(solver._weight), 1.0)
+        at = Direction(np.zeros_like(solver.weight), 1.0)
         good = solver.go(at, 0.0, solver.factor)
         along = solver.direction(None, sign) if good else None
         if along is None:
@@ -277,18 +338,32 @@ class _Path:
                                    state=solver.state, result=self.finish())
         return along
 
-    def _off(self, side: int) -> Direction:
-        """The first direction on the other path through a bifurcation.
+    def _off(self, branch: int) -> Direction:
+        """The first direction on another path through a bifurcation.
 
         Raises
         ------
-        ConvergenceError
+        SceneError, ConvergenceError
         """
-        off = self.solver.critical_direction(self.solver.unstable() or 0)
-        if off is None:
+        found, _ = self.solver.branches(self.solver.unstable() or 0, self.step)
+        if not found:
             raise ConvergenceError("solve_path: no direction was found in which a path branches off the start",
                                    state=self.solver.state, result=self.finish())
-        return Direction(side * off.x, 0.0)
+        if branch >= len(found):
+            raise SceneError(f"branch: {branch} does not exist, {len(found)} directions lead away from the start, counted from 0")
+        return found[branch]
+
+    def _list_branches(self, k: int) -> None:
+        """What is known of the directions that lead away from the last critical point, at which the eigenvalue of number k
+        vanishes."""
+        point = self.info["critical_points"][-1]
+        if point["kind"] != "bifurcation":
+            return
+        found, is_continuum = self.solver.branches(k, self.first_step)
+        vectors = self.solver.critical_directions(k)
+        if vectors is not None:
+            parts = [vectors.T @ (self.solver.weight * way.x) for way in found]
+            point |= {"multiplicity": vectors.shape[1], "branches": [part.tolist() for part in parts], "continuum": is_continuum}
 
     def _direction(self, along: Direction) -> Direction:
         """At the present equilibrium; the last one where there is none, as where paths cross."""

@@ -1,7 +1,12 @@
 """The errors that fastbeam raises. Each message names the object, the value, the allowed range and the next step."""
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .checkpoint import Checkpoint
+    from .kernels.work import State
+    from .result import Result
 
 
 class SceneError(ValueError):
@@ -28,7 +33,7 @@ class ConvergenceError(RuntimeError):
     """
 
     def __init__(self, message: str, *, step: int = 0, time: float = 0.0, residuals: list[float] | None = None,
-                 worst: str = "", state: Any = None, result: Any = None) -> None:
+                 worst: str = "", state: State | None = None, result: Result | None = None) -> None:
         super().__init__(message)
         self.step, self.time, self.residuals = step, time, list(residuals or [])
         self.worst, self.state, self.result = worst, state, result
@@ -47,7 +52,8 @@ class Interrupted(KeyboardInterrupt):
         Of a run in time: the last state with everything to go on bit for bit.
     """
 
-    def __init__(self, message: str = "", *, result: Any = None, state: Any = None, checkpoint: Any = None) -> None:
+    def __init__(self, message: str = "", *, result: Result | None = None, state: State | None = None,
+                 checkpoint: Checkpoint | None = None) -> None:
         super().__init__(message)
         self.result, self.state, self.checkpoint = result, state, checkpoint
 
@@ -66,4 +72,4 @@ class ResultFileError(ValueError):
         `.checkpoint` to go on from.
     """
 
-    result: Any = None
+    result: Result | None = None

@@ -15,6 +15,7 @@ from .errors import BackendError
 from .readings import ROWS, SECTION
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
     from .checkpoint import Checkpoint
     from .kernels.work import State
     from .resultants import SectionForces
@@ -80,7 +81,7 @@ class Exports:
         return html_of(self)
 
     @checked()
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> DataFrame:
         """All series as a pandas DataFrame, with the rows of the result; the index is the time, s (statics: the load factor).
 
         Columns are named after series, names and components: 'total', 'lin_mom.x', 's_slide[ring]', 'contact_force[ring].x',

@@ -1,13 +1,16 @@
 """Shapes of cable nets from the ratios of force to length of their cables (theory.md 16)."""
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import Anything, Numbers, checked, numbers, shown
 from .errors import SceneError
 from .saddle import Saddle
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 POINTS = Numbers((None, 3), "finite positions of shape [n, 3], m")
@@ -17,7 +20,8 @@ BALANCED = 1e-9
 
 
 @checked(nodes=POINTS, edges=Anything(), densities=Anything(), pins=Anything(), loads=FORCES)
-def force_density(nodes: Any, edges: Any, densities: Any, pins: Any, loads: Any = None) -> Array:
+def force_density(nodes: ArrayLike, edges: ArrayLike, densities: ArrayLike, pins: ArrayLike,
+                  loads: ArrayLike | None = None) -> Array:
     """Positions of the nodes of a net in equilibrium, where every cable has a given force per length.
 
     Parameters

@@ -2,25 +2,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .arguments import Anything, Flag, Listing, Number, Numbers, Word, checked, real, shown, take
 from .dynamic_stiffness import PUSHED, DynamicStiffness, with_still
-from .eigen import Eigen, Pencil, SingularError
+from .eigen import Eigen, Pencil, Shifted, SingularError
 from .errors import ConvergenceError, SceneError
 from .kernels.work import State
-from .linearised import Linearisation, standing_supports
+from .linearised import Linearisation
 from .model import Model
 from .observe import POINTS, place_of
 from .responses import FrequencyResponse
 from .scene import Clamp, DistributedLoad, Load, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene.checks import Place
 from .statics import START, which_sliders
+from .supports import standing_supports, supported
 from .unpacked import distributed
 from .vibration import equilibrium_of, linearised_at
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 Array = np.ndarray
+# loads or their names; supports, or what they hold
+ALoad = str | Load | DistributedLoad
+Loads = ALoad | Sequence[ALoad] | Mapping[ALoad, complex] | Mapping[str, complex]
+Support = Clamp | Pin | PrescribedMotion | NodeRef | RigidBody | PointMass
 MOST_FREQUENCIES = 1_000_000
 # modes up to this many times the largest frequency get the damping ratio
 UP_TO = 2.0
@@ -47,8 +56,9 @@ class Excitation(NamedTuple):
 @checked(model=Anything(), frequencies=Numbers((None,), "finite frequencies in Hz, of shape [f]"), state=START, loads=Anything(),
          base=Anything(), damping_ratio=Number(least=0.0, most=10.0), loss_factor=Number(least=0.0, most=10.0), points=POINTS,
          load_factor=Number(), at_time=Number(unit="s"), held=which_sliders, planar=Flag(), shapes=Flag(), backend=Word())
-def frequency_response(model: Model, frequencies: Any, *, state: State | None = None, loads: Any = None, base: Any = None,
-                       damping_ratio: float = 0.0, loss_factor: float = 0.0, points: Mapping[str, Any] | None = None,
+def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | None = None, loads: Loads | None = None,
+                       base: ArrayLike | Mapping[Support, ArrayLike] | None = None,
+                       damping_ratio: float = 0.0, loss_factor: float = 0.0, points: Mapping[str, Place] | None = None,
                        load_factor: float = 1.0, at_time: float | None = None, held: bool | str | Sequence[str] = False,
                        planar: bool | None = None, shapes: bool = False, backend: str = "auto") -> FrequencyResponse:
     """Steady vibrations about an equilibrium under harmonic loads or motions of supports, at each frequency from the equations
@@ -130,8 +140,8 @@ def frequency_response(model: Model, frequencies: Any, *, state: State | None = 
 class _Response:
     """One excitation of one linearised scene."""
 
-    def __init__(self, model: Model, about: Linearisation, excitation: Excitation, found: Eigen, places: dict[str, Any],
-                 shapes: bool) -> None:
+    def __init__(self, model: Model, about: Linearisation, excitation: Excitation, found: Eigen,
+                 places: dict[str, tuple[Array, Array]], shapes: bool) -> None:
         self.model, self.about, self.excitation, self.places, self.shapes = model, about, excitation, places, shapes
         self.found = found
 
@@ -230,7 +240,14 @@ def _ratios(about: Linearisation, settled: Linearisation, found: Eigen, ratio: f
         raise SceneError("frequency_response: damping_ratio= needs independent modes, which moments that are fixed in space do "
                          "not "
                          "leave; use damping= of sections, or loss_factor=")
+    # how many there are, by one factorisation
     n = 20
+    try:
+        counted = Shifted(found.factors.pencil, highest**2, backend).below
+    except SingularError:
+        counted = None
+    if counted is not None:
+        n = min(max(counted - found.factors.pencil.still.shape[1], 0) + 1, MOST_MODES)
     while True:
         found = equilibrium_of("frequency_response", about, n, backend, None)
         w = np.sqrt(np.maximum(np.real(found.values), 0.0))
@@ -265,7 +282,7 @@ def _no_answer(model: Model, frequency: float, sensitivity: float, uncertainty: 
 
 
 # --- what excites -----------------------------------------------------------------------------------------------------------
-def _excitation(model: Model, about: Linearisation, loads: Any, vectors: dict[int, Array]) -> Excitation:
+def _excitation(model: Model, about: Linearisation, loads: Loads | None, vectors: dict[int, Array]) -> Excitation:
     """Amplitudes on the unknowns.
 
     Raises
@@ -309,7 +326,7 @@ def _excitation(model: Model, about: Linearisation, loads: Any, vectors: dict[in
     return Excitation(forces, np.zeros(0, np.int64), np.zeros(0, complex), ", ".join(texts))
 
 
-def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, complex]]:
+def _loads(model: Model, loads: Loads | None) -> list[tuple[Load | DistributedLoad, complex]]:
     """Loads with their factors.
 
     Raises
@@ -336,7 +353,7 @@ def _loads(model: Model, loads: Any) -> list[tuple[Load | DistributedLoad, compl
     return out
 
 
-def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
+def _base(model: Model, base: ArrayLike | Mapping[Support, ArrayLike] | None) -> tuple[Array | None, dict[int, Array]]:
     """Bits of the unknowns of nodes that move, as `Linearisation` takes them, and displacements of nodes.
 
     Raises
@@ -351,7 +368,7 @@ def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
         if not base:
             raise SceneError("frequency_response: base= names no support")
         for what, value in base.items():
-            node = _supported(model, what, held)
+            node = supported("frequency_response: base=", model, what, held)
             vectors[node] = _vector(f"base= of {shown(what)}", value)
     else:
         vector = _vector("base=", base)
@@ -366,29 +383,6 @@ def _base(model: Model, base: Any) -> tuple[Array | None, dict[int, Array]]:
                              "position")
     moved[list(vectors)] = 7
     return moved, vectors
-
-
-def _supported(model: Model, what: Any, held: Array) -> int:
-    """Number of a node whose position a support holds.
-
-    Raises
-    ------
-    SceneError
-    """
-    at = what.at if isinstance(what, (Clamp, Pin, PrescribedMotion)) else what
-    at = at.center if isinstance(at, (RigidBody, PointMass)) else at
-    if not isinstance(at, NodeRef):
-        raise SceneError(f"frequency_response: base= maps supports (Clamp, Pin, PrescribedMotion) or their nodes to motions, got "
-                         f"{shown(what)}")
-    try:
-        node = int(model.numbers.number(at))
-    except KeyError:
-        raise SceneError(f"frequency_response: base= of {at.label}: it is not in scene {model.scene_name!r}") from None
-    same = np.flatnonzero((model.pattern.row_of == model.pattern.row_of[node]) & (held & 7 == 7))
-    if not same.size:
-        raise SceneError(f"frequency_response: base= of {at.label}: no support holds its own position; name the node that is "
-                         "clamped or pinned")
-    return int(same[0])
 
 
 def _vector(who: str, value: Any) -> Array:

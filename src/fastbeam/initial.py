@@ -56,6 +56,8 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
             if not scene.project_velocities:
                 raise SceneError(f"{text}: the initial velocities violate it by {size:.6g} m/s; make them consistent, or have "
                                  "them projected (smallest change in the mass norm) with Scene(..., project_velocities=True)")
+            if scene.winches:
+                raise SceneError(f"{text}: project_velocities does not know winches; give velocities that agree")
             given = v, omega
             v, omega, energies = project(scene, nodes, joints, elements, v, omega, lines, kept, held, moving)
             size, text = max(_mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving))
@@ -197,6 +199,11 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
         tangents = [slopes @ nodes.phi[number] for number, _, slopes, _ in sides]
         rates = np.linalg.lstsq(np.stack((tangents[0], -tangents[1]), axis=1), moving[1] - moving[0], rcond=None)[0]
         v[sides[0][3]] = 0.5 * (moving[0] + moving[1] + rates[0] * tangents[0] + rates[1] * tangents[1])
+    for winch in scene.winches:
+        # points of a rope move as its ends do
+        ends = v[[nodes.number(winch.drum), nodes.number(winch.load)]]
+        share = (np.arange(1, winch.segments) / winch.segments)[:, None]
+        v[[nodes.start(point) for point in winch.points]] = (1.0 - share) * ends[0] + share * ends[1]
 
 
 def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:

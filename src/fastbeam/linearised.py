@@ -18,10 +18,13 @@ from .model import Model
 from .newton import Stepper
 from .starting import mended, turned
 from .static_contact import SaddleMatrix, StaticContacts
+from .steady import Spin, SteadyForces, Travel
 
 Array = np.ndarray
 # skew part of the scaled stiffness that is no round-off
 SKEW = 1e-8
+# share of the kinetic energy that displacements across an axis have as round-off
+NOT_ACROSS = 1e-9
 
 
 class Linearisation:
@@ -40,6 +43,8 @@ class Linearisation:
         Motions in the plane of the scene alone.
     moved : int64 [N], optional
         Bits of unknowns of nodes that supports hold and that move here, 7 for positions, 56 for spins.
+    steady : (str, Spin or Travel), optional
+        The function that was called, and the steady motion that it is in equilibrium in.
 
     Attributes
     ----------
@@ -51,7 +56,7 @@ class Linearisation:
     """
 
     def __init__(self, model: Model, state: State | None, sliding: Array, factors: Array, flat: bool,
-                 moved: Array | None = None) -> None:
+                 moved: Array | None = None, steady: tuple[str, Spin | Travel] | None = None) -> None:
         assert model.uneliminated is not None
         self.model = model
         # spins that statics may hold are motions here
@@ -65,12 +70,15 @@ class Linearisation:
         self.contacts = StaticContacts(own, None if plane is None else plane.axes)
         self.free = np.flatnonzero(self.contacts.free(self.size))
         self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
-        inertia = mass_map(own)
+        self._inertia = inertia = mass_map(own)
         self.mass = (self.lift.T @ (inertia @ self.lift)).tocsr()
         self._shift_mass = self.lift.T @ inertia
         self.loads = np.zeros_like(self.stepper.work.f_ext)
         if self.core.loads.shape[0]:
             kernels.external_forces(self.core.loads, factors, self.loads)
+        self.steady = None
+        if steady is not None:
+            self.steady = SteadyForces(steady[0], own, steady[1], self.contacts, self.size)
         self._saddle = None
         if own.n_constraints:
             self._saddle = SaddleMatrix(self.core.pattern, self.size, self.core.n_sliders, self.core.n_forces)
@@ -91,6 +99,8 @@ class Linearisation:
             weights = self.contacts.weights(state.s)
             border = self.contacts.border(weights, self.q.reshape(-1), state.force)
             work.f_ext[:] += self.contacts.loads(weights, self.q.reshape(-1), state.force)
+        if self.steady is not None:
+            work.f_ext[:] += self.steady.loads(self.q)
         stepper.parts.start(0.0)
         stepper.parts.assemble(0.0)
         right = -work.r[:8 * n].reshape(n, 8)[:, :self.size].reshape(-1)[self.free]
@@ -103,6 +113,10 @@ class Linearisation:
             keep = np.concatenate((self.free, np.arange(self._saddle.nodes, self._saddle.n)))
             slope = np.where(self.sliding, -border.sliding, 0.0)
             right = np.concatenate((right, slope, border.gap.reshape(-1), border.joint_gap))
+        if self.steady is not None:
+            more = self.steady.stiffness(self.q)
+            more.resize(matrix.shape)
+            matrix = matrix + more
         matrix = matrix[keep][:, keep]
         multiplier = np.arange(keep.size) >= self.free.size + core.n_sliders
         skew = (matrix - matrix.T).tocoo()
@@ -164,9 +178,20 @@ class Linearisation:
         """
         return self._on_unknowns(damping_map(self.own, self.q, *self.stepper.law_work[:2].tolist()))
 
+    def coriolis(self) -> Any:
+        """Forces of the steady motion against velocities, sparse [k, k], skew."""
+        assert self.steady is not None
+        return self._on_unknowns(self.steady.field.coriolis)
+
     def material(self) -> Any:
         """Stiffness of the material of beams alone, sparse [k, k]."""
         return self._on_unknowns(material_map(self.own, self.q))
+
+    @property
+    def load_size(self) -> float:
+        """Of all loads and forces of inertia, N."""
+        return float(np.linalg.norm(self.loads)) + (0.0 if self.steady is None else float(np.linalg.norm(
+            self.steady.loads(self.q))))
 
     def _on_unknowns(self, matrix: Any) -> Any:
         return (self.lift.T @ (matrix @ self.lift)).tocsr()
@@ -208,6 +233,48 @@ class Linearisation:
         state = State(q.reshape(-1), follow(self.model, v).reshape(-1), start.s + slide, start.force.copy(), fresh.history)
         return mended(self.model, state)
 
+    def in_motion(self, displacement: Array, velocity: Array, turning: Array) -> tuple[Array, Array]:
+        """Velocities and spins [N, 3] in space of those in the frame of the steady motion, of nodes moved by so much.
+
+        Raises
+        ------
+        SceneError
+            Beams travel.
+        """
+        assert self.steady is not None
+        motion = self.steady.motion
+        if not isinstance(motion, Spin):
+            raise SceneError(f"state: in {motion!r} nodes stand still while material passes, which no run begins with; follow "
+                             "the mode by its rate")
+        turn = motion.rate * motion.axis
+        return velocity + np.cross(turn, self.q[:, 0] + displacement - motion.point), turning + turn
+
+    def whirl(self, vectors: Array) -> Array:
+        """Of complex motions [k, m] about a spin: kinetic energy of displacements that circle forward less that of those that
+        circle backward, as a share of those across the axis [m]; of spins where these are all; 0 of beams that travel."""
+        assert self.steady is not None
+        motion = self.steady.motion
+        if not isinstance(motion, Spin):
+            return np.zeros(vectors.shape[1])
+        one = np.cross(motion.axis, np.eye(3)[np.argmin(np.abs(motion.axis))])
+        one /= np.linalg.norm(one)
+        two = np.cross(motion.axis, one)
+        out = []
+        for x in vectors.T:
+            rates = (self.lift @ x).reshape(-1, 4, 3)
+            product = (self._inertia @ rates.reshape(-1)).reshape(-1, 4, 3)[:, 0]
+            moves = rates[:, 0]
+            along = np.sum((moves @ motion.axis).conj() * (product @ motion.axis))
+            across = float(np.real(np.sum(moves.conj() * product) - along))
+            if across <= NOT_ACROSS * float(np.real(np.vdot(rates, self._inertia @ rates.reshape(-1)))):
+                moves = product = 0.5 * np.cross(self.q[:, 1:], rates[:, 1:]).sum(axis=1)
+                across = float(np.linalg.norm(moves @ one)**2 + np.linalg.norm(moves @ two)**2)
+                across *= across > NOT_ACROSS * float(np.linalg.norm(moves))**2
+            # twice the imaginary part of conj(b) a, b ahead of a by a quarter of a turn
+            turning = 2.0 * float(np.imag(np.sum((moves @ two).conj() * (product @ one))))
+            out.append(turning / across if across > 0.0 else 0.0)
+        return np.array(out)
+
     # --- what is said about a state ---------------------------------------------------------------------------------------
     def sizes(self, change: Array) -> Array:
         """Of changes of the unknowns [k], in sizes of the scene and rad."""
@@ -222,16 +289,6 @@ class Linearisation:
     def round_off(self, pencil: Pencil) -> float:
         """Force, N, that round-off of coordinates makes of the stiffness."""
         return 1e-13 * self.core.length * float(np.max(np.abs(pencil.stiffness.diagonal()), initial=0.0))
-
-
-def standing_supports(model: Model) -> Array:
-    """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
-    held = model.held_mask
-    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
-    held[first[of] != np.arange(model.n_nodes)] = 0
-    if model.ties is not None:
-        held[model.ties.slave] = 0
-    return held
 
 
 def _released(model: Model, moved: Array | None) -> Model:

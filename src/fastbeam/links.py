@@ -22,11 +22,12 @@ from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
 from .kernels.terms import assemble
 from .numbering import NodeList
-from .scene import BallJoint, Bushing, Damper, DistanceJoint, Scene, Spring
+from .scene import BallJoint, Bushing, Damper, DistanceJoint, LineForce, Scene, Spring
 from .scene.joints import AxisJoint
 from .scene.links import Link, label_of
 from .spring_laws import spring_laws
-from .user_forces import Loaded
+from .user_forces import Loaded, line_forces
+from .winches import Ropes
 
 Array = np.ndarray
 
@@ -136,6 +137,7 @@ REGISTRY = [
     Entry(Spring, _springs, takes=lambda x: type(x) is Spring and not x.has_law),
     Entry(Damper, spring_laws, takes=lambda x: type(x) in (Spring, Damper) and x.has_law),
     Entry(Bushing, bushings),
+    Entry(LineForce, line_forces),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
     Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),
     Entry(AxisJoint, joint_conditions),
@@ -212,7 +214,7 @@ class Links:
         balls = [*scene.balls, *[None] * len(hinges)]
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
-        self.loaded = Loaded(scene, nodes)
+        self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
         self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
@@ -261,13 +263,14 @@ class Links:
     @property
     def touched(self) -> Array:
         """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
-        return np.unique(np.concatenate([self.loaded.node, *(group.node.reshape(-1) for group in self.groups)]))
+        own = self.loaded.node, self.ropes.node.reshape(-1)
+        return np.unique(np.concatenate([*own, *(group.node.reshape(-1) for group in self.groups)]))
 
     @property
     def pairs(self) -> Array:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self.nodes)
-        out = [np.zeros(0, np.int64)]
+        out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
         for group in self.groups:
             if group.entry.couples:
                 a, b = self._root[group.node].T
@@ -288,7 +291,7 @@ class Links:
     @property
     def losses(self) -> tuple[str, ...]:
         """What takes energy away, springs, dampers and bushings, for the balance."""
-        return tuple(f"damping of {label_of(part)}" for group in self.groups for part in group.parts
+        return tuple(f"{getattr(part, 'takes', 'damping of')} {label_of(part)}" for group in self.groups for part in group.parts
                      if getattr(part, "is_damped", False))
 
     def of(self, *nouns: type) -> tuple[list[Any], Array]:
@@ -311,6 +314,8 @@ class Links:
         if self.loaded.forces:
             q = np.concatenate((self.nodes.phi[:, None], self.nodes.directors), axis=1)
             out.append(self.loaded.table(row_of, blocks, q, loads_at))
+        if self.ropes.winches:
+            out.append(self.ropes.table(row_of, blocks, self.nodes.phi))
         return tuple(out)
 
 

@@ -31,6 +31,9 @@ def load_factors_at(who: str, model: Model, at_time: float | None) -> Array:
     SceneError
         There are time functions and no time.
     """
+    for one in model.controllers:
+        # what a run has left does not count at rest
+        one.held[0] = one.start
     if at_time is None and any(time is not None for time in model.load_times):
         raise SceneError(f"{who}: loads have time functions; say with at_time=... where to evaluate them")
     return np.array([1.0 if time is None else factor_at(time, at_time or 0.0) for time in model.load_times])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from .errors import SceneError
+from .kernels.along import HELD, HISTORY, OFF, STICKS, TURNS
 from .kernels.curves import Curves, Paths
 
 if TYPE_CHECKING:
@@ -127,8 +128,34 @@ def state_for(model: Model, names: Mapping[str, list[Any]], state: State) -> Sta
             fresh.s[k], fresh.force[3 * k:3 * k + 3] = state.s[j], state.force[3 * j:3 * j + 3]
         else:
             _put_on_curve(model, k, fresh.s[k], own, before, known)
+    _carry_history(model, names, state, fresh)
     fresh.q[:], fresh.v[:] = (follow(model, x).reshape(-1) for x in own)
     return fresh
+
+
+def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, fresh: State) -> None:
+    """Locks that have taken hold or let go, where a slider has as many as its namesake; whether its point is on the beam;
+    supports that have let go."""
+    if model.slider_forces is not None:
+        locks, theirs = names.get("locks", []), names.get("sliders", [])
+        history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
+        for own, slider in zip(fresh.history[:model.work_place].reshape(-1, HISTORY), model.slider_forces.sliders):
+            if slider.name not in theirs:
+                continue
+            given = history[theirs.index(slider.name)] if locks else np.zeros(HISTORY)
+            leaves = slider.release is not None or slider.one_sided is not None
+            if locks and locks[theirs.index(slider.name)] == len(slider.lock or ()) and (leaves or given[HELD] != OFF):
+                own[[HELD, TURNS]] = given[[HELD, TURNS]]
+            elif leaves and OFF in (own[HELD], given[HELD]):
+                own[HELD] = given[HELD]
+            if own[HELD] == OFF:
+                # whether the point was beyond an end
+                own[STICKS] = given[STICKS]
+    if model.released is not None and "until" in names:
+        place, = names["history"]
+        for k, name in enumerate(model.released.names):
+            if name in names["until"]:
+                fresh.history[model.release_place + k] = state.history[place + names["until"].index(name)]
 
 
 def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:

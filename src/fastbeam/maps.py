@@ -8,10 +8,12 @@ import numpy as np
 from .kernels import curves as kernels
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
+from .kernels.planar_nodes import PlanarBodies
 from .kernels.work import State
 from .mapping import nodes_of_curve, within_round
 from .model import Model
 from .multipliers import gap_matrix
+from .winches import refuse_winches
 from .workspace import contact_of
 
 Array = np.ndarray
@@ -84,8 +86,16 @@ def free_unknowns(model: Model, state: State | None = None) -> Array:
 def mass_map(model: Model) -> Any:
     """Mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]."""
     from scipy import sparse
-    n = model.n_nodes
-    # [4 N, 4 N] over (phi, d1, d2, d3) of the nodes, the same in all three directions
+    return sparse.kron(vector_masses(model), sparse.eye(3), format="csr")
+
+
+def vector_masses(model: Model) -> Any:
+    """Masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in a plane of
+    (phi, u), [2 N, 2 N]."""
+    from scipy import sparse
+    # the inertia of a rope couples its nodes with its length
+    refuse_winches("what works with the masses of nodes (modes, responses, blows, mend_start)", model)
+    n, vectors = model.n_nodes, 4 if model.dofs == SPACE else 2
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
 
     def put(i: Array, j: Array, x: Array) -> None:
@@ -95,19 +105,23 @@ def mass_map(model: Model) -> Any:
         for nn, nq, co, no, *_ in () if tables is None else tables.meta:
             at = tables.nodes[no:no + 8 * nn].reshape(nn, 8)
             live = tables.rows[no:no + 8] != n
-            place = layout_of(SPACE, int(nn), int(nq))
-            rho, j2, j3 = tables.tab[co + place.inertia:co + place.masses].reshape(3, 8)
+            place = layout_of(model.dofs, int(nn), int(nq))
+            rho, *turning = tables.tab[co + place.inertia:co + place.masses].reshape(-1, 8)
             m = tables.tab[co + place.masses:co + place.table_size].reshape(2, nn, nn, 8)
             a, b = np.broadcast_arrays(at[:, None, live], at[None, :, live])
-            for k, x in ((0, rho * m[0]), (2, j2 * m[1]), (3, j3 * m[1])):
-                put(4 * a + k, 4 * b + k, x[:, :, live])
-    if model.bodies is not None:
+            # in space d1 has none
+            for k, x in ((0, rho * m[0]), *((vectors - len(turning) + i, j * m[1]) for i, j in enumerate(turning))):
+                put(vectors * a + k, vectors * b + k, x[:, :, live])
+    if isinstance(model.bodies, PlanarBodies):
+        for k, x in enumerate(model.bodies.inertia.reshape(-1, 2).T):
+            put(2 * model.bodies.node + k, 2 * model.bodies.node + k, x)
+    elif model.bodies is not None:
         k = np.arange(4)
         i = 4 * model.bodies.node[:, None, None] + k[:, None]
         j = 4 * model.bodies.node[:, None, None] + k
         put(*np.broadcast_arrays(i, j), model.bodies.inertia.reshape(-1, 4, 4))
-    small = sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(4 * n, 4 * n))
-    return sparse.kron(small, sparse.eye(3), format="csr")
+    return sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                             shape=(vectors * n, vectors * n))
 
 
 def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:

@@ -12,6 +12,7 @@ from .kernels import alpha as kernels
 from .kernels.alpha import Alpha
 from .kernels.bushing import Bushings
 from .kernels.knots import Knots
+from .kernels.winch import Winches
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, spin_map, tie_map, velocity_map
 from .model import Model
@@ -77,6 +78,8 @@ def choose_method(name: str, rho_inf: float | None, order: int, tolerance: float
         raise SceneError(f"method={name!r}: sleeves are held by conserving steps alone; leave method out")
     if any(isinstance(table, Knots) for table in model.links) and name != "energy_momentum":
         raise SceneError(f"method={name!r}: crossings, which have no mass, are known to conserving steps alone; leave method out")
+    if any(isinstance(table, Winches) for table in model.links) and name != "energy_momentum":
+        raise SceneError(f"method={name!r}: winches are known to conserving steps alone; leave method out")
     if name in ("energy_momentum", "midpoint"):
         # 1 dissipates nothing: the step as it is
         return Method(name, 1 if name == "midpoint" else None, None, rho_inf if rho_inf is None or rho < 1.0 else None)

@@ -2,13 +2,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import notebook
 from .arguments import Count, Number, checked
 from .errors import SceneError
+
+if TYPE_CHECKING:
+    from .kernels.work import State
 
 Array = np.ndarray
 
@@ -82,7 +85,7 @@ class Modes:
         return self.displacements[k], np.cross(self.spins[k][:, None, :], self.directors)
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
-    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """A state to start a run from, or to draw: the equilibrium moved by amplitude cos(phase) times mode k, with the
         velocities of a vibration, -amplitude w sin(phase) times the mode.
 
@@ -175,7 +178,7 @@ class DampedModes:
         return self.rates.size
 
     @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
-    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> State:
         """A state to start a run from: the equilibrium moved by amplitude Re(x e^(i phase)), with the velocities of the motion.
 
         Parameters
@@ -211,6 +214,73 @@ class DampedModes:
 
     def _repr_html_(self) -> str:
         return notebook.text(f"Damped modes of {self.info['scene']}", self.table())
+
+
+class SteadyModes(DampedModes):
+    """Motions Re(x e^(r t)) about a steady motion, by |r| (theory.md 17): as `DampedModes`, seen from the frame that spins, or
+    beside which beams travel.
+
+    Attributes
+    ----------
+    whirl : float64 [n]
+        Of a spin: 1 of what circles the axis forward in that frame, -1 backward, 0 of motions to and fro, along the axis, and of
+        a `Travel`. By share of the kinetic energy.
+    in_space : float64 [n]
+        Of what circles (|whirl| > 0.999): frequency seen from space, Hz; positive forward. NaN of others.
+    is_complete : bool
+        Whether a count of signs confirms that no mode below the last is missing; False where K alone is not stable, as beyond a
+        critical speed, or something is damped.
+    """
+
+    def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
+                 info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array, whirl: Array,
+                 in_space: Array) -> None:
+        super().__init__(rates, displacements, spins, slides, residuals, source, info, names, positions, directors)
+        self.whirl, self.in_space, self.is_complete = whirl, in_space, bool(info["complete"])
+
+    @property
+    def unstable(self) -> int:
+        """Number of modes that grow."""
+        return int(np.sum(self.decay < 0.0))
+
+    @checked(k=Count(0), amplitude=Number(unit="m"), phase=Number(unit="rad"))
+    def state(self, k: int, amplitude: float, phase: float = 0.0) -> Any:
+        """A state to start a run from, in space: the scene with the velocities of its spin, moved by amplitude Re(x e^(i phase)),
+        with the velocities of the motion.
+
+        Parameters
+        ----------
+        k : int
+            From 0.
+        amplitude : float
+            Largest displacement of a node, m; of modes in which nothing but triads turns the largest angle, rad.
+        phase : float
+            rad.
+
+        Raises
+        ------
+        SceneError
+            There is no such mode, or beams travel: their nodes stand still while their material passes.
+        """
+        _check_number(self, k)
+        a = amplitude * np.exp(1j * phase)
+        x, turn, rate = self.displacements[k], self.spins[k], self.rates[k]
+        return self._source.moved(np.real(a * x), np.real(a * turn), np.real(a * self.slides[k]),
+                                  *self._source.in_motion(np.real(a * x), np.real(a * rate * x), np.real(a * rate * turn)))
+
+    def table(self) -> str:
+        """Text: frequency in the frame and in space, whirl, growth and residual of every mode."""
+        rows = [f"{'mode':>4} {'Hz':>14} {'Hz in space':>14} {'whirl':>8} {'decay 1/s':>12} {'residual':>9}   "
+                f"{self.info['steady']}"]
+        for k in range(len(self)):
+            rows.append(f"{k:4d} {self.frequencies[k]:14.8g} {self.in_space[k]:14.8g} {self.whirl[k]:8.3f} "
+                        f"{self.decay[k]:12.5g} {self.residuals[k]:9.1e}")
+        if not self.is_complete:
+            rows.append("whether modes are missing between these was not confirmed")
+        return "\n".join(rows)
+
+    def _repr_html_(self) -> str:
+        return notebook.text(f"Modes of {self.info['scene']} in steady motion", self.table())
 
 
 def _check_number(modes: Modes | DampedModes, k: int) -> None:

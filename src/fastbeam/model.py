@@ -1,7 +1,7 @@
 """The compiled scene: constant tables, and the list of the work that is present."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
@@ -110,8 +110,8 @@ class Model:
     accounts_loads : bool
         Whether loads have no potential: they change in time, are moments, or follow laws. In a plane as in space, because states
         of both hold the same numbers of the steps before.
-    user_forces, needs_forward_steps : tuple of str
-        Names of the forces that follow laws of the user's own, and of those among them that dissipate.
+    user_forces, needs_forward_steps, controllers : tuple
+        Names of the forces by laws of the user's own, and of those among them that dissipate; controllers.
     find_holding : callable that makes `holding` when it is first asked for
     """
 
@@ -176,6 +176,7 @@ class Model:
     accounts_loads: bool = False
     user_forces: tuple[str, ...] = ()
     needs_forward_steps: tuple[str, ...] = ()
+    controllers: tuple[Any, ...] = ()
     find_holding: Callable[[], Holding] | None = None
 
     @cached_property
@@ -317,8 +318,7 @@ class Model:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of all tables and the initial state; functions of time count only by being there. Of the same scene it is the
-        same in every process of one machine."""
+        """Hash of all tables and the initial state, the same in every process of a machine; functions of time count by being."""
         digest = sha256()
         tables = (self.simo, self.green, self.bodies, *self.links, self.ties, self.held, self.curves, self.sliders)
         # the ties of a joint are those of the model
@@ -330,9 +330,9 @@ class Model:
             t = self.slider_forces.tables
             parts += [t.friction, t.viscous, t.smoothing, t.stops, t.drive, t.gains, t.given, self.limits_at(self.s0),
                       self.slider_forces.restitutions, self.slider_forces.plan]
-        if self.prescribed is not None:
-            parts += [self.prescribed.own]
+        parts += [] if self.prescribed is None else [self.prescribed.own]
         parts += [] if self.released is None else self.released.arrays
+        parts += [np.array([one.period, one.start, *one.memory]) for one in self.controllers]
         if self.motions is not None:
             holds = self.motions.holds
             parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops, holds.shares,
@@ -344,6 +344,8 @@ class Model:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
                 digest.update(np.ascontiguousarray(x).reshape(-1).view(np.uint8))
+        if self.spans:
+            digest.update(self.slider_forces.choices.encode())
         digest.update(str([self.plane is None, *(time is None for time in (*self.load_times, self.gravity_time))]).encode())
         return digest.hexdigest()
 
@@ -357,8 +359,7 @@ class Model:
             There is no such node.
         """
         if node >= self.n_nodes:
-            raise SceneError(f"model of scene {self.scene_name!r}: node {node} does not exist, they run from 0 to "
-                             f"{self.n_nodes - 1}")
+            raise SceneError(f"model of {self.scene_name!r}: node {node} does not exist, they run from 0 to {self.n_nodes - 1}")
         return self.labels[node]
 
     def state(self) -> State:
@@ -366,6 +367,8 @@ class Model:
         history = np.zeros(self.history_size)
         if self.slider_forces is not None:
             history[:self.work_place] = self.slider_forces.initial_history
+        own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
+        history[history.size - len(own):] = own
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
     def limits_at(self, s: Array) -> Array:
@@ -390,12 +393,12 @@ class Model:
 
     @property
     def history_size(self) -> int:
-        """Numbers that terms remember of the steps before."""
-        return self.twist_place + TWIST * int(self.twisting.size)
+        """Numbers that terms remember of the steps before, and controllers, whose numbers come last."""
+        return self.twist_place + TWIST * int(self.twisting.size) + sum(one.size for one in self.controllers)
 
     @property
     def twist_place(self) -> int:
-        """Where the numbers of sleeves that rub on beams that turn in them begin; they come last."""
+        """Where the numbers of sleeves that rub on beams that turn in them begin."""
         return self.motion_place + (0 if self.motions is None else int(self.motions.size))
 
     @property
@@ -447,7 +450,7 @@ class Model:
         node[self.pattern.row_of] = np.arange(self.n_nodes)
         return LoadWork(node, np.array([self.work_place]))
 
-    def state_for(self, names: dict[str, list[Any]], state: State) -> State:
+    def state_for(self, names: Mapping[str, list[object]], state: State) -> State:
         """A state of another model, with these names of parts, as one of this model; see `Result.state_for`."""
         return state_for(self, names, state)
 

@@ -81,6 +81,7 @@ class NodeList:
         self.ground: list[int] = []
         points = [s.point for s in scene.sliders] + [load.at for load in scene.loads]
         points += [force.at for force in scene.user_forces if not isinstance(force.at, Beam)]
+        points += [node for winch in scene.winches for node in (winch.drum, winch.load)]
         points += [node for joint in [*scene.balls, *scene.rigid, *scene.links] for node in (joint.a, joint.b)]
         for node in points:
             key = (id(node.owner), tuple(node.offset.tolist()))

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,10 @@ from .arguments import numbers, real, shown
 from .errors import SceneError
 from .observe import Observer
 from .response import Response
+from .scene.checks import Place
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 
@@ -25,7 +29,7 @@ class Linear:
         Points by names.
     """
 
-    def __init__(self, base: Response, named: Mapping[str, Any]) -> None:
+    def __init__(self, base: Response, named: Mapping[str, Place]) -> None:
         self.base, self.names = base, list(named)
         self.points = list(Observer(base.stepper.model, (), named).points.values())
         self.lift = base.lift()
@@ -71,8 +75,8 @@ class Objective:
         There is no such point or slider, a weight is none, or there are none at all.
     """
 
-    def __init__(self, linear: Linear, points: Mapping[str, Any] | None, sliders: Mapping[str, Any] | None,
-                 contact_forces: Mapping[str, Any] | None, strain_energy: float) -> None:
+    def __init__(self, linear: Linear, points: Mapping[str, ArrayLike] | None, sliders: Mapping[str, float] | None,
+                 contact_forces: Mapping[str, ArrayLike] | None, strain_energy: float) -> None:
         self.linear, self.strain_energy = linear, strain_energy
         runs = linear.base.stepper.model.names["sliders"]
         self.points = _weights("point", linear.names, points, (3,))
@@ -97,7 +101,7 @@ class Objective:
         return out
 
 
-def _weights(noun: str, names: list[str], given: Mapping[str, Any] | None, shape: tuple[int, ...]) -> Array:
+def _weights(noun: str, names: list[str], given: Mapping[str, ArrayLike] | None, shape: tuple[int, ...]) -> Array:
     """[names, ...]"""
     out = np.zeros((len(names), *shape))
     for name, value in (given or {}).items():

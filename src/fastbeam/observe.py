@@ -21,8 +21,10 @@ from .result import ResultHeader
 from .resultants import Sections
 from .sections_held import Section, sections
 from .twisting import angles, push_of_twist
+from .winches import add_motion, ropes_of, weight_energy
 from .workspace import contact_of
 from .scene import Beam, NodeRef, PointMass, RigidBody
+from .scene.checks import Place
 
 Array = np.ndarray
 KINDS = ("energy", "momentum", "slider", "joint", "spring", "inner", "velocity", "section", "reaction")
@@ -52,11 +54,13 @@ class Observer:
         An unknown kind, or a point that is not in the scene.
     """
 
-    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Any] | None,
+    def __init__(self, model: Model, kinds: Sequence[str], points: Mapping[str, Place] | None,
                  lost: Array | None = None) -> None:
         self.model, self.lost = model, lost
         self.energy, self.momentum = "energy" in kinds, "momentum" in kinds
         self.inner = "inner" in kinds and float(np.sum(model.gravity_weight)) > 0.0
+        if "inner" in kinds and ropes_of(model) is not None:
+            raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
         self.slider = "slider" in kinds and model.n_sliders > 0
         self.points = {name: place_of(model, name, what) for name, what in (points or {}).items()}
         self.of_nodes = "velocity" in kinds
@@ -78,6 +82,8 @@ class Observer:
         self.scale = {"total": 0.0, "balance": 0.0, "lin_mom": 0.0, "ang_mom": 0.0}
         # what `add_forces` needs of the newest row
         self._moment: Any = None
+        # energy of ropes of winches in the gravity of the scene
+        self._weight = 0.0
         self._directions: list[Section] = []
         self._angles = np.zeros(0)
 
@@ -150,6 +156,8 @@ class Observer:
             phi = state.q.reshape(-1, 12)[:, :3]
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
+            self._weight = weight_energy(model, state.q)
+            out["gravity"] += self._weight
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             if model.slider_forces is not None:
                 out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s)))
@@ -215,7 +223,7 @@ class Observer:
         if model.accounts_loads:
             out["external_work"] = float(state.history[model.work_place])
             # their potential is in the total as if they were constant
-            stored = out["kinetic"] + out["strain"] - out["external_work"]
+            stored = out["kinetic"] + out["strain"] + self._weight - out["external_work"]
             sizes.append(abs(out["external_work"]))
         if model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY)
@@ -306,6 +314,7 @@ class Observer:
         if model.bodies is not None:
             kernels.body_momenta(model.bodies, v, self._p)
         kernels.motion(q, v, self._p, self._out)
+        add_motion(model, q, v, self._out)
 
     def _inner(self, state: State) -> dict[str, Any]:
         """Mass centre, and energy and angular momentum of the motion relative to it. The common velocity is taken away before
@@ -337,6 +346,11 @@ class Observer:
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]
+        # what `Result.state_for` finds in the state's history
+        if model.slider_forces is not None and model.slider_forces.lets_go:
+            names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
+        if model.released is not None:
+            names |= {"until": list(model.released.names), "history": [model.release_place]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),

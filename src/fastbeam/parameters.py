@@ -12,8 +12,11 @@ from .compile import compile_scene
 from .errors import SceneError
 from .model import Model
 from .scene import Scene
+from .scene.checks import Place
 
 Array = np.ndarray
+# a function of parameters that returns a scene, or a scene and points to observe
+Build = Callable[..., Scene | tuple[Scene, Mapping[str, Place]]]
 # a parameter is changed by multiples of this share of its size, a power of two
 SHARE = 2.0**-8
 # central differences of order 6 on the changes -3 to 3, and of order 4 on the inner four of them
@@ -28,7 +31,7 @@ class Built(NamedTuple):
     """A scene at values of its parameters."""
 
     model: Model
-    points: dict[str, Any]   # what to observe, by names
+    points: dict[str, Place]   # what to observe, by names
 
 
 class Family:
@@ -43,7 +46,7 @@ class Family:
         Sizes of parameters; default: those of their values.
     """
 
-    def __init__(self, build: Callable[..., Any], values: Mapping[str, float], scale: Mapping[str, float]) -> None:
+    def __init__(self, build: Build, values: Mapping[str, float], scale: Mapping[str, float]) -> None:
         self._build, self.values = build, dict(values)
         for name in scale:
             if name not in values:
@@ -62,7 +65,7 @@ class Family:
         self._base: dict[bool, Built] = {}
         self._around: dict[tuple[str, bool], list[Built]] = {}
 
-    def _called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Any]]:
+    def _called(self, changed: Mapping[str, float]) -> tuple[Scene, dict[str, Place]]:
         """What build returns.
 
         Raises

@@ -41,6 +41,10 @@ def pieces(scene: Scene, nodes: NodeList, held: Array, length: float) -> tuple[i
     chain = np.flatnonzero(goes_on)
     contacts = np.array([(nodes.number(s.point), nodes.start(s.beams[0])) for s in scene.sliders], np.int64).reshape(-1, 2)
     linked = np.array([(nodes.number(x.a), nodes.number(x.b)) for x in scene.links], np.int64).reshape(-1, 2)
+    for winch in scene.winches:
+        points = [nodes.start(x) for x in (winch.coil, *winch.points)]
+        rope = [nodes.number(winch.drum), *points, nodes.number(winch.load)]
+        joints.append(np.stack((rope[:-1], rope[1:]), axis=1))
     # a hinge joins what lies together; a spring across a distance leaves its ends as they are
     distance = np.linalg.norm(nodes.phi[linked[:, 0]] - nodes.phi[linked[:, 1]], axis=1)
     joined = _components(n, np.concatenate((*joints, linked[distance <= TOUCHING * length])))

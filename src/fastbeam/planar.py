@@ -64,6 +64,8 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 def _plane_of(unpacked: Unpacked) -> Plane:
     for force in unpacked.numbered.links.loaded.forces:
         raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
+    for winch in unpacked.numbered.links.ropes.winches:
+        raise NotPlanar(f"{winch.label} runs in space")
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
     length = unpacked.numbered.length
     rows = unpacked.loads.vectors[:, unpacked.joints.row_root]
@@ -191,7 +193,7 @@ def _axes(normal: Array) -> Array:
     return np.stack((first, np.cross(normal, first), normal))
 
 
-def _sections(c: Array, s: Array) -> tuple[Array, Array]:
+def strain_maps(c: Array, s: Array) -> tuple[Array, Array]:
     """With the angle t of d2 = (c, s) against J d1 and the normal the strains of space are T (stretch, shear, curvature) within
     the plane and another matrix of those beyond: [..., 6, 3] each."""
     zero, one = np.zeros_like(c), np.ones_like(c)
@@ -225,7 +227,7 @@ def _check_elements(unpacked: Unpacked, elements: Elements, plane: Plane) -> Non
         # those that differ from the one before
         kinds = np.stack((elements.section[some], c, s))
         first = np.flatnonzero(np.concatenate(([True], np.any(kinds[:, 1:] != kinds[:, :-1], axis=0))))
-        within, beyond = _sections(c[first], s[first])
+        within, beyond = strain_maps(c[first], s[first])
         for C in (elements.stiffness, elements.viscosity):
             inner, outer, cross = (np.einsum("eia,eij,ejb->eab", x, C[elements.section[some[first]]], y)
                                    for x, y in ((within, within), (beyond, beyond), (beyond, within)))
@@ -327,7 +329,7 @@ def _group_tables(elements: Elements, lane: Array, plane: Plane) -> tuple[Array,
     groups = lane.size // 8
     cos, sin = _angles(elements, lane, plane)
     c, s = cos[:, 0].reshape(groups, 8), sin[:, 0].reshape(groups, 8)
-    within, _ = _sections(c, s)
+    within, _ = strain_maps(c, s)
     section = elements.section[lane].reshape(groups, 8)
     inner, viscous = (np.einsum("glia,glij,gljb->glab", within, x[section], within).reshape(groups, 8, 9).transpose(0, 2, 1)
                       for x in (elements.stiffness, elements.viscosity))

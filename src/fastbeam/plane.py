@@ -90,6 +90,12 @@ class Plane:
         np.multiply(self.factor, z[:, 1:], out=place[:, 1:])
         return to_space(place, self.axes).reshape(-1)
 
+    def vectors_of(self, rows: Array, nodes: Array, is_place: bool) -> Array:
+        """Positions and directors in space of some nodes [m] in rows of coordinates [n, 4 N], or their rates: [n, m, 4, 3]."""
+        z = np.ascontiguousarray(rows).view(complex).reshape(len(rows), -1, 2)[:, nodes]
+        out = to_space(np.concatenate((z[:, :, :1], self.factor[nodes] * z[:, :, 1:]), axis=2), self.axes)
+        return out + self._above.reshape(-1, 4, 3)[nodes] if is_place else out
+
     @cached_property
     def _above(self) -> Array:
         """What points along the normal, [12 N]."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arguments import Count, Flag, Instance, Number, Word, checked
-from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, bounds, flat_plane, new_figure, put_title, shapes_size,
+from .drawing import (A_RESULT, COLOURS, PLANE, PLANES, Shapes, as_text, bounds, flat_plane, new_figure, put_title, shapes_size,
                       slider_names, slider_path, space_axes, styled, time_bar)
 from .errors import SceneError
 from .mode_shapes import DampedModes, Modes
@@ -98,7 +98,7 @@ def plot_balance(result: Result) -> Figure:
     figure = new_figure((7.5, 6.5))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
     for (name, x), colour in zip(parts.items(), _cycle(len(parts))):
-        upper.plot(result.t, x - x[:1], color=colour, label=name)
+        upper.plot(result.t, x - x[:1], color=colour, label=as_text(name))
     upper.plot(result.t, total - total[:1], color="black", label="sum", lw=2.0)
     _finish(upper, "Energy balance, change since the start", "energy [J]", columns=3)
     size = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in parts.values()) or 1.0
@@ -142,7 +142,7 @@ def plot_slider(result: Result, slider: str | None = None) -> Figure:
     if len(axes.axes_of_space) == 3:
         # the layout does not see the labels of the z axis and of the bar
         figure.get_layout_engine().set(rect=(0.0, 0.04, 0.94, 0.96))
-    put_title(axes, f"Path of '{name}'" if len(path) else "Path: not recorded")
+    put_title(axes, f"Path of '{as_text(name)}'" if len(path) else "Path: not recorded")
     return figure
 
 
@@ -181,7 +181,7 @@ def plot_overview(result: Result, plane: str = "auto", n: int = 8) -> Figure:
         _draw_forces(figure.add_subplot(places[3]), result, sliders)
     title = " - ".join(str(result.info[key]) for key in ("scene", "method") if result.info.get(key))
     if title:
-        figure.suptitle(title, fontsize=13, fontweight="bold")
+        figure.suptitle(as_text(title), fontsize=13, fontweight="bold")
     return figure
 
 
@@ -278,9 +278,9 @@ def plot_response(response: FrequencyResponse, component: str = "size", log: boo
     for name in names if len(names) <= MOST_NAMES else names[:FEW_NAMES]:
         x = response.point(name)[order]
         size = np.linalg.norm(x, axis=1) if component == "size" else np.abs(x[:, "xyz".index(component)])
-        axes[0].plot(f, np.where(size > 0.0, size, np.nan) if log else size, label=name, lw=1.6)
+        axes[0].plot(f, np.where(size > 0.0, size, np.nan) if log else size, label=as_text(name), lw=1.6)
         if panels == 2:
-            axes[1].plot(f, np.degrees(np.angle(x[:, "xyz".index(component)])), label=name, lw=1.6)
+            axes[1].plot(f, np.degrees(np.angle(x[:, "xyz".index(component)])), label=as_text(name), lw=1.6)
     axes[0].set_ylabel(f"amplitude{'' if component == 'size' else ' ' + component} [m]")
     if log:
         axes[0].set_yscale("log")
@@ -288,7 +288,7 @@ def plot_response(response: FrequencyResponse, component: str = "size", log: boo
     if panels == 2:
         axes[1].set_ylabel("phase [degrees]")
     axes[-1].set_xlabel("frequency [Hz]")
-    axes[0].set_title(f"Response to {response.info['excitation']}")
+    axes[0].set_title(f"Response to {as_text(response.info['excitation'])}")
     return figure
 
 
@@ -350,7 +350,7 @@ def _draw_drifts(axes: Any, result: Result) -> None:
 
 def _draw_coordinates(axes: Any, result: Result, names: list[str]) -> None:
     for name, colour in zip(names, _cycle(len(names)), strict=True):
-        axes.plot(result.t, result.slider(name)["s"], color=colour, label=name)
+        axes.plot(result.t, result.slider(name)["s"], color=colour, label=as_text(name))
     _finish(axes, "Sliding coordinate", "s [m]")
 
 
@@ -359,10 +359,10 @@ def _draw_forces(axes: Any, result: Result, names: list[str]) -> None:
         force = result.slider(names[0])["force"]
         for i, label in enumerate(("x", "y", "z")):
             axes.plot(result.t, force[:, i], color=COLOURS[i], label=f"$F_{label}$", lw=1.3)
-        _finish(axes, f"Contact force on '{names[0]}'", "force [N]")
+        _finish(axes, f"Contact force on '{as_text(names[0])}'", "force [N]")
         return
     for name, colour in zip(names, _cycle(len(names)), strict=True):
-        axes.plot(result.t, np.linalg.norm(result.slider(name)["force"], axis=1), color=colour, label=name, lw=1.3)
+        axes.plot(result.t, np.linalg.norm(result.slider(name)["force"], axis=1), color=colour, label=as_text(name), lw=1.3)
     _finish(axes, "Contact force, magnitude", "|F| [N]")
 
 

@@ -1,12 +1,16 @@
 """What is read out of the rows of a result besides energies and sliders: velocities, section forces, reactions."""
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import Anything, Word, checked, shown
 from .errors import SceneError
+
+if TYPE_CHECKING:
+    from .scene import BallJoint, Clamp, Pin, PrescribedMotion, RigidConnection
+    from .scene.links import Link
 
 # series of sliders with friction, drives, stops or locks: velocity, forces on the point in the direction of growing s, energies
 EXCHANGED = ("friction_loss", "drive_work", "stop_energy", "stop_loss", "lock_loss")
@@ -24,13 +28,14 @@ ROWS: dict[str, tuple[int | str, ...]] = {
     **dict.fromkeys(("lin_mom", "ang_mom", "inner_spin", "center"), (3,)),
     **dict.fromkeys(("gap", "s_slide", *ALONG, *TWISTING), ("sliders",)), "losses": ("losses",), "works": ("works",),
     **dict.fromkeys((*FREE, *IN_JOINTS, "joint_force", "joint_friction"), ("joints",)),
+    **dict.fromkeys(("winch_length", "winch_speed"), ("winches",)), "winch_tension": ("winches", 2),
     **{f"spring_{name}": ("springs",) for name in SPRINGS}, "bushing_energy": ("bushings",),
     **{f"bushing_{name}": ("bushings", 3) for name in BUSHINGS[:-1]},
     **dict.fromkeys(("contact_force", "contact_moment", "slider_position"), ("sliders", 3)), "reaction": ("reactions", 2, 3),
     **dict.fromkeys(("points", "point_velocity", "section_force", "section_moment"), ("points", 3))}
 # a series with a column for each name of a kind
 COLUMNS = {"sliders": "s_slide", "points": "points", "reactions": "reaction", "joints": "joint_value",
-           "springs": "spring_length", "bushings": "bushing_energy"}
+           "springs": "spring_length", "bushings": "bushing_energy", "winches": "winch_length"}
 # what the entries of names hold: numbers of nodes, or of nodes from 'first' on
 PLACES = {"beams": ("first", "count"), "nets": ("first", "count"), "bodies": ("node",), "masses": ("node",)}
 # what to write for series that are not there
@@ -40,7 +45,8 @@ HINTS = {"points": "record positions with simulate(..., points={'tip': beam.end}
          "point_velocity": "record it with simulate(..., observe=('velocity', ...), points={'tip': beam.end})",
          "section_force": "record it with simulate(..., observe=('section', ...), points={'root': (beam, 0.0)})",
          "reaction": "record it with simulate(..., observe=('reaction', ...))",
-         **dict.fromkeys(("spring_length", "bushing_energy"), "record it with simulate(..., observe=('spring', ...))"),
+         **dict.fromkeys(("spring_length", "bushing_energy", "winch_length"),
+                         "record it with simulate(..., observe=('spring', ...))"),
          **dict.fromkeys(("inner_energy", "inner_spin", "center"), "record it with simulate(..., observe=('inner', ...))")}
 NAMED = Word()
 SECTION = (("section_force", ("N", "Q2", "Q3")), ("section_moment", ("T", "M2", "M3")))
@@ -104,6 +110,21 @@ class Readings:
         """
         return self._elastic("bushing", ("bushing",), name, BUSHINGS)
 
+    @checked(name=NAMED)
+    def winch(self, name: str) -> dict[str, np.ndarray]:
+        """Of a winch, [n] each: unstressed free length (m), its rate, speed (m/s), tensions at the drum and at the load (N).
+        Needs `observe=("spring", ...)`.
+
+        Raises
+        ------
+        SceneError
+            It was not recorded, or there is no such winch.
+        """
+        length, tension = self._series("winch_length"), self._series("winch_tension")
+        k = self._index("winches", "winch", name)
+        return {"length": length[:, k], "speed": self._series("winch_speed")[:, k], "drum_tension": tension[:, k, 0],
+                "load_tension": tension[:, k, 1]}
+
     def _elastic(self, kind: str, nouns: tuple[str, ...], name: str, what: tuple[str, ...]) -> dict[str, np.ndarray]:
         """Series of one spring or bushing."""
         self._series(COLUMNS[f"{kind}s"])
@@ -116,7 +137,7 @@ class Readings:
         return out
 
     @checked(name=Anything())
-    def reaction(self, name: Any) -> dict[str, np.ndarray]:
+    def reaction(self, name: str | Clamp | Pin | PrescribedMotion | RigidConnection | BallJoint | Link) -> dict[str, np.ndarray]:
         """Of a support, the force (N) and moment about its node (N m) that it exerts on what it holds; of a joint, what it exerts
         on its second part, the moment about the point of the first: 'force' and 'moment', [n, 3] each. Needs
         `observe=("reaction", ...)`.

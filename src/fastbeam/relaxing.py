@@ -28,11 +28,13 @@ from .prescribed import PrescribedMotions
 from .progress import Progress
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .scene.checks import Place
 from .starting import check_start
 from .static_sliders import SlidingSolver
 from .statics import START, TOLD, WHERE, check_slider_forces
 from .supports import check_supports
 from .twisting import check_twist
+from .winches import refuse_winches
 
 Array = np.ndarray
 # steps from rest to the peak of the kinetic energy that are wanted; fewer: steps are halved, more: they grow
@@ -54,7 +56,7 @@ STILL = 1e-7
 @checked(model=Anything(), start=START, step=Number(above=0.0, unit="s"), most_steps=Count(most=10**7), at_time=Number(unit="s"),
          observe=OBSERVED, points=POINTS, finish=Flag(), max_iterations=Count(most=10_000), backend=Word(), mend_start=Flag())
 def relax(model: Model, *, start: State | None = None, step: float | None = None, most_steps: int = 20_000,
-          at_time: float | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None,
+          at_time: float | None = None, observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None,
           finish: bool = True, max_iterations: int = 25, backend: str = "auto", mend_start: bool = False) -> Result:
     """An equilibrium of a scene that Newton's method does not reach from its start: mechanisms, slack cables and nets, sliders
     far from their place.
@@ -107,6 +109,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     """
     check_model("relax", model)
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
+    refuse_winches("relax", model)
     check_backend(backend)
     check_motions(model.motions, None, 1, True)
     check_twist(model, True)
@@ -173,7 +176,7 @@ class _Motion:
     """From the start to rest."""
 
     def __init__(self, model: Model, at_rest: Model, start: State | None, factors: Array, t: float, max_iterations: int,
-                 backend: str, observe: Sequence[str], points: Mapping[str, Any] | None) -> None:
+                 backend: str, observe: Sequence[str], points: Mapping[str, Place] | None) -> None:
         self.model, self.factors, self.at_time, self.max_iterations, self.backend = model, factors, t, max_iterations, backend
         own = None
         if start is not None:

@@ -54,6 +54,10 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  closed loops       {_plural(loops, 'ball joint')} held by multipliers")
     for noun, count in Counter(type(link).kind for link in scene.links).items():
         lines.append(f"  {noun + 's':18} {_plural(count, noun)} between two points")
+    if scene.winches:
+        lines.append(f"  winches            {_plural(len(scene.winches), 'rope')} of "
+                     f"{sum(x.segments for x in scene.winches)} segments: {', '.join(x.name for x in scene.winches[:4])}"
+                     + (", ..." if len(scene.winches) > 4 else ""))
     if model.user_forces:
         lines.append(f"  user forces        {_plural(len(model.user_forces), 'law')}: {', '.join(model.user_forces[:4])}"
                      + (", ..." if len(model.user_forces) > 4 else ""))

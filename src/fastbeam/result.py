@@ -21,6 +21,8 @@ from .rows import RowBuffer, Rows, listing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+    from .kernels.work import State
+    from .model import Model
 
 # series that hold whole numbers; everything else is float64
 INTEGER_SERIES = ("iterations",)
@@ -324,12 +326,13 @@ class Result(Readings, Exports):
         return "\n".join(lines)
 
     @checked(model=Anything())
-    def state_for(self, model: Any) -> Any:
+    def state_for(self, model: Model) -> State:
         """The state at the end of this run as one of another model, to start from: `simulate(model, start=run.state_for(model))`.
 
         Parts with the same name and the same nodes keep their positions, triads and velocities, sliders of the same name their
-        place. Parts that only the other model has take those of its initial state, moved with what they are joined to or slide
-        on; parts that it does not have are left out.
+        place and, where they have as many locks, what these have done; supports that have let go stay so. Parts that only the
+        other model has take those of its initial state, moved with what they are joined to or slide on; parts that it does not
+        have are left out.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -99,7 +99,7 @@ class Sections:
         The beam is not in the scene, or an arc length lies outside.
     """
 
-    def __init__(self, model: Model, beam: Any, s: Any = None) -> None:
+    def __init__(self, model: Model, beam: Beam, s: ArrayLike | None = None) -> None:
         if not isinstance(beam, Beam):
             raise SceneError(f"section: needs a beam of the scene, got {shown(beam)}; of a net one of its beams, net.beam(k)")
         try:
@@ -162,7 +162,7 @@ def forces_of(name: str, stress: Array, f: Array, d: Array, k: Array) -> tuple[A
     return force, moment
 
 
-def _lengths(beam: Beam, s: Any) -> Array:
+def _lengths(beam: Beam, s: ArrayLike) -> Array:
     one = real(s)
     found = numbers(s) if one is None else np.array([one])
     if found is None or found.ndim != 1 or not found.size or not np.all((found >= 0.0) & (found <= beam.length)):

@@ -36,6 +36,8 @@ from .progress import Progress
 from .reactions import ReactingStepper
 from .recording import Rows
 from .result import Result
+from .sampling import Sampling
+from .scene.checks import Place
 from .starting import check_start
 from .watching import Watch
 
@@ -51,7 +53,7 @@ START = Instance((State, Checkpoint), "a State (result.state, model.state()) or 
          augmentation=Number(), threads=Count(most=1024), progress=Flag(), mend_start=Flag())
 def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method: str = "energy_momentum",
              rho_inf: float | None = None, start: State | Checkpoint | None = None, t_start: float | None = None,
-             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Any] | None = None,
+             observe: Sequence[str] = ("energy", "momentum", "slider", "joint"), points: Mapping[str, Place] | None = None,
              every: int | None = None, snapshots: int = 50, file: str | PathLike[str] | None = None, overwrite: bool = False,
              checkpoint: str | PathLike[str] | None = None, checkpoint_every: float = 60.0,
              callback: Callable[[float, State], bool | None] | None = None, tolerance: float | None = None,
@@ -235,6 +237,7 @@ class _Run(Encounters):
         self.interrupts = Interrupts()
         self.calls = Calls(stepper, self.interrupts)
         self.impacts = Impacts(model)
+        self.sampling = Sampling(model, clock.now, clock.step, control is not None, stepper.core_state)
         # whether the clock lags behind the state
         self.between = False
         self.locking = Locking(model)
@@ -364,8 +367,11 @@ class _Run(Encounters):
         quiet = not self.observer.series().keys() - {"iterations", "step_size"}
         quiet = quiet and self.rows.writer is None and self.callback is None and self.checkpoint is None
         end, left, last = self.plan()
+        # steps since the last row, which controllers do not end
+        since = 0
         while t < self.t_end:
             begin = time.perf_counter()
+            self.sampling.ask(t, self.stepper)
             self.between = True
             whole = left > 0
             if self.control is not None:
@@ -380,7 +386,10 @@ class _Run(Encounters):
                 reached = end if size == rest else t + size
             elif whole:
                 size = self.step
-                outcome = self.advance(clock.origin, size, min(every, left), clock.done)
+                most = every
+                if self.sampling.controllers:
+                    most = min(every - since, self.sampling.steps(t, size, self.stepper.core_state))
+                outcome = self.advance(clock.origin, size, min(most, left), clock.done)
                 left -= outcome.steps
                 reached = clock.count(outcome.steps)
                 if outcome.status == OK and not left and not last:
@@ -423,7 +432,10 @@ class _Run(Encounters):
                 self.happen(t)
                 self.count_from(t)
                 end, left, last = self.plan()
-            yield t, outcome, size, True
+            since += outcome.steps
+            due = not self.sampling.controllers or since >= every or t >= self.t_end
+            since = 0 if due else since
+            yield t, outcome, size, due
             if quiet and self.control is None and time.perf_counter() - begin < 0.1:
                 every *= 2
 

@@ -347,9 +347,7 @@ class Saddle:
         small = np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8
         scale = sparse.diags(factor)
         whole = (scale @ (0.5 * (self.matrix + self.matrix.T)) @ scale).tocsr()
-        a = whole[~self.multiplier][:, ~self.multiplier].tocsc()
-        b = whole[self.multiplier][:, ~self.multiplier].tocsc()
-        found = _signs(a, b)
+        found = signs_between(whole, self.multiplier)
         if symmetric or small or found == (0, 0):
             return found
         sign = SuperLU._determinant_sign(self.matrix.tocsc()) * (-1)**int(np.sum(self.multiplier))
@@ -437,6 +435,12 @@ def _signs(a: Any, b: Any) -> tuple[int, int] | None:
         zero = np.abs(values) <= ZERO * np.max(np.abs(values))
         return found[0] - int(np.sum((values < 0.0) & ~zero)), int(np.sum(zero))
     return found
+
+
+def signs_between(matrix: Any, multiplier: Array) -> tuple[int, int] | None:
+    """Numbers of negative and of zero directions of a symmetric matrix [n, n] among the motions that its constraints, the rows of
+    multipliers [n], allow; None where they are not found."""
+    return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc())
 
 
 def equilibrated(matrix: Any) -> tuple[Array, Array]:

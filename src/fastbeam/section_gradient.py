@@ -1,7 +1,7 @@
 """Gradients by the sections of all beams at once, from one adjoint shape (theory.md (13.6))."""
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,13 +10,17 @@ from .kernels.layout import CONSTANTS, NODES, POINTS, REFERENCE, LIST, layout_of
 from .model import Model
 from .tables import strains_of
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 Array = np.ndarray
 # a complex step: derivatives without differences
 TINY = 1e-40
 
 
 class SectionGradient(NamedTuple):
-    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam.
+    """Derivatives by what the section of every beam of a part says, [beams] each: of a beam one, of a net one of each beam. The
+    strains of the reference stay: with `prestress=` P that is C^-1 P, which a parameter of `sensitivity` changes with C.
 
     Attributes
     ----------
@@ -59,7 +63,7 @@ class SectionGradient(NamedTuple):
         """By EI3, per N m^2."""
         return self.stiffness[:, 5, 5]
 
-    def by(self, sections: Any) -> Array:
+    def by(self, sections: tuple[ArrayLike, ArrayLike]) -> Array:
         """Derivatives by a parameter of the sections, [beams].
 
         Parameters

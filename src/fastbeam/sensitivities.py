@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,14 +15,19 @@ from .load_times import factor_at, load_factors_at
 from .model import Model
 from .observe import Observer
 from .objective import Linear, Objective
-from .parameters import CHANGES, Family
+from .parameters import CHANGES, Build, Family
 from .reactions import StaticReactions
 from .response import OutOfPlane, Response, Solver, at_shape
 from .result import Result
+from .scene.checks import Place
 from .section_gradient import SectionGradient, section_gradients
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, solve_static, which_sliders
 from .supports import check_supports
+from .winches import refuse_winches
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 OBSERVED = ("energy", "section", "reaction")
@@ -141,7 +146,7 @@ class Sensitivity:
         rows = [self._row(x, b.points) for x, b in zip(six, built)]
         return {key: self._family.slope(name, [row[key] for row in rows]) for key in rows[0]}
 
-    def _row(self, at: Response, points: Mapping[str, Any]) -> dict[str, Array]:
+    def _row(self, at: Response, points: Mapping[str, Place]) -> dict[str, Array]:
         """What is observed there."""
         observer = Observer(at.stepper.model, ("slider", *self._observe), points)
         t, factor = (float(x) for x in at.stepper.law_work[:2])
@@ -232,8 +237,8 @@ class Sensitivity:
     # --- by the adjoint -----------------------------------------------------------------------------------------------------
     @checked(points=Names("must map names of points to weights (3,)"), sliders=Names("must map names of sliders to weights"),
              contact_forces=Names("must map names of sliders to weights (3,)"), strain_energy=Number())
-    def gradient(self, *, points: Mapping[str, Any] | None = None, sliders: Mapping[str, float] | None = None,
-                 contact_forces: Mapping[str, Any] | None = None, strain_energy: float = 0.0) -> Gradient:
+    def gradient(self, *, points: Mapping[str, ArrayLike] | None = None, sliders: Mapping[str, float] | None = None,
+                 contact_forces: Mapping[str, ArrayLike] | None = None, strain_energy: float = 0.0) -> Gradient:
         """Derivatives of a weighed sum of positions, arc lengths, contact forces and strain energy by all parameters, all
         sections and all loads, for one solution with the transposed tangent.
 
@@ -310,7 +315,7 @@ class Sensitivity:
         return "\n".join(lines)
 
 
-def which_build(value: Any) -> Callable[..., Any]:
+def which_build(value: Any) -> Build:
     """A function.
 
     Raises
@@ -322,7 +327,7 @@ def which_build(value: Any) -> Callable[..., Any]:
     return value
 
 
-def family_of(who: str, build: Callable[..., Any], values: Mapping[str, Any], scale: Mapping[str, Any] | None,
+def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[str, Any] | None,
               held: bool | str | Sequence[str], backend: str) -> tuple[Family, Array]:
     """The scenes of a function of parameters, and which of their sliders stay, bool [S]; who: the function that was called.
 
@@ -340,6 +345,7 @@ def family_of(who: str, build: Callable[..., Any], values: Mapping[str, Any], sc
     if model.prescribed is not None:
         raise SceneError(f"{who}: supports that move have places of their own, whose derivatives are unknown; put a Clamp or Pin "
                          "there, at a place that build computes")
+    refuse_winches(who, model)
     if model.user_forces:
         raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, "
                          "or differences of equilibria")
@@ -353,7 +359,7 @@ def family_of(who: str, build: Callable[..., Any], values: Mapping[str, Any], sc
          scale=Names("must map names of parameters to sizes"), state=START,
          observe=Listing(Word(OBSERVED), "a sequence of kinds, as in ('energy', 'reaction')"), load_factor=Number(),
          at_time=Number(unit="s"), held=which_sliders, backend=Word())
-def sensitivity(build: Callable[..., Any], values: Mapping[str, float], *, scale: Mapping[str, float] | None = None,
+def sensitivity(build: Build, values: Mapping[str, float], *, scale: Mapping[str, float] | None = None,
                 state: State | None = None, observe: Sequence[str] = ("energy",), load_factor: float = 1.0,
                 at_time: float | None = None, held: bool | str | Sequence[str] = False, backend: str = "auto") -> Sensitivity:
     """An equilibrium and its derivatives by parameters, exact to round-off: of positions, sliders, contact forces, reactions,

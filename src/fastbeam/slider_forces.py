@@ -11,7 +11,7 @@ from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, value_at
 from .errors import SceneError
 from .kernels.along import (AGAINST, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, NO_DRIVE, OFF, POSITION, SIGN, TURNS,
                             Along)
-from .scene import Drive, Path, Slider
+from .scene import Drive, Path, Slider, Switch
 
 Array = np.ndarray
 # a prescribed position may be so far from the place of the slider at the start, of the length of the beam
@@ -154,6 +154,13 @@ class SliderForces:
                                                               float(slider.one_sided.catch)]
             out += [x if isinstance(x, float) else np.nan for x in waits] + [np.inf]
         return np.array(out)
+
+    @property
+    def choices(self) -> str:
+        """Where sliders on switches go on, as a text; functions count only by being there."""
+        switches = [x.beam for x in self.sliders if isinstance(x.beam, Switch)]
+        chosen = [sorted(x.choose.items()) if isinstance(x.choose, dict) else x.choose for x in switches]
+        return repr([([track.name for track in x.tracks], "function" if callable(y) else y) for x, y in zip(switches, chosen)])
 
     @property
     def size(self) -> int:

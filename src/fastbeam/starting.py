@@ -281,16 +281,41 @@ def mended(model: Model, state: State) -> State:
     given.reshape(-1, 6)[:, :3] = v[:, 0]
     given.reshape(-1, 6)[:, 3:] = 0.5 * np.cross(q[:, 1:], v[:, 1:]).sum(axis=1)
     found = given[free]
+    moved = _moved_unknowns(model, state)
+    # supports that move go on as they do
+    led = _rates(model, q)[:, moved] @ given[moved]
     if model.n_constraints:
         mass = (lift.T @ inertia @ lift).tocsr()
-        found = nearest(mass, (across @ lift).tocsr(), _given_rates(model, across @ state.v), found, free % 6 >= 3)
-    return State(q.reshape(-1), lift @ found, s, state.force.copy(), state.history.copy())
+        right = _given_rates(model, across @ state.v) - across @ led
+        found = nearest(mass, (across @ lift).tocsr(), right, found, free % 6 >= 3)
+    return State(q.reshape(-1), lift @ found + led, s, state.force.copy(), state.history.copy())
 
 
 def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:
     """Free velocities and spins -> rates of all coordinates, sparse [12 N, F], and their numbers [F]."""
     free = free_unknowns(model, state)
-    return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()[:, free], free
+    return _rates(model, q)[:, free], free
+
+
+def _rates(model: Model, q: Array) -> Any:
+    """Velocities and spins of rows -> rates of all coordinates, sparse [12 N, 6 N]."""
+    return (tie_map(model) @ velocity_map(q) @ share_map(model)).tocsc()
+
+
+def _moved_unknowns(model: Model, state: State) -> Array:
+    """Numbers 6 node + c of the unknowns that supports move, of nodes that share a row those of the first."""
+    bits = np.zeros(model.n_nodes, np.int64)
+    row_of = model.pattern.row_of
+    if model.prescribed is not None:
+        gone: set[int] = set()
+        if model.released is not None:
+            let_go = state.history[model.release_place:model.motion_place] != 0.0
+            gone = set(model.released.motion[let_go].tolist())
+        first = {int(row): k for k, row in reversed(list(enumerate(row_of.tolist())))}
+        for k, (motion, node) in enumerate(zip(model.prescribed.motions, model.prescribed.own)):
+            if k not in gone:
+                bits[first[int(row_of[node])]] |= motion.mask
+    return np.flatnonzero((bits[:, None] >> np.arange(6) & 1).reshape(-1))
 
 
 def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:

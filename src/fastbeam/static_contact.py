@@ -76,7 +76,7 @@ class StaticContacts:
     ties : sparse [12 N, 12 N]
         `maps.tie_map`.
     rows : sparse [6 N, m]
-        Unknowns of the rows -> positions and spins of all nodes; held ones stand still.
+        Unknowns of the rows -> positions and spins of all nodes; held ones stand still, but in `every`.
     """
 
     def __init__(self, model: Model, axes: Array | None) -> None:
@@ -90,7 +90,9 @@ class StaticContacts:
         if axes is not None:
             within = np.zeros((6, 3))
             within[:3, 0], within[:3, 1], within[3:, 2] = axes
-        self.rows = (sparse.kron(pick, within, format="csr") @ sparse.diags(self.free(within.shape[1]))).tocsr()
+        # held ones too
+        self.every = sparse.kron(pick, within, format="csr")
+        self.rows = (self.every @ sparse.diags(self.free(within.shape[1]))).tocsr()
         self._s: Array | None = None
         self._weights: Weights | None = None
         ends = np.array([link.node for link in model.kept], np.int64).reshape(-1)

@@ -95,15 +95,7 @@ class StaticMotion:
         SceneError
             A support leaves the plane.
         """
-        x = np.zeros((core.pattern.n, 6))
-        np.add.at(x, core.pattern.row_of[self.of.own], given)
-        if axes is None:
-            return x
-        off = np.abs(given[:, :3] @ axes[2]) + np.linalg.norm(given[:, 3:] - (given[:, 3:] @ axes[2])[:, None] * axes[2], axis=1)
-        if np.any(off > OUT_OF_PLANE * self._size):
-            raise SceneError(f"{self.of.motions[int(np.argmax(off))].label}: it leaves the plane of the scene; compile the scene "
-                             "with planar=False")
-        return np.concatenate((x[:, :3] @ axes[:2].T, x[:, 3:] @ axes[2:].T), axis=1)
+        return _rows(given, core, axes, self.of.own, self._size, [motion.label for motion in self.of.motions])
 
     def moved(self, q: Array, given: Array) -> Array:
         """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by that."""
@@ -114,6 +106,65 @@ class StaticMotion:
             d = np.cross(w, out[node, 1:])
             out[node, 1:] += (d + 0.5 * np.cross(w, d)) / (1.0 + 0.25 * w @ w)
         return follow(self.model, out).reshape(-1)
+
+
+class StaticShift:
+    """Supports that are shifted with the load factor, straight and without turning.
+
+    Parameters
+    ----------
+    model : Model
+        In space.
+    shifts : dict of int -> float64 (3,)
+        Of nodes whose position is held along them, m at load factor 1.
+    q : float64 [12 N]
+        The shape at the load factor `share`.
+    share : float
+    """
+
+    def __init__(self, model: Model, shifts: dict[int, Array], q: Array, share: float) -> None:
+        self.model, self.share, self._first = model, share, share
+        self.own, self.shifts = np.array(list(shifts), np.int64), np.array(list(shifts.values())).reshape(-1, 3)
+        self._start = q.reshape(-1, 4, 3)[self.own, 0].copy()
+        self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
+        row = model.pattern.row_of
+        self._nodes = [np.flatnonzero(row == row[node]) for node in self.own]
+
+    def pending(self, q: Array) -> Array | None:
+        """As `StaticMotion.pending`."""
+        out = np.zeros((self.own.size, 6))
+        target = self._start + (self.share - self._first) * self.shifts
+        out[:, :3] = np.where(self.shifts != 0.0, target - q.reshape(-1, 4, 3)[self.own, 0], 0.0)
+        out[np.abs(out) <= ROUND_OFF * self._size] = 0.0
+        return out if np.any(out) else None
+
+    def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
+        """As `StaticMotion.rows`.
+
+        Raises
+        ------
+        SceneError
+        """
+        return _rows(given, core, axes, self.own, self._size, [self.model.labels[node] for node in self.own])
+
+    def moved(self, q: Array, given: Array) -> Array:
+        """As `StaticMotion.moved`."""
+        out = q.reshape(-1, 4, 3).copy()
+        for nodes, shift in zip(self._nodes, given[:, :3]):
+            out[nodes, 0] += shift
+        return follow(self.model, out).reshape(-1)
+
+
+def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, labels: list[str]) -> Array:
+    """Motions [M, 6] of nodes as increments of rows."""
+    x = np.zeros((core.pattern.n, 6))
+    np.add.at(x, core.pattern.row_of[own], given)
+    if axes is None:
+        return x
+    off = np.abs(given[:, :3] @ axes[2]) + np.linalg.norm(given[:, 3:] - (given[:, 3:] @ axes[2])[:, None] * axes[2], axis=1)
+    if np.any(off > OUT_OF_PLANE * size):
+        raise SceneError(f"{labels[int(np.argmax(off))]}: it leaves the plane of the scene; compile the scene with planar=False")
+    return np.concatenate((x[:, :3] @ axes[:2].T, x[:, 3:] @ axes[2:].T), axis=1)
 
 
 def assemble_moved(stepper: Any, x: Array) -> None:

@@ -19,6 +19,7 @@ from .saddle import Saddle, factors_for
 from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
 from .static_motion import assemble_moved
+from .steady import SteadyForces
 
 Array = np.ndarray
 # a Newton increment moves and turns nodes by this much at most, in sizes of the scene and rad
@@ -99,11 +100,15 @@ class SlidingSolver(StaticSolver):
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
+        # forces of inertia of a steady motion
+        self.steady: SteadyForces | None = None
 
     def set_time(self, t: float, factor: float) -> None:
         super().set_time(t, factor)
         if self.along is not None:
             self.along.factor = factor
+        if self.steady is not None:
+            self.steady.share = factor
 
     def move_to(self, share: float) -> None:
         super().move_to(share)
@@ -207,6 +212,8 @@ class SlidingSolver(StaticSolver):
         self._load(factors)
         self._border()
         self.work.f_ext[:] += self.contacts.loads(self._weights, self.state.q, self.stepper.core_state.force)
+        if self.steady is not None:
+            self.work.f_ext[:] += self.steady.loads(self.state.q)
 
     def signs(self, factors: Array, in_plane: bool) -> tuple[int, int] | None:
         if in_plane != (self.stepper.plane is not None):
@@ -265,6 +272,9 @@ class SlidingSolver(StaticSolver):
         size, n = len(model.dofs), model.pattern.n
         border, q = self._border(), self.state.q
         work.f_ext[:] = self._loads + self.contacts.loads(self._weights, q, state.force)
+        if self.steady is not None:
+            work.f_ext[:] += self.steady.loads(q)
+            border = border._replace(bent=border.bent + self.steady.stiffness(q))
         given = None if self.motion is None else self.motion.pending(q)
         if given is None:
             self.stepper.parts.assemble(0.0)

@@ -25,10 +25,12 @@ from .progress import Progress
 from .reactions import StaticReactions
 from .resolution import Resolution
 from .result import Result, ResultBuffer
+from .scene.checks import Place
 from .spring_laws import SpringRows
 from .starting import check_start
 from .static_motion import StaticMotion
 from .static_sliders import SlidingSolver
+from .steady import Spin, SteadyForces, Travel, check_steady, which_motion
 from .supports import check_supports
 
 Array = np.ndarray
@@ -67,13 +69,14 @@ START = Instance(State, "a State (result.state, model.state())", "of a checkpoin
 @checked(model=Anything(), load_step=SHARE, largest_load_step=SHARE, levels=Numbers((None,), "increasing load factors in (0, 1]"),
          smallest_step=SHARE, at_time=Number(unit="s"), start=START, observe=OBSERVED, points=POINTS,
          max_iterations=Count(most=10_000), backend=Word(), threads=Count(most=1024), mend_start=Flag(), held=which_sliders,
-         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS))
+         rest_intervals=which_sliders, raise_loads=Flag(), contacts=Word(CONTACTS), steady=which_motion)
 def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: float = 1.0, levels: Sequence[float] | None = None,
                  smallest_step: float = 1e-6, at_time: float | None = None, start: State | None = None,
-                 observe: Sequence[str] = ("energy",), points: Mapping[str, Any] | None = None, max_iterations: int = 20,
+                 observe: Sequence[str] = ("energy",), points: Mapping[str, Place] | None = None, max_iterations: int = 20,
                  backend: str = "auto", threads: int | None = None, mend_start: bool = False,
                  held: bool | str | Sequence[str] = False,
-                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh") -> Result:
+                 rest_intervals: bool | str | Sequence[str] = False, raise_loads: bool = True, contacts: str = "mesh",
+                 steady: Spin | Travel | None = None) -> Result:
     """Equilibrium under the loads of the scene, raised from zero in steps that adapt to the convergence.
 
     Parameters
@@ -114,6 +117,10 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
         cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points. Without friction and
         rigid stops of sliders that are free; on beams with Lagrange elements that are no part of a net.
+    steady : Spin or Travel, optional
+        The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 17): in the
+        frame that spins, or beside which beams travel, supports stand still. Unstable directions are not counted: `modes(model,
+        state=..., steady=...)` tells what grows.
 
     Returns
     -------
@@ -158,19 +165,30 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     if at_time is None and model.motions is not None and model.motions.holds.has_functions:
         raise SceneError("solve_static: what joints are given is a function of time; say with at_time=... where to evaluate it")
     factors = load_factors_at("solve_static", model, at_time)
+    if steady is not None:
+        check_steady("solve_static", model, steady, factors)
+        if model.asked_for_plane:
+            raise SceneError("solve_static: steady= is known in space; compile the scene without planar=True")
     notes: list[Any] = []
     if start is not None:
         start, notes = check_start(model, start, 1.0, mend_start, at_rest=True)
     solver: StaticSolver
-    if model.n_constraints:
-        kind = ExactSolver if contacts == "exact" and model.n_sliders else SlidingSolver
-        solver = kind(model, start, max_iterations, stays, backend=backend, at_time=at_time or 0.0)
+    if contacts == "exact" and model.n_sliders:
+        if steady is not None:
+            raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
+        solver = ExactSolver(model, start, max_iterations, stays, backend, at_time or 0.0)
+    elif model.n_constraints or steady is not None:
+        solver = sliding = SlidingSolver(model, start, max_iterations, stays, None if steady is None else False, backend,
+                                         at_time or 0.0)
+        if steady is not None:
+            sliding.steady = SteadyForces("solve_static", sliding.stepper.model, steady, sliding.contacts, 6)
     else:
         solver = StaticSolver(model, start, max_iterations, backend, threads)
     if model.prescribed is not None and at_time is not None:
         solver.motion = StaticMotion(model, solver.state.q, start is None, at_time)
     flat = solver.stepper.plane is not None
-    held_in_space = check_supports(model, flat)
+    # what spins may fly freely
+    held_in_space = steady is not None or check_supports(model, flat)
     Observer(model, observe, points)  # refuses what does not exist; at rest there is nothing but the energy to record
     observed = "slider", *(kind for kind in observe if kind in RECORDED)
     observer = Observer(model, observed, points)
@@ -253,7 +271,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         if isinstance(solver, ExactSolver):
             info["force_along"] = solver.forces_along()
         counted_in = "plane" if flat and (model.asked_for_plane or not held_in_space) else "space"
-        counted = solver.signs(factors, counted_in == "plane")
+        counted = None if steady is not None else solver.signs(factors, counted_in == "plane")
         if counted is None and flat and counted_in == "space":
             # about the normal of a plane moments have a potential
             counted_in, counted = "plane", solver.signs(factors, True)

@@ -1,12 +1,16 @@
 """Whether supports hold a scene in statics: every connected part against the rigid motions that space or its plane allows."""
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from .arguments import shown
 from .connections import held_axes
 from .errors import SceneError
 from .mapping import curve_at
 from .model import Model
+from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 
 Array = np.ndarray
 
@@ -104,6 +108,48 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
                          f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}"
                          + ("" if flat else _planar_hint(model, shift, turn)))
     return held_in_space
+
+
+def supported(who: str, model: Model, what: Any, held: Array, axes: int = 7) -> int:
+    """Number of a node whose position a support holds.
+
+    Parameters
+    ----------
+    who : str
+        The function and its argument, for messages.
+    what : Clamp, Pin, PrescribedMotion, or what they hold
+    held : int64 [N]
+        Bits of what supports hold of every node.
+    axes : int
+        Bits that have to be held.
+
+    Raises
+    ------
+    SceneError
+    """
+    at = what.at if isinstance(what, (Clamp, Pin, PrescribedMotion)) else what
+    at = at.center if isinstance(at, (RigidBody, PointMass)) else at
+    if not isinstance(at, NodeRef):
+        raise SceneError(f"{who} maps supports (Clamp, Pin, PrescribedMotion) or their nodes to motions, got {shown(what)}")
+    try:
+        node = int(model.numbers.number(at))
+    except KeyError:
+        raise SceneError(f"{who} of {at.label}: it is not in scene {model.scene_name!r}") from None
+    same = np.flatnonzero((model.pattern.row_of == model.pattern.row_of[node]) & (held & axes == axes))
+    if not same.size:
+        own = " along these axes" if axes != 7 else ""
+        raise SceneError(f"{who} of {at.label}: no support holds its own position{own}; name the node that is clamped or pinned")
+    return int(same[0])
+
+
+def standing_supports(model: Model) -> Array:
+    """Of every node which unknowns its own support holds, int64 [N]: none of those that follow another node."""
+    held = model.held_mask
+    first, of = np.unique(model.pattern.row_of, return_index=True, return_inverse=True)[1:]
+    held[first[of] != np.arange(model.n_nodes)] = 0
+    if model.ties is not None:
+        held[model.ties.slave] = 0
+    return held
 
 
 def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:

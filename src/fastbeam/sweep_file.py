@@ -17,7 +17,7 @@ import time
 import zlib
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
@@ -32,8 +32,17 @@ FORMAT, VERSION = "fastbeam-sweep", 1
 FLUSH_TIME, PENDING = 0.5, 1 << 24
 # locks of this process; forks let go of theirs, or they would outlive it
 _HELD: list[Any] = []
-# an entry of the table: number, case, values, error or None, arrays by name
-Row = dict[str, Any]
+
+
+class Row(TypedDict):
+    """An entry of the table: number, case, values, error or None and where, arrays by name."""
+
+    run: int
+    case: dict[str, object]
+    values: dict[str, object]
+    error: str | None
+    arrays: dict[str, Array]
+    traceback: NotRequired[str]
 
 
 class SweepFile:

@@ -17,11 +17,11 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Union, overload
 
 import numpy as np
 
-from .arguments import Anything, Count, FilePath, Flag, Function, Names, checked, shown
+from .arguments import Anything, Count, FilePath, Flag, Function, Names, Word, checked, real, shown
 from .compile import compile_scene
 from .errors import BackendError, ResultFileError, SceneError
 from .exports import import_pandas
@@ -34,6 +34,13 @@ from .run import simulate
 from .scene import Scene
 from .sweep_file import Row, SweepFile, let_go, read_sweep
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
+
+# what a case comes to: numbers, texts and arrays by names, or one; and what makes it
+Measured = Union[Mapping[str, Union["ArrayLike", None]], "ArrayLike", None]
+Built = Union[Scene, Model, Result, Measured]
 MOST_CASES = 10**6
 # runs that wait for a free worker, of each; from how many runs of a worker on the first one compiles the kernels for all
 AHEAD, MANY = 4, 8
@@ -59,27 +66,49 @@ class Sweep:
 
     def __init__(self, rows: list[Row], n_cases: int) -> None:
         rows = sorted(rows, key=lambda row: row["run"])
-        self.rows = [{"run": row["run"], **row["case"], **row["values"], "error": row["error"]} for row in rows]
+        self.rows: list[dict[str, object]] = [{"run": row["run"], **row["case"], **row["values"], "error": row["error"]}
+                                              for row in rows]
         self.arrays: list[dict[str, np.ndarray]] = [row["arrays"] for row in rows]
         self.tracebacks: dict[int, str] = {row["run"]: row["traceback"] for row in rows if row.get("traceback")}
         self.missing = sorted(set(range(n_cases)) - {row["run"] for row in rows})
 
     @property
-    def failures(self) -> list[dict[str, Any]]:
+    def failures(self) -> list[dict[str, object]]:
         """The rows of cases that failed."""
         return [row for row in self.rows if row["error"] is not None]
 
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[dict[str, object]]:
         return iter(self.rows)
 
-    def __getitem__(self, k: Any) -> Any:
+    @overload
+    def __getitem__(self, k: int) -> dict[str, object]: ...
+
+    @overload
+    def __getitem__(self, k: slice) -> list[dict[str, object]]: ...
+
+    def __getitem__(self, k: int | slice) -> dict[str, object] | list[dict[str, object]]:
         return self.rows[k]
 
+    @checked(name=Word())
+    def column(self, name: str) -> np.ndarray:
+        """A column of numbers as an array [rows], float64; NaN where a case has no number there, because it failed for instance.
+
+        Raises
+        ------
+        SceneError
+            No case has a number of this name.
+        """
+        found = [real(row.get(name)) for row in self.rows]
+        if not any(x is not None for x in found):
+            known = dict.fromkeys(key for row in self.rows for key, x in row.items() if real(x) is not None)
+            raise SceneError(f"column: no case has a number {name!r:.60}; there are {', '.join(map(repr, known)) or 'none'}")
+        return np.array([math.nan if x is None else x for x in found])
+
     @checked()
-    def to_dataframe(self) -> Any:
+    def to_dataframe(self) -> DataFrame:
         """The rows as a pandas DataFrame.
 
         Raises
@@ -98,10 +127,11 @@ class Sweep:
 @checked(build=Anything(), cases=Anything(), run=Names("must map arguments of simulate to values, as in run={'t_end': 1.0}"),
          measure=Function("(result)"), executor=Anything(), workers=Count(most=1024), threads=Count(most=1024), file=FilePath(),
          overwrite=Flag(), retry=Flag(), progress=Flag())
-def sweep(build: Callable[..., Any], cases: Iterable[Mapping[str, Any]] | Mapping[str, Iterable[Any]], *,
-          run: Mapping[str, Any] | None = None, measure: Callable[[Result], Any] | None = None, executor: Executor | None = None,
-          workers: int | None = None, threads: int = 1, file: str | PathLike[str] | None = None, overwrite: bool = False,
-          retry: bool = False, progress: bool | None = None) -> Sweep:
+def sweep(build: Callable[..., Built], cases: Iterable[Mapping[str, object]] | Mapping[str, Iterable[object]], *,
+          run: Mapping[str, object] | None = None, measure: Callable[[Result], Measured] | None = None,
+          executor: Executor | None = None, workers: int | None = None, threads: int = 1,
+          file: str | PathLike[str] | None = None, overwrite: bool = False, retry: bool = False,
+          progress: bool | None = None) -> Sweep:
     """Run many cases, on all processors, and gather a table.
 
     The same cases give the same table, to the last bit, whatever the executor and the number of its workers. A case that fails is
@@ -292,7 +322,7 @@ def _kept(path: Path, header: dict[str, Any], retry: bool) -> list[Row]:
 class Job:
     """What is done with a case; handed to workers."""
 
-    def __init__(self, build: Callable[..., Any], run: dict[str, Any] | None, measure: Callable[[Result], Any] | None,
+    def __init__(self, build: Callable[..., Built], run: dict[str, Any] | None, measure: Callable[[Result], Measured] | None,
                  threads: int) -> None:
         self.build, self.run, self.measure, self.threads = build, run, measure, threads
 

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_force
+from ._jit import compiled_force, compiled_tension
 from .arguments import shown
 from .errors import SceneError
+from .kernels.line_force import LineForces
 from .kernels.user_force import Laws, UserForces
 from .numbering import NodeList
-from .scene import Beam, Scene, UserForce
+from .scene import Beam, LineForce, Scene, UserForce
 from .tables import node_lengths
 from .workspace import law_work
 
@@ -65,7 +66,38 @@ class Loaded:
                           Laws(np.array(addresses, np.int64)[self.of]), law_work())
 
 
-def compiled_law(force: UserForce) -> tuple[int, Any]:
+def line_forces(ends: Any) -> LineForces:
+    """The table of all forces along lines; ends: `links.Ends`.
+
+    Raises
+    ------
+    SceneError
+        A law that cannot be compiled, fails, or gives numbers that are not finite; ends that meet.
+    """
+    counts = [force.parameters.size for force in ends.parts]
+    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+    addresses = []
+    for force, length in zip(ends.parts, ends.distance.tolist()):
+        if not length > 0.0:
+            raise SceneError(f"{force.label}: its ends lie at the same place, where its line has no direction; move one of them")
+        address, compiled = compiled_law(force)
+        given = 0.0, length, 0.0, np.array(force.parameters)
+        _agree(force.label, [np.array([_called(force.label, function, given)]) for function in (force.law, compiled)], "tension")
+        addresses.append(address)
+    parameters = np.concatenate([np.zeros(0), *(force.parameters for force in ends.parts)])
+    return LineForces(ends.node, ends.row, ends.block, ends.place, starts, parameters, Laws(np.array(addresses, np.int64)),
+                      law_work())
+
+
+def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
+    try:
+        with np.errstate(all="ignore"):
+            return float(function(*given))
+    except Exception as failed:
+        raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
+
+
+def compiled_law(force: UserForce | LineForce) -> tuple[int, Any]:
     """Address of a law, and the law for Python; kept as long as the process.
 
     Raises
@@ -74,33 +106,41 @@ def compiled_law(force: UserForce) -> tuple[int, Any]:
         numba cannot compile it.
     """
     try:
-        compiled = _compiled(force.law, force.parameters.size)
+        make = _tension if isinstance(force, LineForce) else _compiled
+        timed = (force.time,) if getattr(force, "time", None) is not None else ()
+        compiled = make(force.law, force.parameters.size, *timed)
     except Exception as failed:
         text = " ".join(str(failed).split())[:300]
-        raise SceneError(f"user force {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
+        raise SceneError(f"{force.kind} {force.name!r}: numba cannot compile its law ({text}); use numbers, indices, loops, math "
                          "and numpy functions") from failed
     return compiled[0].address, compiled[1]
 
 
-_compiled = cache(compiled_force)
+_compiled, _tension = cache(compiled_force), cache(compiled_tension)
 
 
 def try_law(force: UserForce, compiled: Any, q: Array) -> None:
     """Call a law once in Python and once compiled, at the start."""
-    who = f"user force {force.name!r}"
+    who = f"{force.kind} {force.name!r}"
+    factor = 1.0 if getattr(force, "time", None) is None else float(force.time(0.0))
     given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), np.array(force.parameters)
     found = []
-    for function in (force.law, compiled):
+    for function, share in ((force.law, factor), (compiled, 1.0)):
         out = np.zeros(3), np.zeros(3)
         try:
             with np.errstate(all="ignore"):
                 function(*given, *out)
         except Exception as failed:
             raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
-        found.append(np.concatenate(out))
-        if not np.isfinite(found[-1]).all():
-            raise SceneError(f"{who}: its law gives {shown(found[-1])} for force and moment at the start; it has to give finite "
-                             "numbers")
+        found.append(share * np.concatenate(out))
+    _agree(who, found, "force and moment")
+
+
+def _agree(who: str, found: list[Array], what: str) -> None:
+    """Refuse a law that gives no finite numbers, or others in Python than compiled."""
+    for one in found:
+        if not np.isfinite(one).all():
+            raise SceneError(f"{who}: its law gives {shown(one)} for {what} at the start; it has to give finite numbers")
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
         raise SceneError(f"{who}: its law gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads beside "
                          "its arguments is frozen when it is compiled: hand it over in parameters=")

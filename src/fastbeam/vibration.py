@@ -14,10 +14,12 @@ from .kernels.work import State
 from .linearised import Linearisation
 from .linsolve import check_backend
 from .load_times import load_factors_at
-from .mode_shapes import DampedModes, Modes
+from .mode_shapes import DampedModes, Modes, SteadyModes
 from .model import Model, check_model
 from .starting import check_start
 from .statics import START, check_slider_forces, held_sliders, which_sliders
+from .steady import Spin, Travel, check_steady, which_motion
+from .steady_modes import SteadyEigen, steady_modes_of
 
 Array = np.ndarray
 # a state whose nodes would move by less, in sizes of the scene and rad, is an equilibrium
@@ -27,27 +29,36 @@ SETTLED = 1e-9
 # share of the loads that may push along free motions as round-off
 UNBALANCED = 1e-9
 LEAST = 12
+# share of the kinetic energy from which on a motion circles about the axis
+CIRCLES = 0.999
 
 
 @overload
 def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
           held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[False] = ...,
-          backend: str = ...) -> Modes:
+          steady: None = ..., backend: str = ...) -> Modes:
     """Without damping."""
 
 
 @overload
 def modes(model: Model, *, state: State | None = ..., n: int = ..., load_factor: float = ..., at_time: float | None = ...,
           held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: Literal[True],
-          backend: str = ...) -> DampedModes:
+          steady: None = ..., backend: str = ...) -> DampedModes:
     """With damping."""
 
 
+@overload
+def modes(model: Model, *, steady: Spin | Travel, state: State | None = ..., n: int = ..., load_factor: float = ...,
+          at_time: float | None = ..., held: bool | str | Sequence[str] = ..., planar: bool | None = ..., damped: bool = ...,
+          backend: str = ...) -> SteadyModes:
+    """About a steady motion."""
+
+
 @checked(model=Anything(), state=START, n=Count(most=10_000), load_factor=Number(), at_time=Number(unit="s"),
-         held=which_sliders, planar=Flag(), damped=Flag(), backend=Word())
+         held=which_sliders, planar=Flag(), damped=Flag(), steady=which_motion, backend=Word())
 def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor: float = 1.0, at_time: float | None = None,
           held: bool | str | Sequence[str] = False, planar: bool | None = None, damped: bool = False,
-          backend: str = "auto") -> Modes | DampedModes:
+          steady: Spin | Travel | None = None, backend: str = "auto") -> Modes | DampedModes | SteadyModes:
     """The n lowest natural frequencies and modes of small vibrations about an equilibrium, with sliders, joints, bodies and
     supports: (K - w^2 M) x = 0 with K the tangent of the equilibrium, contact forces included (theory.md 11).
 
@@ -70,13 +81,17 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     damped : bool
         The motions x e^(r t) that these n modes become with the damping that the scene has: damped sections, linear drag,
         dampers in joints, laws of forces that depend on velocities.
+    steady : Spin or Travel, optional
+        About a steady motion (theory.md 17): the state is an equilibrium in it, `solve_static(model, steady=...).state`, and
+        supports belong to the frame that spins, or stand where beams travel. With the damping that the scene has.
     backend : {'auto', 'pardiso', 'superlu'}
 
     Returns
     -------
-    Modes or DampedModes
+    Modes, DampedModes or SteadyModes
         `.frequencies` (Hz), `.angular` (rad/s), `.growth`, `.displacements`, ..., `.state(k, amplitude)`; fewer than n where
-        there are no more. With damped=True `.rates` (complex, 1/s), `.frequencies`, `.damping_ratios`, `.decay`, ...
+        there are no more. With damped=True `.rates` (complex, 1/s), `.frequencies`, `.damping_ratios`, `.decay`, ...;
+        with steady= these and `.whirl`, `.in_space`.
 
     Raises
     ------
@@ -85,7 +100,14 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
     ConvergenceError
         The eigenvalues were not found: stiffness and masses are singular together.
     """
-    about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend)
+    about, _ = linearised_at("modes", model, state, load_factor, at_time, held, planar, backend, steady)
+    if steady is not None:
+        found = equilibrium_of("modes", about, LEAST, backend, state)
+        try:
+            return _steady_modes_of(about, steady_modes_of(about, found, n, backend), found, steady)
+        except SingularError:
+            raise ConvergenceError(f"modes: those of scene {model.scene_name!r} about {steady!r} were not found; ask for fewer",
+                                   state=state) from None
     if not damped:
         return _modes_of(about, equilibrium_of("modes", about, n, backend, state))
     found = equilibrium_of("modes", about, n + MORE, backend, state)
@@ -101,7 +123,8 @@ def modes(model: Model, *, state: State | None = None, n: int = 20, load_factor:
 
 
 def linearised_at(who: str, model: Model, state: State | None, load_factor: float, at_time: float | None,
-                  held: bool | str | Sequence[str], planar: bool | None, backend: str) -> tuple[Linearisation, State | None]:
+                  held: bool | str | Sequence[str], planar: bool | None, backend: str,
+                  steady: Spin | Travel | None = None) -> tuple[Linearisation, State | None]:
     """A model linearised about a state with what `modes` takes, and the state as it was checked.
 
     Raises
@@ -118,7 +141,12 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     factors = load_factor * load_factors_at(who, model, at_time)
     if state is not None:
         state, _ = check_start(model, state, 1.0, at_rest=True)
-    about = Linearisation(model, state, ~stays, factors, flat)
+    if steady is not None:
+        check_steady(who, model, steady, factors)
+        if flat and isinstance(steady, Spin) and not np.allclose(np.abs(model.plane.axes[2] @ steady.axis), 1.0, atol=1e-12):
+            raise SceneError(f"{who}: planar=True needs a spin about the normal of the plane, got {steady!r}; motions in the "
+                             "plane push out of it")
+    about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady))
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if not np.any(about.mass.diagonal() > 0.0):
         raise SceneError(f"{who}: nothing that may move has a mass; give sections rhoA, or bodies")
@@ -165,7 +193,7 @@ def _settled(who: str, about: Linearisation, n: int, backend: str) -> Eigen:
         move[:k] -= free @ (free.T @ (about.mass @ move[:k]))
         size = about.sizes(move[:k])
         largest = int(np.argmax(size))
-        load = float(np.linalg.norm(about.loads)) + float(np.linalg.norm(right))
+        load = about.load_size + float(np.linalg.norm(right))
         pushed = np.abs(free).max(axis=0, initial=0.0) @ np.abs(along) if along.size else 0.0
         drifts = bool(np.linalg.norm(about.mass @ (free @ along)) > max(UNBALANCED * load, about.round_off(pencil)))
         if drifts or not size[largest] <= AT_REST:
@@ -191,6 +219,19 @@ def _no_equilibrium(who: str, about: Linearisation, right: Array, size: Array, l
         text += f"; {about.label(largest)[0]} would go on by about {size[largest]:.2g} of the size of the scene"
     return text + (". Find it with result = fb.solve_static(model) and give state=result.state (at the load_factor that it has), "
                    "or look at the scene without loads: load_factor=0")
+
+
+def _steady_modes_of(about: Linearisation, found: SteadyEigen, at_rest: Eigen, steady: Spin | Travel) -> SteadyModes:
+    """What they are seen from space as well."""
+    damped = _damped_modes_of(about, Damped(*found[:3]))
+    whirl = about.whirl(found.vectors[:about.free.size])
+    rate = steady.rate if isinstance(steady, Spin) else 0.0
+    seen = (np.sign(whirl) * damped.angular + rate) / (2.0 * np.pi)
+    info = damped.info | {"method": "modes about a steady motion", "steady": repr(steady), "complete": found.is_complete,
+                          "unstable_at_rest": int(np.sum(np.real(at_rest.values) < 0.0))}
+    return SteadyModes(damped.rates, damped.displacements, damped.spins, damped.slides, damped.residuals, about, info,
+                       damped.names, damped.positions, damped.directors, whirl,
+                       np.where(np.abs(whirl) > CIRCLES, seen, np.nan))
 
 
 def _damped_modes_of(about: Linearisation, found: Damped) -> DampedModes:

@@ -88,9 +88,9 @@ def scratch_of(model: Model) -> Array:
     return aligned(most if model.substructures is None else most + front_size(len(model.dofs)))
 
 
-def entries_of(model: Model) -> int:
+def entries_of(model: Model, bounded: bool = True) -> int:
     """Entries that a constraint may have: those of every node of a slider's beam and its point, or of both ends of a joint;
-    fewer at first where constraints are rows, and room for more is made when one has them."""
+    fewer at first where constraints are rows (unless not `bounded`), and room for more is made when one has them."""
     # each as often as a tied node passes it on
     widest = 1 if model.ties is None else int(np.max(np.diff(model.ties.start)))
     # and the spins of both ends of a joint
@@ -99,7 +99,7 @@ def entries_of(model: Model) -> int:
         return ends
     # of a sleeve the spin of its holder, too
     most = int(model.curves.shape[:, 2].max()) + (model.sleeves is not None)
-    if model.by_rows:
+    if model.by_rows and bounded:
         most = min(most, int(model.curves.count.max()))
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
     # and the spin of every node

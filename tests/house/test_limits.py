@@ -43,7 +43,7 @@ def arguments() -> set[str]:
 
 
 def test_the_page_has_names_to_check() -> None:
-    assert len(NAMES) > 40 and {"drag=", "Winch", "Result.stress"} <= set(NAMES)
+    assert len(NAMES) > 40 and {"drag=", "Wall", "Result.stress"} <= set(NAMES)
 
 
 def test_what_the_page_says_is_not_there_is_not_there() -> None:

@@ -170,7 +170,11 @@ def test_a_column_buckles_along_its_elastica(side: int) -> None:
     ({"side": 1}, "side: needs a start on a bifurcation"), ({"side": 2}, "side: must be 1 or -1"),
     ({"stop_at": "snap"}, "'snap' does not exist: choose 'limit' or 'bifurcation'"),
     ({"backend": "mumps"}, "backend 'mumps' does not exist"), ({"held": "ring"}, "has no slider 'ring'"),
-    ({"start": 3}, "start: must be a State"), ({"arc": 3}, "has no argument 'arc'")])
+    ({"start": 3}, "start: must be a State"), ({"arc": 3}, "has no argument 'arc'"),
+    ({"branch": 1}, "branch: needs a start on a bifurcation"), ({"branch": 0, "side": 1}, "give side= or branch=, not both"),
+    ({"moves": {}}, "moves: must be a mapping"), ({"moves": {3: (0, 0, 1)}}, "moves= maps supports"),
+    ({"moves": {fb.PointMass("else", mass=1.0): (0, 0, 1)}}, "moves= of .*else.*: it is not in scene"),
+    ({"observe": ("speed",)}, "observe")])
 def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> None:
     column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=2)
     model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), fb.Load("press", column.end, force=(0, 0, -1.0))))
@@ -252,3 +256,74 @@ def test_two_times_of_loads_are_checked() -> None:
     for wrong in ((0.0,), (0.0, 1.0, 2.0), "ab", (0.0, "b"), np.nan):
         with pytest.raises(fb.SceneError, match="at_time: "):
             fb.solve_path(model, at_time=wrong)
+
+
+def test_displacement_control_snaps_back() -> None:
+    """A truss of two springs pushed by a hand on a soft spring: the hand, a support, has to go back for the truss to go on.
+    Exact: P(z) = 2 k (l - l0) z/l at the height z of the top, the hand at z + P/ks + l_s."""
+    k, height, soft, rod = 100.0, 0.5, 6.0, 1.5
+    rest = np.hypot(1.0, height)
+
+    def force(z: Any) -> Any:
+        length = np.hypot(1.0, z)
+        return 2.0 * k * (length - rest) * z / length
+
+    top, hand = (fb.PointMass(name, mass=1.0, position=(0, 0, z)) for name, z in (("top", height), ("hand", height + rod)))
+    bars = [fb.Spring(top, fb.GROUND.point((x, 0, 0)), f"bar {x}", stiffness=k) for x in (-1, 1)]
+    clamp = fb.Clamp(hand)
+    scene = fb.Scene(top, hand, *bars, fb.Spring(hand, top, "arm", stiffness=soft), clamp)
+    model = fb.compile_scene(scene, planar=True)
+    result = fb.solve_path(model, moves={clamp: (0, 0, -1.5)}, points={"top": top, "hand": hand}, observe=("reaction", "energy"),
+                           largest_step=0.05)
+    z, u = result.point("top")[:, 2], result.point("hand")[:, 2]
+    np.testing.assert_allclose(u, z + force(z) / soft + rod, atol=1e-12)
+    np.testing.assert_allclose(u, height + rod - 1.5 * result.series["load_factor"], atol=1e-13)
+    np.testing.assert_allclose(result.reaction("clamp of point mass 'hand'")["force"][:, 2], force(z), atol=1e-11)
+    turns = [minimize_scalar(lambda z: sign * (z + force(z) / soft), bounds=ends, method="bounded", options={"xatol": 1e-13}).x
+             for sign, ends in ((1.0, (0.1, 0.45)), (-1.0, (-0.45, -0.1)))]
+    exact = [(height + rod - (x + force(x) / soft + rod)) / 1.5 for x in turns]
+    np.testing.assert_allclose(critical(result, "limit"), exact, atol=1e-12)
+    assert np.diff(u).max() > 0.0 and result.series["load_factor"][-1] == 1.0
+    with pytest.raises(fb.SceneError, match="no support holds its own position"):
+        fb.solve_path(model, moves={top: (0, 0, 1)})
+    # on from there, by the node, and what `solve_static` finds
+    on = fb.solve_path(model, moves={hand: (0, 0, -0.2)}, start=result.state, points={"top": top})
+    z = on.point("top")[-1, 2]
+    assert z + force(z) / soft + rod == pytest.approx(u[-1] - 0.2, abs=1e-12)
+
+
+def test_all_paths_through_a_point_where_eight_directions_lead_away() -> None:
+    """A steep pyramid of four springs sways to both axes at once: along each, and along both diagonals, to either side."""
+    k, feet = 100.0, np.array([[-1.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    top = fb.PointMass("top", mass=1.0, position=(0, 0, 3))
+    springs = [fb.Spring(top, fb.GROUND.point(x), f"bar {i}", stiffness=k) for i, x in enumerate(feet)]
+    model = fb.compile_scene(fb.Scene(top, *springs, fb.Load("push", top, force=(0, 0, -2.0 * k))))
+    at = fb.solve_path(model, stop_at="bifurcation")
+    point = at.info["critical_points"][-1]
+    assert (point["multiplicity"], len(point["branches"]), point["continuum"]) == (2, 8, False)
+    ways = np.array(point["branches"])
+    angles = np.mod(np.rad2deg(np.arctan2(ways[:, 1], ways[:, 0])) + 1.0, 360.0)
+    np.testing.assert_allclose(np.sort(angles), 45.0 * np.arange(8) + 1.0, atol=1e-4)
+    turns = []
+    for branch in (0, 1):
+        path = fb.solve_path(model, start=at.state, load_factor=point["load_factor"], branch=branch, to=50.0, most_points=8,
+                             points={"top": top})
+        x = path.point("top")
+        away = x[:, None] - feet
+        force = -(k * (1.0 - np.sqrt(10.0) / np.linalg.norm(away, axis=2, keepdims=True)) * away).sum(axis=1)
+        force[:, 2] -= 2.0 * k * path.series["load_factor"]
+        assert np.abs(force).max() < 1e-11 * k
+        turns.append(float(np.arctan2(x[-1, 1], x[-1, 0])))
+    assert np.mod(np.rad2deg(turns[1] - turns[0]) + 1.0, 90.0) == pytest.approx(46.0, abs=1e-9)
+    with pytest.raises(fb.SceneError, match="branch: 8 does not exist, 8 directions lead away"):
+        fb.solve_path(model, start=at.state, load_factor=point["load_factor"], branch=8)
+
+
+def test_a_column_that_may_bend_to_all_sides_says_so() -> None:
+    column = fb.Beam.straight("column", (0, 0, 0), (0, 0, 1), section=section(1e6, 1e6, 1.0), elements=4)
+    load = fb.Load("press", column.end, force=(0, 0, -5.0))
+    model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start), load), planar=False)
+    at = fb.solve_path(model, stop_at="bifurcation")
+    point = at.info["critical_points"][-1]
+    assert (point["multiplicity"], len(point["branches"]), point["continuum"]) == (2, 2, True)
+    assert 5.0 * point["load_factor"] == pytest.approx(np.pi**2 / 4.0, rel=1e-5)

@@ -280,3 +280,29 @@ def test_a_body_that_is_caught_loses_what_the_reduced_mass_says(planar: Any) -> 
     # held from both sides
     assert np.all(result.slider("s")["gap"][result.t >= t] < 1e-13)
     assert result.slider("s")["force"][-1, 2] < -1.0
+
+
+def test_another_model_knows_what_locks_have_done() -> None:
+    def make() -> fb.Model:
+        return rail(30.0, 3.0, lock=fb.Lock(0.1, until=0.3))
+    whole, part = run(make(), 0.6), run(make(), 0.2)
+    rest = run(make(), 0.6, start=part.state_for(make()), t_start=0.2)
+    # held until 0.3 s, not locked once more at once, nor free
+    assert happened(part) == [("locked", 0.1)] and happened(rest) == happened(whole)[1:]
+    np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0, atol=1e-12)
+    # one with other locks begins with its own
+    free = rail(30.0, 3.0)
+    slid = run(free, 0.25, start=part.state_for(free), t_start=0.2).slider("s")["s"]
+    assert slid[0] - slid[-1] == pytest.approx(0.25 * G * 0.05**2, rel=1e-3)
+
+
+def test_another_model_knows_that_a_point_flies() -> None:
+    def make() -> fb.Model:
+        return rail(30.0, 3.0, release=fb.Release(0.1))
+    whole, part = run(make(), 0.4), run(make(), 0.2)
+    rest = run(make(), 0.4, start=part.state_for(make()), t_start=0.2)
+    np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0, atol=1e-12)
+    # a slider that never leaves its beam cannot take that state
+    model = rail(30.0, 3.0)
+    with pytest.raises(fb.SceneError, match="its point lies"):
+        run(model, 0.4, start=part.state_for(model), t_start=0.2)

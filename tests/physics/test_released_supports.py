@@ -153,6 +153,19 @@ def test_runs_go_on_across_and_behind_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.state.q.reshape(-1, 12)[:, :3], fine.state.q.reshape(-1, 12)[:, :3], rtol=0, atol=1e-3)
 
 
+def test_another_model_knows_which_supports_have_let_go() -> None:
+    def make() -> fb.Model:
+        return fb.compile_scene(pendulum(0.3)[0])
+    whole, part = (fb.simulate(make(), t_end=t, step=0.01, progress=False) for t in (0.6, 0.4))
+    state = part.state_for(make())
+    rest = fb.simulate(make(), start=state, t_start=0.4, t_end=0.6, step=0.01, progress=False)
+    np.testing.assert_allclose(rest.state.q, whole.state.q, rtol=0, atol=1e-12)
+    # one that never lets go is told that its node moves
+    held = fb.compile_scene(pendulum(None)[0])
+    with pytest.raises(fb.SceneError, match="the support of .*: its velocity is"):
+        fb.simulate(held, start=part.state_for(held), t_start=0.4, t_end=0.6, step=0.01, progress=False)
+
+
 def test_a_net_that_is_let_go_is_condensed_to_the_same_numbers() -> None:
     grid = np.array([(x, y, 0.0) for x in range(3) for y in range(3)])
     edges = [(3 * x + y, 3 * x + y + 1) for x in range(3) for y in range(2)]

@@ -152,6 +152,14 @@ def test_a_run_goes_on_behind_a_switch() -> None:
     np.testing.assert_allclose(bare.state.s, whole.state.s, atol=1e-9)
 
 
+def test_a_checkpoint_knows_where_switches_lead() -> None:
+    part = run(fb.compile_scene(yard()[0]), 0.1)
+    for other in ((("loop", 0.0), ("side", 3.0)), (("side", 0.0), ("loop", 2.0)), {"s0": "loop"}, lambda t, state: "loop"):
+        with pytest.raises(fb.SceneError, match="checkpoint"):
+            run(fb.compile_scene(yard(choose=other)[0]), start=part.checkpoint)
+    assert fb.compile_scene(yard()[0]).fingerprint == fb.compile_scene(yard()[0]).fingerprint
+
+
 def test_step_control_meets_the_end() -> None:
     fixed, controlled = (run(fb.compile_scene(yard()[0]), 1.6, **more) for more in (
         {"step": 0.002}, {"step": 0.005, "tolerance": 1e-6}))

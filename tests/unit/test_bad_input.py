@@ -22,7 +22,7 @@ import pytest
 import fastbeam as fb
 from fastbeam import __main__ as front
 from fastbeam.kernels.work import State
-from fastbeam.mode_shapes import DampedModes, Modes
+from fastbeam.mode_shapes import DampedModes, Modes, SteadyModes
 from fastbeam.model import Model
 from fastbeam.responses import FrequencyResponse
 
@@ -71,6 +71,13 @@ def modes() -> Modes:
 @cache
 def damped_modes() -> DampedModes:
     return fb.modes(held(), load_factor=0.0, n=3, damped=True)
+
+
+@cache
+def steady_modes() -> SteadyModes:
+    """Of the same beam that turns with its clamp."""
+    model, spin = held(), fb.Spin(1.0)
+    return fb.modes(model, n=2, steady=spin, state=fb.solve_static(model, steady=spin).state)
 
 
 @cache
@@ -238,6 +245,7 @@ FIELD, PATH = either(VECTOR, is_function), one_of(str, Path)
 CONDITION = either(is_real, is_function, is_text)
 LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_a(fb.Release),
               one_sided=either(VECTOR, is_a(fb.OneSided)))
+STEADY = one_of(fb.Spin, fb.Travel)
 OF_TIME = either(is_real, is_function)
 IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops),
                 coefficient=is_real, length=is_real, drive=is_a(fb.Drive))
@@ -337,9 +345,9 @@ def calls(folder: Path) -> dict[str, Call]:
                ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
         "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
-                     dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function)),
+                     dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function, follower=is_flag)),
         "DistributedLoad": Call(fb.DistributedLoad, dict(name="l", beam=BEAM, force=(0, 0, 1)),
-                                dict(name=is_text, beam=A_BEAM, force=FIELD, moment=FIELD, time=is_function)),
+                                dict(name=is_text, beam=A_BEAM, force=FIELD, moment=FIELD, time=is_function, follower=is_flag)),
         "DistributedLoad.force_at": Call(fb.DistributedLoad("l", BEAM, force=(0, 0, 1)).force_at, dict(s=[0.0]),
                                          dict(s=either(is_real, VECTOR))),
         "DistributedLoad.moment_at": Call(fb.DistributedLoad("l", BEAM, force=(0, 0, 1)).moment_at, dict(s=[0.0]),
@@ -408,18 +416,21 @@ def calls(folder: Path) -> dict[str, Call]:
         "solve_static": Call(fb.solve_static, dict(model=held()), RUN | dict(
             model=one_of(Model), load_step=is_real, largest_load_step=is_real, levels=VECTOR, smallest_step=is_real,
             at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)),
-            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"))),
+            rest_intervals=either(is_flag, is_text, is_list_of(is_text)), raise_loads=is_flag, contacts=among("mesh", "exact"),
+             steady=STEADY)),
         "solve_path": Call(fb.solve_path, dict(model=held(), most_points=4), dict(
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
-            side=among(1, -1))),
+            side=among(1, -1), branch=is_count, observe=is_list_of(is_text), moves=one_of(Mapping))),
         "stick_interval": Call(fb.stick_interval, dict(model=rubbing(), slider="s"), dict(
             model=one_of(Model), slider=is_text, load_factor=is_real, within=is_array(2), at_time=either(is_real, is_array(2)),
             start=one_of(State), held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
         "modes": Call(fb.modes, dict(model=held(), load_factor=0.0, n=3), dict(
             model=one_of(Model), state=one_of(State), n=is_count, load_factor=is_real, at_time=is_real, planar=is_flag,
-            held=either(is_flag, is_text, is_list_of(is_text)), damped=is_flag, backend=is_text)),
+            held=either(is_flag, is_text, is_list_of(is_text)), damped=is_flag, steady=STEADY, backend=is_text)),
+        "Spin": Call(fb.Spin, dict(rate=1.0), dict(rate=is_real, axis=VECTOR, point=VECTOR)),
+        "Travel": Call(fb.Travel, dict(speeds={BEAM: 1.0}), dict(speeds=one_of(Mapping))),
         "frequency_response": Call(fb.frequency_response, dict(
             model=held(), frequencies=[3.0], load_factor=0.0, base=(1, 0, 0)), dict(
             model=one_of(Model), frequencies=VECTOR, state=one_of(State), load_factor=is_real, at_time=is_real, planar=is_flag,
@@ -436,6 +447,8 @@ def calls(folder: Path) -> dict[str, Call]:
         **{f"FrequencyResponse.{name}": Call(getattr(response(), name), dict(name="tip"), dict(name=is_text))
            for name in ("point", "spin", "slide", "peaks")},
         "FrequencyResponse.shape": Call(response().shape, dict(k=0), dict(k=is_count)),
+        "SteadyModes.state": Call(steady_modes().state, dict(k=0, amplitude=0.01), dict(
+            k=is_count, amplitude=is_real, phase=is_real)),
         "DampedModes.state": Call(damped_modes().state, dict(k=0, amplitude=0.01), dict(
             k=is_count, amplitude=is_real, phase=is_real)),
         "plot_response": Call(fb.plot_response, dict(response=response()), dict(
@@ -449,7 +462,7 @@ def calls(folder: Path) -> dict[str, Call]:
                 at_time=is_real, held=either(is_flag, is_text, is_list_of(is_text)), backend=is_text)),
         "adjoint_run": Call(fb.adjoint_run, dict(model=held(), t_end=2e-3, step=1e-3), dict(
             model=one_of(Model), t_end=is_real, step=is_real, start=one_of(State), points=one_of(Mapping),
-            max_iterations=is_count, backend=is_text)),
+            max_iterations=is_count, backend=is_text, keep_every=is_count)),
         "AdjointRun.point": Call(short().point, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.velocity": Call(short().velocity, dict(name="tip"), dict(name=is_text)),
         "AdjointRun.gradient": Call(short().gradient, dict(points={"tip": (0, 0, 1)}), dict(
@@ -478,9 +491,18 @@ def calls(folder: Path) -> dict[str, Call]:
             t=is_series, series=one_of(Mapping), model_text=is_text, info=one_of(Mapping), names=one_of(Mapping),
             t_snap=is_series, phi=is_series, directors=is_series, velocities=is_series, events=one_of(list, tuple))),
         **{f"Result.{name}": Call(getattr(result(), name), dict(name="total"), dict(name=is_text))
-           for name in ("point", "slider", "joint", "spring", "bushing", "deviation", "drift", "is_conserved", "velocity",
-                        "section")},
+           for name in ("point", "slider", "joint", "spring", "bushing", "winch", "deviation", "drift", "is_conserved",
+                        "velocity", "section")},
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
+        "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
+            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR)),
+        "Winch": Call(fb.Winch, dict(name="w", drum=BEAM.start, load=BODY, stiffness=1e3, mass_per_length=1.0), dict(
+            name=is_text, drum=NODE, load=NODE, stiffness=is_real, mass_per_length=is_real, length=is_real, total=is_real,
+            inertia=is_real, speed=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
+        "Winch.length_of": Call(fb.Winch("w", BEAM.start, BODY, stiffness=1e3, mass_per_length=1.0,
+                                         length_at=lambda t: 2.0 + t * t).length_of, dict(t=0.5), dict(t=is_real)),
+        "Controller": Call(fb.Controller, dict(name="c", law=held_value, period=0.1), dict(
+            name=is_text, law=is_function, period=is_real, start=is_real, memory=VECTOR, points=one_of(Mapping))),
         "UserForce": Call(fb.UserForce, dict(name="u", at=BODY, law=law), dict(
             name=is_text, at=one_of(fb.NodeRef, fb.Beam, fb.RigidBody, fb.PointMass), law=is_function, parameters=VECTOR,
             dissipates=is_flag)),
@@ -496,6 +518,8 @@ def calls(folder: Path) -> dict[str, Call]:
             run=one_of(Mapping), measure=is_function, executor=one_of(Executor), workers=is_count, threads=is_count, file=PATH,
             overwrite=is_flag, retry=is_flag, progress=is_flag)),
         "load_sweep": Call(fb.load_sweep, dict(path=folder / "text"), dict(path=PATH)),
+        "Sweep.column": Call(fb.sweep(lambda a: 2.0 * a, {"a": [1, 2]}, workers=1).column, dict(name="value"),
+                             dict(name=is_text)),
         "plot_balance": Call(fb.plot_balance, dict(result=result()), dict(result=one_of(fb.Result))),
         "animate": Call(fb.animate, dict(result=result(), path=folder / "film.gif", overwrite=True, fps=20.0, plane="xy"), dict(
             result=one_of(fb.Result), path=PATH, plane=is_text, fps=is_real, speed=is_real, overwrite=is_flag, progress=is_flag)),
@@ -520,6 +544,16 @@ class TooLong(BaseException):
 
 def law(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
     """Of a user force."""
+
+
+def tension(t: Any, length: Any, rate: Any, parameters: Any) -> float:
+    """Of a force along a line."""
+    return 0.0
+
+
+def held_value(now: Any, memory: Any) -> float:
+    """Of a controller."""
+    return 0.0
 
 
 def _ring(*_: Any) -> None:
@@ -615,8 +649,8 @@ def test_bad_arguments_in_combination(seed: int, n: int, fitting: bool, tmp_path
 
 
 # --- nothing public is left out --------------------------------------------------------------------------------------------
-# of errors and tables the arguments are texts and facts of the package's own; a net's lists serve the compiler
-OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "Sweep", "__version__"}
+# of errors and of tables that calls make the arguments are texts and facts of the package's own; a net's lists serve the compiler
+OWN = {"BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError", "__version__"}
 FOR_THE_COMPILER = {"Net.along", "Net.beam_at"}
 
 
@@ -628,7 +662,7 @@ def public() -> Iterator[tuple[str, Any]]:
             yield name, thing
             continue
         # an object of the package, such as GROUND, has methods alone
-        if inspect.isclass(thing):
+        if inspect.isclass(thing) and thing is not fb.Sweep:
             yield name, thing.__init__
         for method, found in inspect.getmembers(thing, lambda x: inspect.isfunction(x) or inspect.ismethod(x)):
             if not method.startswith("_") and f"{name}.{method}" not in FOR_THE_COMPILER:

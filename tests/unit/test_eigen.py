@@ -8,7 +8,8 @@ import pytest
 import scipy.linalg as dense
 from scipy import sparse
 
-from fastbeam.eigen import Pencil, SingularError, lowest
+from fastbeam import eigen
+from fastbeam.eigen import Pencil, Shifted, SingularError, lowest
 
 Array = np.ndarray
 
@@ -93,3 +94,38 @@ def test_no_mass_at_all_is_refused_or_empty() -> None:
         assert lowest(pencil(sparse.eye(3).tocsr(), sparse.csr_matrix((3, 3))), 2).values.size == 0
     except SingularError:
         pass
+
+
+@pytest.mark.parametrize("counts", ["pardiso", "dense", "signs"])
+def test_what_krylov_vectors_miss_is_found_by_the_count(counts: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first Krylov vectors are blind for two unstable modes, and pivots beside zero tell nothing."""
+    n, multipliers = 40, 2
+    draw = np.random.default_rng(5)
+    values = np.sort(np.concatenate(([-3.0, -1.0], np.linspace(0.5, 60.0, n - 2))))
+    turn = dense.qr(draw.standard_normal((n, n)))[0]
+    stiffness = turn @ np.diag(values) @ turn.T
+    rows = draw.standard_normal((multipliers, n))
+    whole = sparse.csr_matrix(np.block([[stiffness, -rows.T], [-rows, np.zeros((multipliers, multipliers))]]))
+    allowed = dense.null_space(rows)
+    exact = np.linalg.eigvalsh(allowed.T @ stiffness @ allowed)
+    assert np.sum(exact < 0.0) == 2
+    krylov, first, calls = eigen._krylov, Shifted._factored, []
+
+    def blind(factors: Any, count: int, may_move: bool) -> Any:
+        calls.append(factors.shift)
+        found, vectors, better = krylov(factors, count + 2, may_move)
+        return (found[2:], vectors[:, 2:], better) if len(calls) == 1 else krylov(factors, count, may_move)
+
+    def uncounted(self: Any, *arguments: Any) -> bool:
+        good = first(self, *arguments)
+        if counts != "pardiso" or self.shift < 0.0:
+            self.below = None
+        return good
+
+    monkeypatch.setattr(eigen, "_krylov", blind)
+    monkeypatch.setattr(Shifted, "_factored", uncounted)
+    if counts == "signs":
+        monkeypatch.setattr(eigen, "DENSE", 0)
+    found = lowest(pencil(whole, sparse.eye(n).tocsr(), multipliers), 8)
+    assert found.is_complete and len(calls) == 2 and calls[1] > 0.0
+    np.testing.assert_allclose(found.values, exact[:8], rtol=1e-9)

@@ -74,5 +74,14 @@ def test_the_wheel_runs_in_a_clean_environment(packages: tuple[Path, Path], tmp_
     assert (tmp_path / "pictures" / "crane.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("python", [x for x in os.environ.get("FASTBEAM_PYTHONS", "").split(os.pathsep) if x])
+def test_other_pythons_install_and_run_it(packages: tuple[Path, Path], tmp_path: Path, python: str) -> None:
+    """With all libraries from the registry, which takes minutes: FASTBEAM_PYTHONS=/path/to/python3.12:/path/to/python3.13"""
+    run(python, "-m", "venv", "new", where=tmp_path)
+    own = str(tmp_path / "new" / "bin" / "python")
+    run(own, "-m", "pip", "install", "-q", "--disable-pip-version-check", str(packages[1]), where=tmp_path)
+    assert run(own, "-m", "fastbeam", "doctor", where=tmp_path).count("\nok ") == 2
+
+
 def _is_site(path: str) -> bool:
     return path.endswith("site-packages")

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -90,3 +91,17 @@ def test_limit_with_a_wrong_order_shows_in_uncertainty_and_observed_order() -> N
 def test_distance_is_the_largest_over_all_points_relative_to_the_length() -> None:
     a = np.zeros((2, 3))
     assert peers.distance(a, a + np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]]), 10.0) == pytest.approx(0.5)
+
+
+@pytest.mark.slow  # where the environment of the peer is made
+def test_names_and_program_of_the_page_for_those_who_come_from_exudyn(
+        capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "perf" / "peers"))
+    names = importlib.import_module("names")
+    trouble = importlib.import_module("environments").trouble
+    if trouble("exudyn"):
+        pytest.skip("exudyn is not installed: python perf/peers/environments.py exudyn")
+    assert len(names.names()) > 25
+    assert names.main() == 0
+    place = re.search(r"x = ([\d.]+) m", capsys.readouterr().out)
+    assert place is not None and float(place[1]) == pytest.approx(3.0450, abs=1e-3)

@@ -1,7 +1,9 @@
 """Pictures: the right axes, and no display needed."""
 from __future__ import annotations
 
+import io
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import fastbeam as fb
 from fastbeam.errors import BackendError, SceneError
 from fastbeam.plot import plot_balance, plot_invariants, plot_overview, plot_shapes, plot_slider
 from fastbeam.result import Result
@@ -226,3 +229,24 @@ def test_pictures_need_no_display_and_import_no_pyplot(tmp_path: Path) -> None:
                           check=False)
     assert done.returncode == 0, done.stderr
     assert target.exists()
+
+
+def test_names_stand_in_pictures_letter_by_letter() -> None:
+    rows = np.linspace(0.0, 1.0, 5)
+    names = {"sliders": ["$\\frac{$", "_hidden"], "points": ["$x_{$"]}
+    shapes = np.random.default_rng(1).random((2, 2, 3))
+    run = fb.Result(t=rows, names=names, info={"scene": "$\\evil{"}, t_snap=rows[:2], phi=shapes,
+                    series={"total": rows, "kinetic": rows, "s_slide": np.ones((5, 2)), "gap": np.zeros((5, 2)),
+                            "contact_force": np.zeros((5, 2, 3)), "points": np.zeros((5, 1, 3))})
+    figure = fb.plot_overview(run)
+    figure.savefig(io.BytesIO(), format="png")
+    shown = [text.get_text() for axes in figure.axes if axes.get_legend() for text in axes.get_legend().get_texts()]
+    assert r"\$\frac{\$" in shown and " _hidden" in shown
+    fb.plot_slider(run, "$\\frac{$").savefig(io.BytesIO(), format="png")
+
+
+def test_notebooks_show_figures_and_figures_travel() -> None:
+    rows = np.linspace(0.0, 1.0, 5)
+    figure = fb.plot_invariants(fb.Result(t=rows, series={"total": rows, "kinetic": rows}))
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert pickle.loads(pickle.dumps(figure)).axes[0].get_title() == "Energies"

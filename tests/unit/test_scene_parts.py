@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import fastbeam as fb
 from fastbeam.errors import SceneError
 from fastbeam.scene import (
     BallJoint, Beam, Clamp, DistributedLoad, InitialVelocity, Load, Pin, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -169,7 +170,7 @@ def test_distributed_load_is_constant_or_a_field():
     (dict(force=lambda s: s), r"force\(s\) must be finite numbers of shape \[n, 3\] \(here \[4, 3\]\)"),
     (dict(moment=lambda s: np.full((s.size, 3), np.nan)), r"moment\(s\) must be finite numbers of shape"),
     (dict(force=(1, 0, 0), time="fast"), "time must be a function of t"),
-    (dict(force=(1, 0, 0), beam=CART), "beam must be a Beam, got PointMass"),
+    (dict(force=(1, 0, 0), beam=CART), "beam must be a Beam, got <point mass"),
 ])
 def test_distributed_load_arguments_are_checked(options, text):
     with pytest.raises(SceneError, match="distributed load 'wind': " + text):
@@ -225,3 +226,32 @@ def test_slider_keeps_its_point_as_a_node():
 def test_slider_arguments_are_checked(options, text):
     with pytest.raises(SceneError, match="slider 'run': " + text):
         Slider("run", **{**dict(point=CART, beam=BOOM, at=0.5), **options})
+
+
+def test_parts_are_shown_in_one_line_with_what_is_not_as_by_default() -> None:
+    rope = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0)
+    a, b = (fb.Beam.straight(name, start, end, section=rope, elements=2) for name, start, end in (
+        ("a", (0, 0, 0), (2, 0, 0)), ("b", (0.7, -1, 0), (0.7, 1, 0))))
+    block = fb.RigidBody("block", mass=2.0, inertia=(1, 2, 3), position=(2, 0, 0))
+    stops, lock = fb.Stops(0.1, stiffness=1e4), fb.Lock("end", until=2.0)
+    turns = fb.RevoluteJoint(fb.GROUND, block, "h", axis=(0, 1, 0), angle=lambda t: t)
+    moves = fb.PrescribedMotion("p", a.start, displacement=lambda t: (t, 0, 0), until=1.0)
+    shown = {
+        fb.Crossing("x", a, b, at=(0.7, 1.0)): "<crossing 'x': beam_a=beam 'a', beam_b=beam 'b', at=(0.7, 1)>",
+        fb.Slider("s", block, on=a, at=1.0, friction=0.2, stops=stops): "<slider 's': point=body 'block', beam=beam 'a', at=1.0, "
+                                                                        "friction=Friction(coefficient=0.2), "
+                                                                        "stops=Stops(start=0.1, stiffness=10000.0)>",
+        fb.Sleeve("t", block, a, at=1.0, length=0.2): "<sleeve 't': point=body 'block', beam=beam 'a', at=1.0, length=0.2>",
+        fb.Damper(a.end, block, damping=3.0): "<damper of beam 'a' node 6 and body 'block': damping=3.0>",
+        fb.Bushing(a.end, block, "m", stiffness=[1, 2, 3, 4, 5, 6]): "<bushing 'm': a=beam 'a' node 6, b=body 'block', "
+                                                                     "stiffness=diagonal (1, 2, 3, 4, 5, 6)>",
+        turns: "<revolute joint 'h': a=ground at (2, 0, 0) m, b=body 'block', axis=(0, 1, 0), angle=a function>",
+        moves: "<prescribed motion 'p': at=beam 'a' node 0, displacement=a function, until=1.0>",
+        fb.Pin(a.end, axes="yz"): "<pin of beam 'a' node 6 along yz: axes='yz'>",
+        block: "<body 'block': mass=2.0, inertia=diagonal (1, 2, 3), position=(2, 0, 0)>",
+        fb.Signal([0, 1, 2, 3], [0, 1, 1, 0]): "<signal: 4 numbers, 0 to 3 s, at rest outside>",
+        lock: "Lock(when='end', until=2.0)", fb.Drive(speed=1.0): "Drive(speed=1.0)"}
+    assert [repr(part) for part in shown] == list(shown.values())
+    assert eval(repr(lock), vars(fb) | {"Lock": fb.Lock}) == lock
+    # in a notebook a scene shows the same
+    assert "length=0.2" in fb.Scene(a, block, *(x for x in shown if isinstance(x, fb.Sleeve)))._repr_html_()

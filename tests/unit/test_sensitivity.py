@@ -111,13 +111,13 @@ def test_a_parameter_that_leads_out_of_the_plane() -> None:
 
 
 def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
-    with pytest.raises(fb.SceneError, match="adjoint_run: steps with sliders have no adjoint here"):
-        fb.adjoint_run(fb.compile_scene(bead()), t_end=0.1, step=0.01)
+    with pytest.raises(fb.SceneError, match="adjoint_run: steps with friction, drives, stops, locks or contact that lets go"):
+        fb.adjoint_run(fb.compile_scene(bead(fb.Friction(0.3))), t_end=0.1, step=0.01)
     scene, points = tip()
     model = fb.compile_scene(scene)
     with pytest.raises(fb.SceneError, match="is no whole number of steps"):
         fb.adjoint_run(model, t_end=0.105, step=0.01)
-    with pytest.raises(fb.SceneError, match="GB of memory, more than 4"):
+    with pytest.raises(fb.SceneError, match="GB of memory, more than 4; keep a state of every 4000 steps by keep_every=4000"):
         fb.adjoint_run(model, t_end=1e3, step=1e-4)
     run = fb.adjoint_run(model, t_end=0.02, step=0.01, points=points)
     assert run.t.size == 3 and run.point("tip").shape == run.velocity("tip").shape == (3, 3)
@@ -157,3 +157,37 @@ def test_supports_that_move_are_refused() -> None:
 
     with pytest.raises(fb.SceneError, match="supports that move have places of their own"):
         fb.sensitivity(build, {})
+
+
+def test_joints_that_are_given_are_refused() -> None:
+    """Of equilibria and of critical loads."""
+    def build(EI: float) -> fb.Scene:  # noqa: N803
+        beam = straight("beam", (0, 0, 0), (3, 0, 0))
+        body = fb.RigidBody("body", mass=1.0, inertia=(EI, 1, 1), position=(3, 0, 0))
+        return fb.Scene(beam, body, fb.Clamp(beam.start), fb.RevoluteJoint(beam.end, body, axis=(0, 1, 0), angle=0.2,
+                                                                                 name="turn"))
+
+    state = fb.compile_scene(build(1.0)).state()
+    for call in (lambda: fb.sensitivity(build, {"EI": 1.0}),
+                 lambda: fb.critical_sensitivity(build, {"EI": 1.0}, state=state, load_factor=1.0)):
+        with pytest.raises(fb.SceneError, match="joint 'turn'.* is given a value that may depend on them, which is not known"):
+            call()
+
+
+def test_sections_of_beams_with_a_prestress() -> None:
+    """Gradients by sections hold the strain that a prestress is: by EA at a constant force P they differ by the change of P/EA.
+    Of a prestrain there is nothing to take away."""
+    def build(EA: float, P: float = 0.0, e: float = 0.0) -> Any:  # noqa: N803
+        one = fb.Section(EA=EA, GA2=4e3, GA3=4e3, GJ=50, EI2=80, EI3=80, rhoA=1, rhoI2=0.1, rhoI3=0.1)
+        given = {"prestress": P} if P else {"prestrain": e}
+        beam = straight("beam", (0, 0, 0), (3, 0, 0), section=one, **given)
+        return fb.Scene(beam, fb.Clamp(beam.start), fb.Clamp(beam.end), fb.Load("push", beam.node(4), force=(5, 0, 20))), {
+            "middle": beam.node(4)}
+
+    weights = {"middle": (0.5, 0.2, 1.0)}
+    taut = fb.sensitivity(build, {"EA": 1e4, "P": 30.0}).gradient(points=weights)
+    assert taut.by["EA"] == pytest.approx(taut.sections["beam"].EA[0] - taut.by["P"] * 30.0 / 1e4, rel=1e-8)
+    assert abs(taut.by["P"] * 30.0 / 1e4) > 1e-2 * abs(taut.by["EA"])
+    short = fb.sensitivity(build, {"EA": 1e4, "e": 3e-3}).gradient(points=weights)
+    assert short.by["EA"] == pytest.approx(short.sections["beam"].EA[0], rel=1e-8)
+    assert short.sections["beam"].EA[0] == pytest.approx(taut.sections["beam"].EA[0], rel=1e-9)

@@ -1,14 +1,19 @@
 """The site is built without a warning, and its search answers the questions of a first day."""
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+import fastbeam as fb
 
 ROOT = Path(__file__).resolve().parents[2]
 # what a new user types; sections that answer it; what such an answer has to name
@@ -26,7 +31,45 @@ QUESTIONS = (
     ("how do I run 100 cases", ("questions.html#how-do-i-run-100", "how-to.html#many-runs"), "sweep("),
     ("how do I restart", ("questions.html#how-do-i-restart", "how-to.html#go-on-from-where-a-run-stopped"), "checkpoint"),
     ("why is it not planar", ("questions.html#why-is-it-not-planar", "how-to.html#scenes-in-a-plane"), "not_planar"),
-    ("how do I add my force", ("questions.html#how-do-i-add-my-force", "how-to.html#forces-of-your-own"), "UserForce("))
+    ("how do I add my force", ("questions.html#how-do-i-add-my-force", "how-to.html#forces-of-your-own"), "UserForce("),
+    ("how do I install fastbeam", ("questions.html#how-do-i-install",), "pip install"),
+    ("python version", ("questions.html#which-python",), "Python 3.11"),
+    ("how long does it take to compile", ("questions.html#why-is-the-first-run-slow", "how-to.html#environment"), "warmup"),
+    ("how do I define a cross section", ("questions.html#how-do-i-define",), "Section.circle("),
+    ("how do I make a curved beam", ("questions.html#how-do-i-make",), "Beam.arc("),
+    ("how do I model a cable", ("questions.html#how-do-i-model-a-cable", "how-to.html#ropes-and-cables"), "Section.circle"),
+    ("natural frequency of a string", ("questions.html#how-do-i-model-a-cable",
+                                       "questions.html#how-do-i-find-natural"), "modes("),
+    ("how do I connect two beams", ("questions.html#how-do-i-connect",), "RigidConnection("),
+    ("how do I model a hinge with a motor", ("questions.html#how-do-i-model-a-hinge", "how-to.html#joints-with-axes"), "torque="),
+    ("how do I fix a node", ("questions.html#how-do-i-fix",), "Clamp("),
+    ("reaction force at a support", ("questions.html#how-do-i-fix", "how-to.html#read-forces-out"), "reaction"),
+    ("how do I add gravity", ("questions.html#how-do-i-add-gravity",), "gravity=("),
+    ("how do I apply a force that changes in time", ("questions.html#how-do-i-apply-a-force",), "time=lambda"),
+    ("follower force", ("questions.html#how-do-i-apply-a-follower", "limits.html#forces"), "UserForce"),
+    ("how do I set the initial velocity", ("questions.html#how-do-i-set", "how-to.html#build-a-scene"), "RigidMotion"),
+    ("how do I choose the time step", ("questions.html#how-do-i-choose",), "tolerance="),
+    ("how many elements", ("questions.html#how-many", "how-to.html#ropes-and-cables"), "elements"),
+    ("why does my simulation not converge", ("questions.html#why-does-my-simulation",
+                                             "how-to.html#when-a-step-fails"), "smaller step"),
+    ("how do I add friction", ("questions.html#how-do-i-add-friction",), "friction=0.3"),
+    ("how do I model a pulley", ("questions.html#how-do-i-model-a-pulley",), "Slider("),
+    ("contact between beams", ("questions.html#how-do-i-model-contact", "limits.html#supports-joints-contact"), "Crossing"),
+    ("how do I do a static analysis", ("questions.html#how-do-i-do-a-static",
+                                      "how-to.html#find-an-equilibrium"), "solve_static("),
+    ("buckling load", ("questions.html#how-do-i-do-a-static", "how-to.html#go-through-a-snap"), "solve_path("),
+    ("how do I plot the shape", ("questions.html#how-do-i-plot",), "plot_shapes("),
+    ("how do I make a video", ("questions.html#how-do-i-plot", "how-to.html#pictures-and-films"), "animate("),
+    ("how do I save a result to a file", ("questions.html#how-do-i-save", "how-to.html#files"), "save("),
+    ("how do I load a result", ("questions.html#how-do-i-save", "how-to.html#files"), "load_result("),
+    ("how do I print the energy", ("questions.html#how-do-i-print",), "table()"),
+    ("how do I get the force in a spring", ("questions.html#how-do-i-get-the-force",
+                                            "how-to.html#springs-dampers-bushings"), "spring("),
+    ("what is a director", ("questions.html#what-is-a-director", "glossary.html", "theory.html#1-configuration"), "d1"),
+    ("rotation angles of a node", ("questions.html#what-is-a-director",), "Rotation.from_matrix"),
+    ("change a parameter and run again", ("questions.html#how-do-i-change", "questions.html#how-do-i-run-100"), "sweep("),
+    ("how do I use several cores", ("questions.html#how-do-i-use",), "threads="),
+    ("how do I cite", ("questions.html#how-do-i-cite",), "CITATION"))
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +98,24 @@ def test_a_question_is_answered_in_the_first_three_hits(query: str, answers: tup
     assert found, hits
     # and the section does answer: it says what to write
     assert any(names in sections[hit]["text"] for hit in found), found
+
+
+def test_answers_name_what_is_there() -> None:
+    """Every call of an answer exists and has the arguments that it is given."""
+    text = (ROOT / "docs" / "questions.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", text, flags=re.MULTILINE)
+    assert len(blocks) >= 25
+    calls = 0
+    for block in blocks:
+        for node in ast.walk(ast.parse(textwrap.dedent(block))):
+            if isinstance(node, ast.Call) and re.fullmatch(r"fb(\.\w+)+", ast.unparse(node.func)):
+                call = fb
+                for name in ast.unparse(node.func).split(".")[1:]:
+                    call = getattr(call, name)
+                given = {x.arg for x in node.keywords}
+                assert given <= set(inspect.signature(call).parameters), ast.unparse(node)
+                calls += 1
+    assert calls > 40
 
 
 def test_every_address_of_an_answer_exists(sections: dict[str, dict[str, str]]) -> None:

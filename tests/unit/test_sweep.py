@@ -263,3 +263,11 @@ def test_tables_go_to_pandas() -> None:
     pytest.importorskip("pandas")
     frame = fb.sweep(numbers, {"a": [1, 3]}, workers=1).to_dataframe()
     assert list(frame.columns) == ["run", "a", "product", "error"] and frame["product"][0] == 2.0
+
+
+def test_columns_of_a_table_are_arrays_of_numbers() -> None:
+    table = fb.sweep(lambda a: {"root": a**0.5, "word": "x"} if a >= 0 else {"root": 1 / 0}, {"a": [4, -1, 9]}, workers=1)
+    assert np.array_equal(table.column("root"), [2.0, np.nan, 3.0], equal_nan=True)
+    assert table.column("a").tolist() == [4.0, -1.0, 9.0] and [row["run"] for row in table[1:]] == [1, 2]
+    with pytest.raises(fb.SceneError, match="no case has a number 'word'; there are 'run', 'a', 'root'"):
+        table.column("word")

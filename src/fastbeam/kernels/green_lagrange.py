@@ -22,8 +22,8 @@ from .laws import modulus, put_half_change
 from .layout import (MIDDLE, NODE_TABLE, POINT_MATRIX, POINT_NODE, POINT_NODES, POINT_PRODUCTS, POSITION_ROTATION, PRODUCTS,
                      ROTATION_POSITION, SHEAR_2, SHEAR_3, TWIST)
 from .strain_sets import (GreenLagrange, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
-                          form_stresses, mean_of_forms, point_stiffness, present_strains, quadratic_forms, strains_of_state,
-                          sum_pair)
+                          form_stresses, mean_of_forms, point_stiffness, present_strains, quadratic_forms, strain_changes,
+                          strains_of_state, sum_pair)
 
 
 # --- strains ------------------------------------------------------------------------------------------------------------
@@ -72,6 +72,12 @@ def extrapolated(strains, scratch, z, x, eo, temporary):
     form_changes(scratch, z, x, temporary)
     for i in range(0, 48, 8):
         vst(scratch, eo + i, 0, vld(scratch, eo + i, 0) + vld(scratch, temporary + i, 0))
+
+
+@strain_changes.register(GreenLagrange)
+@kernel
+def changes_of_forms(strains, scratch, z, x, ao, eo):
+    form_changes(scratch, z, x, eo)
 
 
 @strains_of_state.register(GreenLagrange)

@@ -33,9 +33,9 @@ from .laws import Law, apply_law, matrix_at, planar_modulus, planar_stress
 from .layout import (NODE_TABLE, PLANAR_MATRIX, PLANAR_NODE, PLANAR_NODES, PLANAR_POSITION_ROTATION, PLANAR_PRODUCTS,
                      PLANAR_ROTATION_POSITION, PLANAR_ROWS)
 from .motions import share_of_end
-from .strain_sets import (GreenLagrange, SimoReissner, planar_director_forces, planar_extrapolated, planar_form_stresses,
-                          planar_geometric, planar_no_sums, planar_point_data, planar_point_stiffness, planar_position_force,
-                          planar_reversed, planar_strains, planar_sums)
+from .strain_sets import (GreenLagrange, SimoReissner, planar_changes, planar_director_forces, planar_extrapolated,
+                          planar_form_stresses, planar_geometric, planar_no_sums, planar_point_data, planar_point_stiffness,
+                          planar_position_force, planar_reversed, planar_strains, planar_sums)
 
 
 class Shape(NamedTuple):
@@ -216,6 +216,14 @@ def simo_data(strains, middle, start, end):
     return SimoData(r_end * over, e * over, 0.5 * (g0 + ge), ge, 0.5 * (a0 + ae), ae, 0.5 * (c0 + ce), ce)
 
 
+@planar_changes.register(SimoReissner)
+@inlined
+def simo_changes(strains, data, middle, step):
+    g = cross2(step.u, middle.f) + cross2(middle.u, step.f)
+    c = cross2(step.u, middle.k) + cross2(middle.u, step.k)
+    return triple(data.over * (dot(middle.f, step.f) - data.g * g), g, data.a * c - data.c * dot(middle.u, step.u))
+
+
 @planar_form_stresses.register(SimoReissner)
 @inlined
 def simo_form_stresses(strains, data, s):
@@ -325,6 +333,13 @@ def green_extrapolated(strains, shape, step):
 @inlined
 def green_data(strains, middle, start, end):
     return GREEN_DATA
+
+
+@planar_changes.register(GreenLagrange)
+@inlined
+def green_changes(strains, data, middle, step):
+    return triple(dot(middle.f, step.f), cross2(step.u, middle.f) + cross2(middle.u, step.f),
+                  cross2(step.f, middle.k) + cross2(middle.f, step.k))
 
 
 @planar_form_stresses.register(GreenLagrange)

@@ -26,7 +26,7 @@ from .layout import (CURVATURE_2, CURVATURE_3, END, LENGTHS, MIDDLE, NODE_TABLE,
                      TWIST, TWISTS)
 from .strain_sets import (SimoReissner, add_director_forces, add_forces, add_geometric, add_stresses, extrapolated_strains,
                           form_stresses, mean_of_forms, point_stiffness, prepare_points, present_strains, quadratic_forms,
-                          strains_of_state, sum_pair)
+                          strain_changes, strains_of_state, sum_pair)
 
 
 # --- strains ------------------------------------------------------------------------------------------------------------
@@ -128,6 +128,17 @@ def extrapolated(strains, scratch, z, x, eo, temporary):
     dc = vld(scratch, temporary + 48, 0)
     for i in range(24, 48, 8):
         vst(scratch, eo + i, 0, (c + dc) * vld(scratch, eo + i, 0) + c * vld(scratch, temporary + i, 0))
+
+
+@strain_changes.register(SimoReissner)
+@kernel
+def changes_of_means(strains, scratch, z, x, ao, eo):
+    form_changes(scratch, z, x, eo)
+    y = vld(scratch, eo, 0) - vld(scratch, ao, 0) * vld(scratch, eo + 8, 0)
+    vst(scratch, eo, 0, vld(scratch, ao + 16, 0) * (y - vld(scratch, ao + 8, 0) * vld(scratch, eo + 16, 0)))
+    c = vld(scratch, ao + 48, 0); dc = vld(scratch, eo + 48, 0)
+    for i in range(24, 48, 8):
+        vst(scratch, eo + i, 0, c * vld(scratch, eo + i, 0) + dc * vld(scratch, ao + i, 0))
 
 
 @strains_of_state.register(SimoReissner)

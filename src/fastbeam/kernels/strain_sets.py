@@ -70,6 +70,12 @@ def extrapolated_strains(strains, scratch, z, x, eo, temporary):
 
 
 @generic
+def strain_changes(strains, scratch, z, x, ao, eo):
+    """Changes of the strains on which the mean stresses of a step do work, theory.md (4.7), along x from the shape z in its
+    middle: six lanes at eo; the one behind them is in use."""
+
+
+@generic
 def form_stresses(strains, scratch, ao, so):
     """From the stresses S at so to the s of theory.md (4.7), which multiply the derivatives of the quadratic forms."""
 
@@ -137,6 +143,11 @@ def planar_extrapolated(strains, shape, step):
 @generic
 def planar_point_data(strains, middle, start, end):
     """What derivatives of the strains need."""
+
+
+@generic
+def planar_changes(strains, data, middle, step):
+    """As `strain_changes`."""
 
 
 @generic

@@ -3,12 +3,14 @@ from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bushing import Bushing
+from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import GROUND
 from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint, RevoluteJoint, UniversalJoint
+from fastbeam.scene.line_force import LineForce
 from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
@@ -25,11 +27,12 @@ from fastbeam.scene.spring import Damper, Spring
 from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
+from fastbeam.scene.winch import Winch
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "Load", "Lock", "Net",
-    "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint",
-    "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
-    "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce",
+    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
+    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "LineForce", "Load",
+    "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
+    "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",
+    "Sleeve", "Slider", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
 ]

@@ -14,13 +14,15 @@ from fastbeam.arguments import (
 )
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import Array, ArrayField, Takes, noun
 from fastbeam.scene.curves import Arc, Curve, FittedCurve, Helix, StraightLine, spline_through
 from fastbeam.scene.sections import Section
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from fastbeam.basis import Basis
+    from fastbeam.scene.fixed import Ground
+    from fastbeam.scene.parts import PointMass, RigidBody
 
 DEGREES = {"lagrange": (1, 8), "bspline": (2, 5)}
 DIRECTORS = ("greville", "control")
@@ -73,7 +75,7 @@ class ArcLengths:
 COMMON = {"section": Instance(Section, "a Section", "use Section.rectangle(...) for instance"), "elements": Elements(),
           "degree": Anything(), "interpolation": Anything(), "directors": Word(DIRECTORS), "strain": Word(STRAINS),
           "prestrain": Number(least=-10.0, most=0.99), "prestress": Number(unit="N")}
-OWNERS = ("beam", "body", "point mass", "crossing", "ground")
+OWNERS = ("beam", "body", "point mass", "crossing", "point of rope", "drum", "ground")
 
 
 class BeamOptions(TypedDict, total=False):
@@ -90,7 +92,7 @@ class BeamOptions(TypedDict, total=False):
 
 
 @checked(owner=Anything(), index=Anything(), offset=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class NodeRef:
     """One node of a beam, or a point fixed to a rigid body, point mass or the ground. Made by `beam.start`, `body.point(...)` and
     so on.
@@ -109,9 +111,9 @@ class NodeRef:
         The owner is no beam, body or mass, or has no such node, or the offset is not 3 finite numbers, or one of a beam or mass.
     """
 
-    owner: Any
+    owner: Beam | RigidBody | PointMass | Ground
     index: int = 0
-    offset: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    offset: ArrayField = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         kind = getattr(self.owner, "kind", None)
@@ -159,7 +161,7 @@ class NodeRef:
 
 
 @checked(name=Name(), curve=CurveOf(), **COMMON)
-@dataclass(frozen=True, eq=False)
+@noun
 class Beam:
     """One beam: a reference curve with triads, a section and an interpolation. The reference is free of stress, unless it is
     given a prestrain or a prestress.
@@ -197,7 +199,7 @@ class Beam:
     curve: Curve
     _: KW_ONLY
     section: Section
-    elements: int | Array
+    elements: Takes[int | Sequence[float] | Array, int | Array]
     degree: int = 3
     interpolation: str = "lagrange"
     directors: str = "greville"

@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.arguments import LARGEST, Name, Refusal, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Array, ArrayField, Rotation, fill
+from fastbeam.scene.checks import Array, ArrayField, FilledArray, Rotation, fill, noun
 from fastbeam.scene.links import Link, label_of
 from fastbeam.scene.parts import Node, PointMass
 
@@ -44,7 +44,7 @@ class Matrix:
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a bushing has two sides, write one for every pair"),
          stiffness=Matrix("stiffness"), damping=Matrix("damping"), directors=Rotation())
-@dataclass(frozen=True, eq=False)
+@noun
 class Bushing(Link):
     """Elastic connection without mass of two points with triads, in displacement and rotation: a bushing, an elastic support.
 
@@ -87,8 +87,8 @@ class Bushing(Link):
 
     _: KW_ONLY
     stiffness: ArrayField
-    damping: ArrayField = None
-    directors: ArrayField = None
+    damping: FilledArray = None
+    directors: FilledArray = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -3,20 +3,107 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, Union, dataclass_transform
 
 import numpy as np
 
 from fastbeam.arguments import LARGEST, Number, Numbers, Refusal, Vector, constant, numbers, real, shown, take  # noqa: F401
 from fastbeam.errors import SceneError
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from fastbeam.kernels.work import State
+    from fastbeam.scene.beams import Beam, NodeRef
+    from fastbeam.scene.fixed import Ground
+    from fastbeam.scene.parts import PointMass, RigidBody
+
 Array = np.ndarray
-# fields that take more than they hold: numbers of any kind that become arrays; nodes, bodies and masses that become nodes
-ArrayField = Any
-NodeField = Any
-TimeFactor = Callable[[float], float]
-FieldLike = Array | Callable[[Array], Array]
+Given = TypeVar("Given", contravariant=True)
+Held = TypeVar("Held", covariant=True)
+Noun = TypeVar("Noun")
+
+
+class Takes(Generic[Given, Held]):
+    """A field that takes more than it holds, as type checkers see it: `Takes[given, held]`, a descriptor of the constructor's
+    argument and of the attribute. Nothing makes one; the decorator of the class cleans what is given."""
+
+    if TYPE_CHECKING:
+        def __get__(self, owner: object, kind: type | None = None) -> Held: ...
+        def __set__(self, owner: object, value: Given) -> None: ...
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
+def noun(cls: type[Noun]) -> type[Noun]:
+    """A frozen dataclass that is compared by identity, as all parts of scenes. Type checkers see fields that are `Takes` as what
+    they are (of plain dataclasses mypy does so for fields with a default alone)."""
+    made = dataclass(frozen=True, eq=False, repr=False)(cls)
+    if made.__repr__ is object.__repr__:
+        made.__repr__ = described  # type: ignore[method-assign]
+    return made
+
+
+def described(part: Any) -> str:
+    """A part in one line: its kind, its name, and what is not as by default."""
+    name = getattr(part, "name", None)
+    made_up = isinstance(name, str) and name.startswith(f"{part.kind} of ")
+    head = name if made_up else label(part.kind, name) if name else part.kind
+    # what a slider runs on has two names, and automatic names say where a part is
+    skipped = {"name"} | ({"on"} if hasattr(part, "beam") else set()) | ({"a", "b", "at"} if made_up else set())
+    return f"<{': '.join(filter(None, (head, ', '.join(_differing(part, skipped)))))}>"
+
+
+def called_with(value: Any) -> str:
+    """A small object as the call that makes it, without what is as by default."""
+    return f"{type(value).__name__}({', '.join(_differing(value, set()))})"
+
+
+def _differing(part: Any, skipped: set[str]) -> list[str]:
+    """name=value of all fields that are not as by default."""
+    out = []
+    for x in fields(part):
+        value = getattr(part, x.name)
+        if not x.init or x.name in skipped or x.name.startswith("_") or np.array_equal(value, x.default):
+            continue
+        # what None stands for
+        if x.default is None and (np.array_equal(value, np.eye(3)) or isinstance(value, np.ndarray) and not value.any()):
+            continue
+        out.append(f"{x.name}={_brief(value)}")
+    return out
+
+
+def _brief(value: Any) -> str:
+    """A value of a field, short."""
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape[0] == value.shape[1]:
+        if np.array_equal(value, np.diag(np.diag(value))):
+            return f"diagonal {shown(np.diag(value))}"
+        return f"a matrix {value.shape}"
+    if isinstance(value, tuple) and not all(isinstance(x, (int, float)) for x in value):
+        return f"({', '.join(map(_brief, value))})"
+    if isinstance(value, np.ndarray) or isinstance(value, (int, float)) and not isinstance(value, bool):
+        return shown(value)
+    named = getattr(value, "label", None)
+    return named if isinstance(named, str) else shown(value)
+
+
+# what arguments may be: a function of t, in the place of numbers along a beam s[n] -> [n, 3], of (t, state), of (t, s, rate)
+TimeFactor = Callable[[float], Union[float, Array]]
+OfTimeLike = Union[float, TimeFactor]
+FieldLike = Union["ArrayLike", Callable[[Array], "ArrayLike"]]
+Condition = Callable[[float, float, float], Union[float, np.bool_]]
+UntilLike = Union[float, Callable[[float, "State"], Union[float, np.bool_]]]
+WhenLike = Union[float, str, Condition]
+# a node, or what has one; a place to observe
+NodeLike = Union["NodeRef", "RigidBody", "PointMass"]
+Place = Union["NodeRef", "RigidBody", "PointMass", tuple["Beam", float]]
+# numbers of any kind that become arrays, nodes, bodies and masses that become nodes
+ArrayField = Takes["ArrayLike", Array]
+FilledArray = Takes[Union["ArrayLike", None], Array]
+OptionalArray = Takes[Union["ArrayLike", None], Union[Array, None]]
+FieldField = Takes[FieldLike, Union[Array, Callable[[Array], "ArrayLike"]]]
+OptionalField = Takes[Union[FieldLike, None], Union[Array, Callable[[Array], "ArrayLike"], None]]
+NodeField = Takes[NodeLike, "NodeRef"]
+SideField = Takes[Union[NodeLike, "Ground"], "NodeRef"]
 
 
 def fill(obj: Any, **values: Any) -> None:

@@ -1,7 +1,7 @@
 """Crossings: two beams that slide on each other at one point."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,11 +10,15 @@ from fastbeam.arguments import Name, Numbers, Refusal, Word, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import ArrayField, Takes, noun
 from fastbeam.scene.parts import PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliders import CURVES, Slider
 from fastbeam.scene.sliding import AFriction, Friction
 from fastbeam.scene.switches import Switch
+
+FrictionLike = Friction | float
+Frictions = tuple[Friction | None, Friction | None]
 
 
 class Knot(PointMass):
@@ -40,7 +44,7 @@ class TwoFrictions:
 
 @checked(name=Name(), beam_a=ATrack(), beam_b=ATrack(), at=Numbers((2,), "two arc lengths (s_a, s_b), m"), curve=Word(CURVES),
          friction=TwoFrictions())
-@dataclass(frozen=True, eq=False)
+@noun
 class Crossing:
     """Two beams that touch at one point and slide on each other there: crossing cables (theory.md 5.10).
 
@@ -93,9 +97,12 @@ class Crossing:
     beam_a: Beam | Path
     beam_b: Beam | Path
     _: KW_ONLY
-    at: Any
+    at: ArrayField
     curve: str = "c1"
-    friction: Any = None
+    friction: Takes[FrictionLike | tuple[FrictionLike | None, FrictionLike | None] | None, Frictions | None] = None
+    knot: Knot = field(init=False, repr=False)
+    slider_a: Slider = field(init=False, repr=False)
+    slider_b: Slider = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)

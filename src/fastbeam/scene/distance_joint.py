@@ -1,16 +1,16 @@
 """A joint that keeps the distance of two points."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from fastbeam.arguments import Name, checked
+from fastbeam.scene.checks import noun
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a distance joint has two ends, write one for every pair"))
-@dataclass(frozen=True, eq=False)
+@noun
 class DistanceJoint(Link):
     """Keeps the distance that two points have at t = 0, like a rigid rod without mass between two ball joints.
 

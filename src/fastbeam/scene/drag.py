@@ -9,7 +9,7 @@ import numpy as np
 from fastbeam.arguments import Name, Number, Refusal, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import ArrayField
+from fastbeam.scene.checks import ArrayField, noun
 from fastbeam.scene.nets import Net
 from fastbeam.scene.parts import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
 
@@ -30,7 +30,7 @@ class InAir:
 
 @checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Steady(),
          time=FACTOR)
-@dataclass(frozen=True, eq=False)
+@noun
 class Drag:
     """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`.
 

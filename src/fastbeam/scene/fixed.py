@@ -1,13 +1,16 @@
 """The ground: points that are fixed in space, as partners of links and joints."""
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from fastbeam.arguments import Vector, checked, constant
 from fastbeam.scene.beams import NodeRef
 from fastbeam.scene.checks import Array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class Ground:
@@ -28,7 +31,7 @@ class Ground:
     directors: ClassVar[Array] = constant(np.eye(3))
 
     @checked(position=Vector)
-    def point(self, position: Any) -> NodeRef:
+    def point(self, position: ArrayLike) -> NodeRef:
         """The point at `position` (3,) m in space.
 
         Raises

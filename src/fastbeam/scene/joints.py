@@ -1,7 +1,6 @@
 """Joints with axes between two of body, point of a body, beam node and ground: lists of conditions on points and directions."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +10,7 @@ from fastbeam.arguments import Name, Number, Numbers, Refusal, Vector, checked, 
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField, noun
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
@@ -110,12 +109,12 @@ class AxisJoint(Link):
         return self.coefficient * self.radius, 0.0 if self.length is None else 2.0 * self.coefficient * self.radius / self.length
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """Force or torque on what it leaves free: a number, a function of time, or None."""
         return None
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """What its coordinate is given: a number, a function of time, or None."""
         return None
 
@@ -180,10 +179,13 @@ def _place(node: NodeRef) -> Array:
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class OneAxisJoint(AxisJoint):
     """A joint with one axis, which both parts carry."""
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     axis: ArrayField
 
@@ -201,7 +203,7 @@ class OneAxisJoint(AxisJoint):
          damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"), angle=OfTime("rad"),
          speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), coefficient=Number(least=0.0),
          radius=Number(least=0.0, unit="m"), length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
-@dataclass(frozen=True, eq=False)
+@noun
 class RevoluteJoint(OneAxisJoint):
     """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
 
@@ -259,9 +261,9 @@ class RevoluteJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    torque: float | Callable[[float], float] | None = None
-    angle: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
+    torque: OfTimeLike | None = None
+    angle: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
     friction: float = 0.0
     coefficient: float = 0.0
     radius: float = 0.0
@@ -274,18 +276,18 @@ class RevoluteJoint(OneAxisJoint):
         self._check_forces()
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.torque
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.angle
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=OnBoth(0.0), damping=OnBoth(0.0), rest=OnBoth())
-@dataclass(frozen=True, eq=False)
+@noun
 class CylindricalJoint(OneAxisJoint):
     """Part b turns about an axis of a and slides along it. The axis goes through the point of b, parallel to `axis`.
 
@@ -318,7 +320,7 @@ class CylindricalJoint(OneAxisJoint):
          damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"), distance=OfTime("m"),
          speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), coefficient=Number(least=0.0),
          length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
-@dataclass(frozen=True, eq=False)
+@noun
 class PrismaticJoint(OneAxisJoint):
     """Part b slides along an axis of a without turning: a guide, a translational joint.
 
@@ -359,9 +361,9 @@ class PrismaticJoint(OneAxisJoint):
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
-    force: float | Callable[[float], float] | None = None
-    distance: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
+    force: OfTimeLike | None = None
+    distance: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
     friction: float = 0.0
     coefficient: float = 0.0
     length: float | None = None
@@ -373,18 +375,18 @@ class PrismaticJoint(OneAxisJoint):
         self._check_forces()
 
     @property
-    def motor(self) -> Any:
+    def motor(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.force
 
     @property
-    def place(self) -> Any:
+    def place(self) -> OfTimeLike | None:
         """As of `AxisJoint`."""
         return self.distance
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, normal=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class PlanarJoint(AxisJoint):
     """The point of b stays in a plane of a, and b turns about the normal of the plane alone.
 
@@ -404,6 +406,9 @@ class PlanarJoint(AxisJoint):
     kind: ClassVar[str] = "planar joint"
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, -1),), ONE_AXIS)
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     normal: ArrayField
 
@@ -418,7 +423,7 @@ class PlanarJoint(AxisJoint):
 
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis_a=Vector, axis_b=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class UniversalJoint(AxisJoint):
     """A Cardan joint: two points stay together, and an axis of a stays at a right angle to one of b, the arms of its cross.
 
@@ -439,6 +444,9 @@ class UniversalJoint(AxisJoint):
     is_pinned: ClassVar[bool] = True
     conditions: ClassVar[tuple[tuple[Condition, ...], ...]] = (((0, 1),),)
 
+    a: SideField
+    b: SideField
+    name: str | None = None
     _: KW_ONLY
     axis_a: ArrayField
     axis_b: ArrayField

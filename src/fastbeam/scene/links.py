@@ -1,19 +1,18 @@
 """What couples two points of a scene: the common part of springs and of joints with multipliers."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 from fastbeam.arguments import Name, checked
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
-from fastbeam.scene.checks import NodeField
+from fastbeam.scene.checks import NodeField, noun
 from fastbeam.scene.parts import Node
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=Name("a link has two sides, write one for every pair"))
-@dataclass(frozen=True, eq=False)
+@noun
 class Link:
     """Two different nodes and a name that is made from them when left out."""
 

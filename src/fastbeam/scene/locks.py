@@ -8,7 +8,7 @@ import numpy as np
 
 from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import ArrayField, Condition, WhenLike, called_with, noun
 from fastbeam.scene.sliding import Stops, needed_arguments
 
 TIME, PLACE = Number(unit="s"), Number(unit="m")
@@ -89,11 +89,12 @@ class Lock:
     """
 
     kind: ClassVar[str] = "lock"
+    __repr__ = called_with
 
-    when: Any = None
+    when: WhenLike | None = None
     _: KW_ONLY
     at: float | None = None
-    until: Any = None
+    until: float | Condition | None = None
 
     def __post_init__(self) -> None:
         if self.when is not None and self.at is not None:
@@ -126,12 +127,13 @@ class Release:
     """
 
     kind: ClassVar[str] = "release"
+    __repr__ = called_with
 
-    when: Any
+    when: WhenLike
 
 
 @checked(side=Vector, restitution=Number(least=0.0, most=1.0), catch=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class OneSided:
     """Contact that pushes only: the point lies on one side of the beam, lifts off where it would have to be pulled, and comes
     back. `Slider(..., one_sided=(0, 0, 1))` is the short form of `one_sided=fb.OneSided((0, 0, 1))`.
@@ -159,7 +161,7 @@ class OneSided:
 
     kind: ClassVar[str] = "one-sided contact"
 
-    side: Array
+    side: ArrayField
     _: KW_ONLY
     restitution: float = 0.0
     catch: bool = False

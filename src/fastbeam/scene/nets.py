@@ -1,8 +1,9 @@
 """Nets: many straight beams between nodes, described by arrays."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.curves import StraightLine
 from fastbeam.scene.sections import Section
 from fastbeam.shapes import gll_nodes
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 JOINTS = ("rigid", "ball")
 # arrays whose shapes belong together; the constructor compares them
@@ -87,10 +91,12 @@ class Net:
 
     kind: ClassVar[str] = "net"
 
-    def __init__(self, name: str, nodes: Any, edges: Any, *, section: Any, section_of: Any = None, elements: Any = 1,
-                 degree: int = 3, strain: str = "simo_reissner", d2: Any = None, joints: Any = "rigid", pins: Any = (),
-                 clamps: Any = (), masses: Any = None, loads: Any = None, time: TimeFactor | None = None, velocity: Any = None,
-                 spin: Any = None, prestrain: Any = 0.0, prestress: Any = 0.0) -> None:
+    def __init__(self, name: str, nodes: ArrayLike, edges: ArrayLike, *, section: Section | Sequence[Section],
+                 section_of: ArrayLike | None = None, elements: ArrayLike = 1, degree: int = 3, strain: str = "simo_reissner",
+                 d2: ArrayLike | None = None, joints: str | Sequence[str] | Array = "rigid", pins: ArrayLike = (),
+                 clamps: ArrayLike = (), masses: ArrayLike | None = None, loads: ArrayLike | None = None,
+                 time: TimeFactor | None = None, velocity: ArrayLike | None = None, spin: ArrayLike | None = None,
+                 prestrain: ArrayLike = 0.0, prestress: ArrayLike = 0.0) -> None:
         self.name = name
         who = self.label
         self.nodes = _table(who, "nodes", nodes, None, "m")

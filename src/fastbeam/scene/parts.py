@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Anything, Name, Number, Refusal, Vector, checked, shown
+from fastbeam.arguments import Anything, Flag, Name, Number, Refusal, Vector, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array, ArrayField, Factor, Field, FieldLike, NodeField, Rotation, TimeFactor
+from fastbeam.scene.checks import (
+    Array, ArrayField, Factor, Field, FieldField, FieldLike, FilledArray, NodeField, OptionalArray, OptionalField, Rotation,
+    Takes, TimeFactor, noun,
+)
 from fastbeam.scene.nets import Net
 from fastbeam.scene.paths import ABeam
 
@@ -76,7 +79,7 @@ class Movable:
 
 
 @checked(name=Name(), mass=MASS, position=Vector, velocity=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class PointMass:
     """Point mass (kg, > 0). `position` (3,) m may be left out where a slider or a joint places it.
 
@@ -93,8 +96,8 @@ class PointMass:
     name: str
     _: KW_ONLY
     mass: float
-    position: ArrayField = None
-    velocity: ArrayField = None
+    position: OptionalArray = None
+    velocity: OptionalArray = None
 
     @property
     def label(self) -> str:
@@ -108,7 +111,7 @@ class PointMass:
 
 
 @checked(name=Name(), mass=MASS, inertia=Anything(), position=Vector, directors=Rotation(), velocity=Vector, spin=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class RigidBody:
     """Rigid body: one node at the centre of mass with a body triad.
 
@@ -139,7 +142,7 @@ class RigidBody:
     mass: float
     inertia: ArrayField
     position: ArrayField
-    directors: ArrayField = None
+    directors: FilledArray = None
     velocity: ArrayField = ZERO
     spin: ArrayField = ZERO
 
@@ -171,6 +174,7 @@ class RigidBody:
 
 
 MOVABLE = (Beam, Net, RigidBody, PointMass)
+Moved = Beam | Net | RigidBody | PointMass
 MOST_OBJECTS = 10**6
 
 
@@ -194,7 +198,7 @@ def _inertia(who: str, value: Any) -> Array:
 
 
 @checked(a=Node(), b=Node(), name=Name("a joint has two sides, write one for every pair"))
-@dataclass(frozen=True, eq=False)
+@noun
 class _Joint:
     """Common part of the joints: two nodes of different owners or at least different nodes."""
 
@@ -238,15 +242,18 @@ class BallJoint(_Joint):
     kind: ClassVar[str] = "ball joint"
 
 
-@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR)
-@dataclass(frozen=True, eq=False)
+@checked(name=Name(), at=Node(), force=Steady(), moment=Steady(), time=FACTOR, follower=Flag())
+@noun
 class Load:
     """Dead force (3,) N and moment (3,) N m in space on a node or body point, times `time(t)` (None: constant).
+
+    With `follower=True` they are components along the directors of the node, with which they turn. numba compiles `time` then;
+    the scene runs in space, with the conserving step or in statics (theory.md (4.30)).
 
     Raises
     ------
     SceneError
-        A vector is not 3 finite numbers, `time` is no function, or a point mass gets a moment.
+        A vector is not 3 finite numbers, `time` is no function, a point mass gets a moment, or a load that turns with it.
     """
 
     kind: ClassVar[str] = "load"
@@ -257,24 +264,28 @@ class Load:
     force: ArrayField = ZERO
     moment: ArrayField = ZERO
     time: TimeFactor | None = None
+    follower: bool = False
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
+        if isinstance(self.at.owner, PointMass) and self.follower:
+            raise SceneError(f"{who}: {self.at.label} has no triad that turns; use a RigidBody or leave follower out")
         if isinstance(self.at.owner, PointMass) and np.any(self.moment):
             raise SceneError(f"{who}: {self.at.label} has no rotation and takes no moment; use a RigidBody or leave moment out")
 
 
-@checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR)
-@dataclass(frozen=True, eq=False)
+@checked(name=Name(), beam=ABeam(), force=FIELD, moment=FIELD, time=FACTOR, follower=Flag())
+@noun
 class DistributedLoad:
     """Dead force (N/m) and moment (N m/m) per reference length along a beam, in space, times `time(t)`.
 
-    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none.
+    `force` and `moment` are 3 numbers or functions s[n] -> [n, 3]; None means none. With `follower=True` they are 3 numbers along
+    the directors, with which they turn, as for a `Load`: pressure is force=(0, -p, 0), N per unstressed length, against d2.
 
     Raises
     ------
     SceneError
-        A field does not give finite [n, 3], `time` is no function, or `beam` no Beam.
+        A field does not give finite [n, 3], `time` is no function, or `beam` no Beam; functions that should turn.
     """
 
     kind: ClassVar[str] = "distributed load"
@@ -282,14 +293,18 @@ class DistributedLoad:
     name: str
     beam: Beam
     _: KW_ONLY
-    force: FieldLike | None = None
-    moment: FieldLike | None = None
+    force: OptionalField = None
+    moment: OptionalField = None
     time: TimeFactor | None = None
+    follower: bool = False
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)
         if self.force is None and self.moment is None:
             raise SceneError(f"{who}: give force or moment per length")
+        if self.follower and (callable(self.force) or callable(self.moment) or self.beam.interpolation != "lagrange"):
+            raise SceneError(f"{who}: with follower=True force and moment are 3 numbers, on a beam with Lagrange elements; split "
+                             "the beam where they change, or write a UserForce")
         for key in ("force", "moment"):
             checks.try_field(who, key, getattr(self, key), self.beam.length)
 
@@ -309,7 +324,7 @@ def _field_or_zero(value: FieldLike | None) -> FieldLike:
 
 
 @checked(beam=ABeam(), velocity=FIELD, spin=FIELD)
-@dataclass(frozen=True, eq=False)
+@noun
 class InitialVelocity:
     """Initial velocity (m/s) and angular velocity in space (rad/s) along a beam: 3 numbers or functions s[n] -> [n, 3].
 
@@ -323,8 +338,8 @@ class InitialVelocity:
 
     beam: Beam
     _: KW_ONLY
-    velocity: FieldLike = ZERO
-    spin: FieldLike = ZERO
+    velocity: FieldField = ZERO
+    spin: FieldField = ZERO
 
     def __post_init__(self) -> None:
         for key in ("velocity", "spin"):
@@ -347,7 +362,7 @@ class InitialVelocity:
 
 
 @checked(objects=Movable(), velocity=Vector, spin=Vector, about=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class RigidMotion:
     """Adds velocity + spin x (x - about) and the spin to the initial state of `objects` (None: everything).
 
@@ -361,7 +376,7 @@ class RigidMotion:
 
     kind: ClassVar[str] = "rigid motion"
 
-    objects: Any = None
+    objects: Takes[Moved | Iterable[Moved] | None, tuple[Moved, ...] | None] = None
     _: KW_ONLY
     velocity: ArrayField = ZERO
     spin: ArrayField = ZERO

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,7 +13,7 @@ from fastbeam.arguments import Flag, Name, Number, Refusal, checked, shown, whol
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import ArcLengths, Beam, NodeRef
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import Array, Takes, noun
 from fastbeam.scene.nets import Net
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class BeamsInOrder:
 
 
 @checked(name=Name(), beams=BeamsInOrder(), closed=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class Path:
     """Beams end to end as one curve: sliders run from beam to beam and, where it is closed, around (theory.md 5.7).
 
@@ -111,9 +111,10 @@ class Path:
     kind: ClassVar[str] = "path"
 
     name: str
-    beams: Any
+    beams: Takes[Iterable[Beam | tuple[Beam, int]], tuple[Beam, ...]]
     _: KW_ONLY
     closed: bool = False
+    directions: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         beams, directions = zip(*self.beams)

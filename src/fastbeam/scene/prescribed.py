@@ -10,8 +10,7 @@ import numpy as np
 from fastbeam.arguments import LARGEST, Flag, Name, Number, Numbers, Refusal, Vector, checked, numbers, shown, take
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.beams import NodeRef
-from fastbeam.scene.checks import Array, Rotation, called, tried
+from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, noun, tried
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import FORWARD, SHORT
 from fastbeam.scene.supports import AXES, SomeAxes, Until, mask_of
@@ -83,7 +82,7 @@ class Moving:
 
 @checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
          until=Until())
-@dataclass(frozen=True, eq=False)
+@noun
 class PrescribedMotion:
     """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
 
@@ -127,13 +126,13 @@ class PrescribedMotion:
     kind: ClassVar[str] = "prescribed motion"
 
     name: str
-    at: NodeRef
+    at: NodeField
     _: KW_ONLY
     position: Callable[[float], ArrayLike] | None = None
     displacement: Callable[[float], ArrayLike] | None = None
     rotation: Callable[[float], ArrayLike] | None = None
     axes: str = AXES
-    until: Any = None
+    until: UntilLike | None = None
 
     def __post_init__(self) -> None:
         if self.position is not None and self.displacement is not None:
@@ -264,10 +263,14 @@ class Signal:
             raise SceneError("Signal: no spline goes through this table, its numbers are too large or its times too close")
 
     @checked(t=TIME)
-    def __call__(self, t: float) -> Any:
+    def __call__(self, t: float) -> float | Array:
         """Value at time t, s: a number, or (3,)."""
         if not self.rest and not self.begin <= t <= self.end:
             raise SceneError(f"Signal: t = {t:.6g} s lies outside its table, {self.begin:.6g} to {self.end:.6g} s; give more "
                              "values, or rest=True where nothing moves beyond it")
         found = self._spline(min(max(float(t), self.begin), self.end))
         return float(found) if found.ndim == 0 else found
+
+    def __repr__(self) -> str:
+        what, rests = "numbers" if self.values.ndim == 1 else "vectors", ", at rest outside" if self.rest else ""
+        return f"<signal: {len(self.times)} {what}, {self.begin:.6g} to {self.end:.6g} s{rests}>"

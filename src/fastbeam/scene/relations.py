@@ -18,6 +18,7 @@ from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
+from fastbeam.scene.winch import Winch
 
 
 def who(part: Any) -> str:
@@ -34,6 +35,8 @@ def held_nodes(part: Any) -> list[NodeRef]:
         return [part.at]
     if isinstance(part, (RigidConnection, BallJoint, Link)):
         return [part.a, part.b]
+    if isinstance(part, Winch):
+        return [part.drum, part.load]
     return [part.point] if isinstance(part, Slider) else []
 
 

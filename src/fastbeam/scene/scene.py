@@ -14,9 +14,11 @@ from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
+from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
+from fastbeam.scene.follower import as_force
 from fastbeam.scene.joints import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
@@ -31,14 +33,17 @@ from fastbeam.scene.sliders import Slider
 from fastbeam.scene.supports import Clamp, Pin
 from fastbeam.scene.switches import Switch
 from fastbeam.scene.user_force import UserForce
+from fastbeam.scene.winch import Winch
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch
+        | Controller)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
-                           InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce)
+                           InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
+                           Winch, Controller)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -120,7 +125,7 @@ class Scene(notebook.Parts):
         """
         for part in parts:
             self.parts.append(part)
-            self.parts.extend(part.members if isinstance(part, Crossing) else ())
+            self.parts.extend(part.members if isinstance(part, (Crossing, Winch)) else ())
         return self
 
     # --- parts by kind ------------------------------------------------------------------------------------------------
@@ -184,18 +189,29 @@ class Scene(notebook.Parts):
 
     @property
     def loads(self) -> list[Load]:
-        """All loads on nodes."""
-        return self._of(Load)
+        """All loads on nodes that keep their direction."""
+        return [load for load in self._of(Load) if not load.follower]
 
     @property
     def distributed(self) -> list[DistributedLoad]:
-        """All loads along beams."""
-        return self._of(DistributedLoad)
+        """All loads along beams that keep their direction."""
+        return [load for load in self._of(DistributedLoad) if not load.follower]
 
     @property
     def user_forces(self) -> list[UserForce]:
-        """All forces by functions of the user's own."""
-        return self._of(UserForce)
+        """All forces by functions of the user's own, and loads that turn with what they act on."""
+        turning = [as_force(load) for load in [*self._of(Load), *self._of(DistributedLoad)] if load.follower]
+        return self._of(UserForce) + turning
+
+    @property
+    def winches(self) -> list[Winch]:
+        """All winches."""
+        return self._of(Winch)
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """All controllers."""
+        return self._of(Controller)
 
     @property
     def velocities(self) -> list[InitialVelocity]:
@@ -375,8 +391,8 @@ class Scene(notebook.Parts):
             if id(part) in known and not isinstance(part, (Clamp, Pin)):
                 raise SceneError(f"{self.label}: {who(part)} was added twice")
             known.add(id(part))
-            if isinstance(part, Crossing):
-                # its point has its name
+            if isinstance(part, (Crossing, Winch)):
+                # its point, or its drive, has its name
                 continue
             name = getattr(part, "name", None)
             first = part if name is None else named.setdefault(name, part)
@@ -473,7 +489,8 @@ class Scene(notebook.Parts):
             if not found:
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
-            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce)
+            named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce,
+                     Winch, Controller)
             names = [repr(part.name) for part in found[:4] if kind in named]
             more = ", ..." if len(found) > 4 else ""
             items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))

@@ -10,7 +10,7 @@ import numpy as np
 from fastbeam.arguments import LARGEST, SMALLEST, Number, Numbers, Refusal, Word, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import Array
+from fastbeam.scene.checks import Array, Takes, noun
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -55,7 +55,7 @@ MATERIAL = {"E": Number(above=0.0, unit="N/m^2"), "G": Number(above=0.0, unit="N
 
 
 @checked(**dict.fromkeys(STIFFNESS, FACTOR), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
-@dataclass(frozen=True, eq=False)
+@noun
 class Section:
     """Stiffness and inertia of a cross-section; d2 and d3 are its principal axes, X2 and X3 the coordinates along them.
 
@@ -93,7 +93,7 @@ class Section:
     rhoA: float
     rhoI2: float
     rhoI3: float
-    damping: float | Array = 0.0
+    damping: Takes[ArrayLike, float | Array] = 0.0
     name: str = ""
     _matrix: Array | None = field(default=None, repr=False)
     _outline: tuple[float, float, bool] | None = field(default=None, repr=False)
@@ -146,7 +146,7 @@ class Section:
     @classmethod
     @checked(height=LENGTH, width=LENGTH, GJ=FACTOR, **MATERIAL)
     def rectangle(cls, *, height: float, width: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
-                  shear_factor: float = 5.0 / 6.0, GJ: float | None = None, damping: float | Array = 0.0,
+                  shear_factor: float = 5.0 / 6.0, GJ: float | None = None, damping: ArrayLike = 0.0,
                   name: str = "") -> Section:
         """Rectangle of `height` along d2 and `width` along d3 (m); E in N/m^2, rho in kg/m^3.
 
@@ -176,7 +176,7 @@ class Section:
     @classmethod
     @checked(radius=LENGTH, **MATERIAL)
     def circle(cls, *, radius: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
-               shear_factor: float | None = None, damping: float | Array = 0.0, name: str = "") -> Section:
+               shear_factor: float | None = None, damping: ArrayLike = 0.0, name: str = "") -> Section:
         """Full circle of `radius` (m); E in N/m^2, rho in kg/m^3.
 
         G defaults to E / (2 (1 + nu)), the shear factor to 6 (1 + nu) / (7 + 6 nu) (Cowper, J. Appl. Mech. 33, 1966;
@@ -199,7 +199,7 @@ class Section:
     @classmethod
     @checked(radius=LENGTH, thickness=LENGTH, **MATERIAL)
     def tube(cls, *, radius: float, thickness: float, E: float, rho: float, nu: float = 0.3, G: float | None = None,
-             shear_factor: float | None = None, damping: float | Array = 0.0, name: str = "") -> Section:
+             shear_factor: float | None = None, damping: ArrayLike = 0.0, name: str = "") -> Section:
         """Circular tube of outer `radius` and wall `thickness` (m); E in N/m^2, rho in kg/m^3.
 
         The shear factor defaults to Cowper's (1966) 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2)
@@ -233,7 +233,7 @@ class Section:
 
     @classmethod
     @checked(C=Numbers((6, 6), "6 x 6 finite numbers"), rhoA=MASS, rhoI2=INERTIA, rhoI3=INERTIA, damping=DAMPING, name=Word())
-    def from_matrix(cls, C: ArrayLike, *, rhoA: float, rhoI2: float, rhoI3: float, damping: float | Array = 0.0,
+    def from_matrix(cls, C: ArrayLike, *, rhoA: float, rhoI2: float, rhoI3: float, damping: ArrayLike = 0.0,
                     name: str = "") -> Section:
         """Section from a full stiffness matrix (6, 6) in the order Gamma1, Gamma2, Gamma3, K1, K2, K3.
 

@@ -1,7 +1,7 @@
 """Sleeves: sliders that hold the direction of the section."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from functools import cached_property
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, OptionalArray, noun
 from fastbeam.scene.locks import AOneSided, ARelease, SomeLocks
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ABeam
@@ -25,7 +25,7 @@ from fastbeam.scene.sliding import ADrive, AFriction, SomeStops
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided(),
          keyed=Flag(), length=Number(least=0.0, unit="m"), key_radius=Number(above=0.0, unit="m"),
          radius=Number(above=0.0, unit="m"), axis=Vector)
-@dataclass(frozen=True, eq=False)
+@noun
 class Sleeve(Slider):
     """A slider that also holds the direction of the beam's section (theory.md 5.8): a rod in a tube, a telescope, a rail.
 
@@ -71,7 +71,7 @@ class Sleeve(Slider):
     length: float | None = None
     key_radius: float | None = None
     radius: float | None = None
-    axis: ArrayField = None
+    axis: OptionalArray = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,8 +1,9 @@
 """Sliders: points that stay on beams and paths."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
-from typing import ClassVar
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -11,19 +12,22 @@ from fastbeam.basis import CurveBasis
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam
-from fastbeam.scene.checks import Array, NodeField
+from fastbeam.scene.checks import Array, NodeField, Takes, noun
 from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, SomeLocks, check_locks, check_release
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
 from fastbeam.scene.switches import Switch, span_of
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 CURVES = ("own", "c1")
 
 
 @checked(name=Name(), point=Node(), beam=ATrack(), on=ATrack(), at=Number(), rate=Number(), curve=Word(CURVES),
          friction=AFriction(), drive=ADrive(), stops=SomeStops(), lock=SomeLocks(), release=ARelease(), one_sided=AOneSided())
-@dataclass(frozen=True, eq=False)
+@noun
 class Slider:
     """Lets a point slide along a beam, or a path of several (theory.md 5), without friction where none is given.
 
@@ -65,18 +69,18 @@ class Slider:
 
     name: str
     point: NodeField
-    beam: Beam | Path | None = None
+    beam: Takes[Beam | Path | None, Beam | Path] = None
     _: KW_ONLY
-    on: Beam | Path | None = None
+    on: Takes[Beam | Path | None, Beam | Path] = None
     at: float
     rate: float | None = None
     curve: str = "c1"
-    friction: Friction | float | None = None
+    friction: Takes[Friction | float | None, Friction | None] = None
     drive: Drive | None = None
     stops: Stops | None = None
-    lock: tuple[Lock, ...] | None = None
+    lock: Takes[Lock | Sequence[Lock] | None, tuple[Lock, ...] | None] = None
     release: Release | None = None
-    one_sided: OneSided | None = None
+    one_sided: Takes[OneSided | ArrayLike | None, OneSided | None] = None
 
     def __post_init__(self) -> None:
         who = checks.label(self.kind, self.name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fastbeam.arguments import Number, Refusal, checked, numbers, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Factor, called
+from fastbeam.scene.checks import Factor, OfTimeLike, called, called_with
 
 NOT_NEGATIVE = Number(least=0.0)
 # derivative from values at steps of SHORT s from now on, of fourth order
@@ -41,6 +41,7 @@ class Friction:
     """
 
     kind: ClassVar[str] = "friction"
+    __repr__ = called_with
 
     coefficient: float = 0.0
     _: KW_ONLY
@@ -119,11 +120,12 @@ class Drive:
     """
 
     kind: ClassVar[str] = "drive"
+    __repr__ = called_with
 
     _: KW_ONLY
-    position: float | Callable[[float], float] | None = None
-    speed: float | Callable[[float], float] | None = None
-    force: float | Callable[[float], float] | Callable[[float, float, float], float] | None = None
+    position: OfTimeLike | None = None
+    speed: OfTimeLike | None = None
+    force: OfTimeLike | Callable[[float, float, float], float] | None = None
     stiffness: float = 0.0
     damping: float = 0.0
     limit: float | None = None
@@ -213,6 +215,7 @@ class Stops:
     """
 
     kind: ClassVar[str] = "stops"
+    __repr__ = called_with
 
     start: float | None = None
     end: float | None = None

@@ -9,7 +9,7 @@ import numpy as np
 
 from fastbeam.arguments import LARGEST, Flag, Name, Number, Refusal, Word, checked, constant, numbers, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Array, ArrayField
+from fastbeam.scene.checks import Array, OptionalArray, noun
 from fastbeam.scene.links import Link, label_of
 from fastbeam.scene.parts import Node
 
@@ -45,7 +45,7 @@ class Table:
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=ENDS,
          stiffness=Number(least=0.0, unit="N/m"), length=Number(least=0.0, unit="m"), damping=Number(least=0.0, unit="N s/m"),
          tension_only=Flag(), compression_only=Flag(), table=Table(), interpolation=Word(INTERPOLATIONS))
-@dataclass(frozen=True, eq=False)
+@noun
 class Spring(Link):
     """Spring without mass between two points: nodes of beams, points of bodies, masses.
 
@@ -95,7 +95,7 @@ class Spring(Link):
     damping: float = 0.0
     tension_only: bool = False
     compression_only: bool = False
-    table: ArrayField = None
+    table: OptionalArray = None
     interpolation: str = "linear"
 
     def __post_init__(self) -> None:
@@ -133,7 +133,7 @@ class Spring(Link):
 
 
 @checked(a=Node(fixed=True), b=Node(fixed=True), name=ENDS, damping=Number(least=0.0, unit="N s/m"))
-@dataclass(frozen=True, eq=False)
+@noun
 class Damper(Link):
     """Linear damper along the line of two points: the force `damping` times the rate of their distance. Steps of order 2 alone.
 

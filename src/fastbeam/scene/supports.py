@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from fastbeam.arguments import Name, Number, Refusal, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
-from fastbeam.scene.checks import NodeField
+from fastbeam.scene.checks import NodeField, UntilLike, noun
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import needed_arguments
 
@@ -50,7 +50,7 @@ def mask_of(axes: str) -> int:
 
 @checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=SomeAxes(),
          until=Until())
-@dataclass(frozen=True, eq=False)
+@noun
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
 
@@ -61,7 +61,7 @@ class _Support:
     name: str | None = None
     _: KW_ONLY
     axes: str = AXES
-    until: Any = None
+    until: UntilLike | None = None
 
     def __post_init__(self) -> None:
         if self.name is None:

@@ -1,10 +1,10 @@
 """Switches: several tracks for sliders, which at the end of one go on to another."""
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,16 @@ from fastbeam.scene.checks import Array
 from fastbeam.scene.paths import ABeam, Path
 from fastbeam.scene.sliding import needed_arguments
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from fastbeam.kernels.work import State
+    from fastbeam.scene.sliders import Slider
+
 Track = Beam | Path
+# a function that names the next track, and what else may stand in its place
+Choosing = Callable[[float, "State"], Track | str] | Callable[[float, "State", str], Track | str]
+ChooseLike = (Choosing | Mapping[str, Track | str] | Mapping["Slider", Track | str] | Sequence[tuple[float, Track | str]])
+Chosen = Choosing | dict[str, str] | list[tuple[float, str]]
 START, END = "start", "end"
 # ends of tracks that meet lie so close together, as a share of the length of all
 MEET = 1e-9
@@ -133,9 +142,11 @@ class Switch(Path):
 
     kind: ClassVar[str] = "switch"
     closed: bool = False
+    tracks: tuple[Track, ...]
+    choose: Chosen | None
 
     @checked(name=Name(), tracks=Tracks(), choose=Choice())
-    def __init__(self, name: str, tracks: Any, *, choose: Any = None) -> None:
+    def __init__(self, name: str, tracks: Iterable[Track], *, choose: ChooseLike | None = None) -> None:
         beams = [x.beams if isinstance(x, Path) else (x,) for x in tracks]
         signs = [x.directions if isinstance(x, Path) else (1,) for x in tracks]
         checks.fill(self, name=name, tracks=tracks, choose=choose, beams=sum(beams, ()), directions=sum(signs, ()))
@@ -218,7 +229,7 @@ class Switch(Path):
         return np.array([track.reference([0.0, track.length])[0] for track in self.tracks])
 
     @checked(s=ArcLengths())
-    def places(self, s: Any) -> tuple[Array, Array]:
+    def places(self, s: ArrayLike) -> tuple[Array, Array]:
         """As of `Path`; between tracks those of the nearest end."""
         number, local = np.zeros(s.size, np.int64), np.zeros(s.size)
         before = np.cumsum([0, *(len(x.beams) if isinstance(x, Path) else 1 for x in self.tracks)])
@@ -239,7 +250,7 @@ def span_of(switch: Switch, s: float) -> int:
     return int(np.argmin(off))
 
 
-def chosen(switch: Switch, options: tuple[str, ...], t: float, state: Any, slider: str) -> str:
+def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
     """The one of some tracks on which a slider goes on.
 
     Raises

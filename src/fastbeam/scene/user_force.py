@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import KW_ONLY
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,10 +11,8 @@ from fastbeam.arguments import Flag, Function, Name, Numbers, checked
 from fastbeam.errors import SceneError
 from fastbeam.scene import checks
 from fastbeam.scene.beams import Beam, NodeRef
+from fastbeam.scene.checks import ArrayField, NodeLike, Takes, noun
 from fastbeam.scene.parts import Node
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Array = np.ndarray
 SIGNATURE = "(t, position, directors, velocity, spin, parameters, force, moment)"
@@ -29,7 +27,7 @@ class NodeOrBeam:
 
 @checked(name=Name(), at=NodeOrBeam(), law=Function(SIGNATURE), parameters=Numbers((None,), "a list of numbers for the law"),
          dissipates=Flag())
-@dataclass(frozen=True, eq=False)
+@noun
 class UserForce:
     """A force and a moment on a node or body, or per length along a beam, by a function that is compiled into the step.
 
@@ -72,10 +70,10 @@ class UserForce:
     kind: ClassVar[str] = "user force"
 
     name: str
-    at: NodeRef | Beam
+    at: Takes[NodeLike | Beam, NodeRef | Beam]
     law: Callable[..., None]
     _: KW_ONLY
-    parameters: ArrayLike = ()
+    parameters: ArrayField = ()
     dissipates: bool = True
 
     def __post_init__(self) -> None:

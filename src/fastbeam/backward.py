@@ -1,0 +1,399 @@
+"""The adjoint recursion over the steps of a run: kernels where block elimination solves, PARDISO or SuperLU around them elsewhere
+(theory.md (13.9) to (13.11))."""
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .assembly import strain_sets
+from .kernels import adjoint as kernels
+from .kernels.adjoint import Adjoint, Found, Steps, Wanted
+from .kernels.adjoint_border import Border, NoBorder
+from .kernels.section_sums import SectionSums
+from .kernels.terms import Loads, NoTies
+from .kernels.work import aligned
+from .linsolve import SMALL, load_mkl
+from .load_times import load_factors, mean_factors
+from .maps import vector_masses
+from .model import Model
+from .newton import AUGMENTATION, Stepper
+from .planar import strain_maps
+from .saddle import Factors
+from .section_gradient import beam_numbers
+from .workspace import contact_of, entries_of
+
+Array = np.ndarray
+# s; compiled calls last about as long, so that Ctrl-C is seen between them
+CALL_TIME = 0.1
+# relative residual of a solution with the transposed tangent
+GOOD = 1e-13
+
+
+class Stretch(NamedTuple):
+    """Steps of a run that follow each other, from row `first` on; in the plane of the scene where the run was.
+
+    Attributes
+    ----------
+    first : int
+    q, v : float64 [n + 1, 12 N], in a plane [n + 1, 4 N]
+    dphi, theta : float64 [n, 3 N], in a plane [n, 2 N] and [n, N]
+    s : float64 [n + 1, S]
+        Places of sliders.
+    force : float64 [n, F]
+        Of constraints.
+    """
+
+    first: int
+    q: Array
+    v: Array
+    dphi: Array
+    theta: Array
+    s: Array
+    force: Array
+
+    def in_space(self, plane: Any) -> Stretch:
+        """The same with coordinates in space."""
+        rows = [np.array([plane._within(np.ascontiguousarray(x)) for x in y]) for y in (self.q, self.v)]
+        n = len(self.dphi)
+        dphi = self.dphi.reshape(n, -1, 2) @ plane.axes[:2]
+        return Stretch(self.first, rows[0] + plane._above, rows[1], dphi.reshape(n, -1),
+                       (self.theta[:, :, None] * plane.axes[2]).reshape(n, -1), self.s,
+                       np.array([plane.forces(x) for x in self.force]) if self.force.size else self.force)
+
+
+class Weights(NamedTuple):
+    """Of an observed point: its nodes [m], shares of their vectors [m, 4], weights of rows [n + 1, 3], whether of velocities."""
+
+    nodes: Array
+    shares: Array
+    rows: Array
+    is_rate: bool
+
+
+class Sums(NamedTuple):
+    """What a backward pass finds, in space.
+
+    Attributes
+    ----------
+    stiffness, viscosity, inertia : float64 [beams, 6, 6], [beams, 6, 6], [beams, 3]
+    bodies : float64 [B]
+    forces, moments, velocities, spins : float64 [N, 3]
+    gravity : float64 [3]
+    factors : float64 [n, K]
+        By the mean factors of load vectors in every step.
+    pushes : float64 [n, P, 3]
+        By forces on observed points in every step.
+    """
+
+    stiffness: Array
+    viscosity: Array
+    inertia: Array
+    bodies: Array
+    forces: Array
+    moments: Array
+    velocities: Array
+    spins: Array
+    gravity: Array
+    factors: Array
+    pushes: Array
+
+
+class Backward:
+    """The adjoint of a run in steps of one size.
+
+    Parameters
+    ----------
+    model : Model
+        Without elimination; in a plane where its own tables are to be used.
+    flat : bool
+        Whether they are.
+    t, h, n
+        Start, step and number of steps of the run.
+    wanted : sequence of Weights
+        Of what number.
+    observed : sequence of (nodes, shares)
+        Points on which forces may act.
+    """
+
+    def __init__(self, model: Model, flat: bool, t: float, h: float, n: int, wanted: Sequence[Weights],
+                 observed: Sequence[tuple[Array, Array]]) -> None:
+        self.stepper = stepper = Stepper(model, np.ones(1), backend="superlu")
+        self.whole, self.core, self.plane = model, stepper.core, stepper.plane
+        assert (self.plane is not None) == flat
+        self.h, self.times = h, t + h * np.arange(n)
+        self.axes = np.eye(3) if self.plane is None else self.plane.axes
+        self.within = self.axes[:self.core.dim]
+        if stepper.contact is not None:
+            stepper.contact = contact_of(self.core, entries_of(self.core, bounded=False))
+        self.terms, self.system = stepper.terms, stepper.system
+        self.timed = any(x is not None for x in model.load_times)
+        self.wanted, self.adjoint = self._wanted(wanted), self._adjoint()
+        self.found = self._found(n, observed)
+        self.sections = self._sections()
+        factor = np.ones(n) if model.gravity_time is None else mean_factors(model.gravity_time, self.times, np.full(n, h))
+        self.gravity_factor, self.gravity = factor, factor[:, None] * (self.within @ model.gravity)
+        self.solver = _Outside(stepper)
+        self.outside = 0
+
+    # --- tables ---------------------------------------------------------------------------------------------------------
+    def _shares(self, nodes: Array, shares: Array) -> list[tuple[Array, Array]]:
+        """Shares of the vectors of nodes in a point; in a plane those of the position and of u, then those of J u."""
+        if self.plane is None:
+            return [(nodes, shares)]
+        turned = np.sum(shares[:, 1:] * self.plane.factor[nodes], axis=1)
+        out = [np.stack((shares[:, 0], turned.real), axis=1), np.stack((np.zeros(nodes.size), turned.imag), axis=1)]
+        return [(nodes, x) for x in out]
+
+    def _wanted(self, given: Sequence[Weights]) -> Wanted:
+        parts, series = [], []
+        for of in given:
+            rows = of.rows @ self.within.T
+            for (nodes, shares), turned in zip(self._shares(of.nodes, of.shares), (rows, rows[:, ::-1] * (1.0, -1.0)
+                                                                                   if self.plane is not None else rows)):
+                parts.append((nodes, shares, np.full(nodes.size, len(series)), np.full(nodes.size, int(of.is_rate))))
+                series.append(turned)
+        node, share, number, rate = (np.concatenate(x) for x in zip(*parts))
+        return Wanted(node.astype(np.int64), np.ascontiguousarray(share), number, rate, np.array(series))
+
+    def _adjoint(self) -> Adjoint:
+        core, pattern = self.core, self.core.pattern
+        mass = vector_masses(core)
+        rows = 8 * (core.n_nodes + 1)
+        size = core.q0.size
+        return Adjoint(NoTies() if core.ties is None else core.ties, self._border(), mass.indptr.astype(np.int64),
+                       mass.indices.astype(np.int64), mass.data, core.gravity_weight,
+                       core.pattern.row_of[core.spin_root].astype(np.int64), core.loads, pattern.rows.astype(np.int64),
+                       pattern.columns.astype(np.int64),
+                       aligned(8 * len(core.dofs) * (core.n_blocks + 1) * (pattern.plan is not None)),
+                       aligned(rows), np.zeros(size), *(aligned(rows) for _ in range(4)), *(np.zeros(size) for _ in range(4)))
+
+    def _border(self) -> Border | NoBorder:
+        core = self.core
+        if not core.n_constraints:
+            return NoBorder()
+        m = core.border * core.n_constraints
+        return Border(np.zeros(core.n_sliders), *(np.zeros(m) for _ in range(3)), np.zeros((m, 8 * (core.n_nodes + 1))),
+                      *(np.zeros((m, m)) for _ in range(2)), np.zeros(m), core.softness / AUGMENTATION)
+
+    def _found(self, n: int, observed: Sequence[tuple[Array, Array]]) -> Found:
+        core, d = self.core, self.core.dim
+        parts = [(nodes, shares, k + second * len(observed)) for k, (nodes_of, shares_of) in enumerate(observed)
+                 for second, (nodes, shares) in enumerate(self._shares(nodes_of, shares_of))]
+        node = np.concatenate([x[0] for x in parts]).astype(np.int64) if parts else np.zeros(0, np.int64)
+        share = np.concatenate([x[1] for x in parts]) if parts else np.zeros((0, core.q0.size // core.n_nodes // d))
+        of = np.concatenate([np.full(x[0].size, x[2]) for x in parts]) if parts else np.zeros(0, np.int64)
+        body = np.zeros(0, np.int64) if core.bodies is None else core.bodies.node
+        count = len(observed) * (1 if self.plane is None else 2)
+        return Found(np.zeros(d * core.n_nodes), aligned(8 * (core.n_nodes + 1)), np.zeros((n, len(core.loads))),
+                     np.zeros((n, d)), np.zeros((n, count, d)), node, np.ascontiguousarray(share), of, body, np.zeros(body.size))
+
+    def _sections(self) -> tuple[SectionSums, ...]:
+        core = self.core
+        strains, inertias = (6, 3) if self.plane is None else (3, 2)
+        out = []
+        for kind, tables in zip(strain_sets(core), (core.simo, core.green)):
+            if tables is not None:
+                groups = len(tables.meta)
+                viscous = core.damped is not None and _name(kind) in core.damped.strains
+                out.append(SectionSums(kind, tables, aligned(groups * strains**2 * 8), aligned(groups * strains**2 * 8 * viscous),
+                                       aligned(groups * inertias * 8)))
+        return tuple(out)
+
+    # --- the recursion ----------------------------------------------------------------------------------------------------
+    def start(self, q: Array) -> None:
+        """At the last row, of coordinates q."""
+        kernels.begin_at_end(self.terms, self.system, self.adjoint, self.wanted, q, self.times.size)
+
+    def through(self, part: Stretch) -> None:
+        """Backward through some steps, the last ones that are left."""
+        first, n = part.first, len(part.dphi)
+        steps = Steps(part.q, part.v, part.dphi, part.theta, part.s, part.force, self.gravity[first:first + n])
+        found = self.found._replace(load=self.found.load[first:first + n], weight=self.found.weight[first:first + n],
+                                    place=self.found.place[first:first + n])
+        terms = self.terms
+        if self.timed:
+            terms = (Loads(self.core.loads, load_factors(self.whole, self.times[first:first + n], np.full(n, self.h))), *terms)
+        if self.core.pattern.plan is None:
+            for k in range(n - 1, -1, -1):
+                self._one(terms, steps, found, k, first)
+            return
+        left, burst = n, 1
+        while left > 0:
+            begin = time.perf_counter()
+            to = max(0, left - burst)
+            left = kernels.go_back(terms, self.system, self.core.pattern.plan, self.sections, self.adjoint, steps, self.wanted,
+                                   found, self.h, left, to, first)
+            if left > to:
+                # a pivot vanished inside a block
+                left -= 1
+                self.outside += 1
+                self._one(terms, steps, found, left, first)
+            elif time.perf_counter() - begin < 0.5 * CALL_TIME:
+                burst *= 2
+
+    def _one(self, terms: tuple[Any, ...], steps: Steps, found: Found, k: int, first: int) -> None:
+        """One step around a solver outside.
+
+        Raises
+        ------
+        ArithmeticError
+            Its tangent is singular; the argument is the number of the step.
+        """
+        def half(is_solved: bool) -> None:
+            kernels.half_step_back(terms, self.system, self.sections, self.adjoint, steps, self.wanted, found, self.h, k, first,
+                                   is_solved)
+
+        half(False)
+        n, rows, border = len(self.core.dofs), self.core.pattern.n, self.adjoint.border
+        right = self.adjoint.right.reshape(-1, 8)[:rows, :n].reshape(-1)
+        bordered = isinstance(border, Border)
+        x = self.solver.solve(self.system.work.blocks, np.concatenate((right, border.right)) if bordered else right)
+        if x is None:
+            raise ArithmeticError(first + k)
+        self.adjoint.x.reshape(-1, 8)[:rows, :n] = x[:right.size].reshape(rows, n)
+        if bordered:
+            border.y[:] = x[right.size:]
+        half(True)
+
+    # --- what was found ---------------------------------------------------------------------------------------------------
+    def sums(self, q: Array) -> Sums:
+        """After the first step, from coordinates q."""
+        core, found, n = self.core, self.found, self.core.n_nodes
+        stiffness, viscosity, inertia = self._of_beams()
+        spins = found.turn.reshape(-1, 8)[core.pattern.row_of, core.dim:len(core.dofs)]
+        rate, rows = self.adjoint.rate.copy(), aligned(8 * (n + 1))
+        kernels.pull_ties(self.adjoint.ties, rate)
+        kernels.lower(core.dofs, core.pattern.row_of, q, rate, rows)
+        if core.held is not None:
+            kernels.drop_held(core.held, core.dofs, rows)
+        start = rows.reshape(-1, 8)[core.pattern.row_of]
+        about = self.axes if self.plane is None else self.axes[2:]
+        pushes = found.place
+        if self.plane is not None:
+            own, turned = np.split(pushes, 2, axis=1)
+            pushes = own + turned[:, :, ::-1] * (-1.0, 1.0)
+        return Sums(stiffness, viscosity, inertia, found.body, found.force.reshape(n, -1) @ self.within, spins @ about,
+                    start[:, :core.dim] @ self.within, start[:, core.dim:len(core.dofs)] @ about,
+                    (self.gravity_factor @ found.weight) @ self.within, found.load, pushes @ self.within)
+
+    def _of_beams(self) -> tuple[Array, Array, Array]:
+        """Sums of elements, by beams and in space."""
+        of, parts = beam_numbers(self.whole)
+        count = max((x.stop for x in parts.values()), default=0)
+        out = np.zeros((count, 6, 6)), np.zeros((count, 6, 6)), np.zeros((count, 3))
+        for sums in self.sections:
+            meta, tables = sums.tables.meta, sums.tables
+            lanes = meta[:, 3, None] + np.arange(8)
+            node, live = tables.nodes[lanes].reshape(-1), (tables.rows[lanes] != self.core.n_nodes).reshape(-1)
+            beam = of[node[live]]
+            moduli = [x.reshape(len(meta), -1, 8).transpose(0, 2, 1).reshape(8 * len(meta), -1)[live]
+                      for x in (sums.stiffness, sums.viscosity, sums.inertia) if x.size]
+            for to, x in zip((out[0], out[1], out[2]) if sums.viscosity.size else (out[0], out[2]), moduli):
+                if to.ndim == 3:
+                    size = 6 if self.plane is None else 3
+                    x = x.reshape(-1, size, size)
+                    x = 0.5 * (x + x.transpose(0, 2, 1))
+                    if self.plane is not None:
+                        within = self._within(node[live])
+                        x = np.einsum("eia,eab,ejb->eij", within, x, within)
+                elif self.plane is not None:
+                    c, s = self._angle(node[live])
+                    x = np.stack((x[:, 0], c * c * x[:, 1], s * s * x[:, 1]), axis=1)
+                np.add.at(to, beam, x)
+        return out
+
+    def _angle(self, node: Array) -> tuple[Array, Array]:
+        """d2 = c J u + s n of the sections at nodes."""
+        return self.plane.factor[node, 1].imag, self.plane.normal[node, 1]
+
+    def _within(self, node: Array) -> Array:
+        """Strains in space from those in the plane [*, 6, 3], at nodes."""
+        return strain_maps(*self._angle(node))[0]
+
+
+class _Outside:
+    """Solutions with the transposed matrix of a stepper by PARDISO, or SuperLU.
+
+    Parameters
+    ----------
+    stepper : Stepper
+    """
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper, self.structure = stepper, None
+        self.mkl: Any = None
+        self.factors: Factors | None = None
+
+    def _begin(self) -> None:
+        """The structure of tangents by columns, and where their entries stand in the blocks."""
+        core = self.stepper.core
+        size, n = core.pattern.keys.size, len(core.dofs)
+        numbered = self.stepper.linear.superlu.matrix(np.arange(1.0, 8.0 * n * size + 1.0).reshape(-1, n, 8))
+        self.place = numbered.data.astype(np.int64) - 1
+        self.structure = numbered.indices, numbered.indptr
+        self.mkl = load_mkl()
+
+    def _bordered(self, matrix: Any) -> Any:
+        """With columns and lines of constraints, by columns."""
+        from scipy import sparse
+        contact, core = self.stepper.contact, self.stepper.core
+        assert contact is not None
+        n, size = len(core.dofs), core.border
+        count = len(contact.entries)
+        free = np.ones((core.pattern.n, n))
+        if core.held is not None:
+            free[core.held.row] *= 1 - (core.held.mask[:, None] >> np.arange(n) & 1)
+        parts = []
+        for of in (contact.column, contact.line):
+            out = np.zeros((core.pattern.n, n, count, size))
+            for k in range(count):
+                for m in range(contact.entries[k]):
+                    out[contact.row[k, m], :, k] += of[k].reshape(-1, n, 8)[m, :, :size]
+            parts.append(sparse.csr_matrix((free[:, :, None, None] * out).reshape(core.pattern.n * n, count * size)))
+        corner = sparse.block_diag([x.reshape(8, 8)[:size, :size] for x in contact.corner])
+        return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
+
+    def solve(self, blocks: Array, right: Array) -> Array | None:
+        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular."""
+        from scipy import sparse
+        if self.structure is None:
+            self._begin()
+        n = len(self.stepper.core.dofs) * self.stepper.core.pattern.n
+        matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(n, n))
+        if right.size > n:
+            matrix = self._bordered(matrix)
+        back = matrix.T
+        solved: Any = None
+        # the structure of a border changes as sliders go on
+        if self.mkl is not None and right.size == n:
+            if self.factors is None:
+                self.factors = Factors(self.mkl, threads=1 if right.size < SMALL else self.mkl.MKL_Get_Max_Threads())
+            if self.factors.factor(back.tocsr()):
+                solved = self.factors.solve
+        if solved is None:
+            from scipy.sparse.linalg import splu
+            try:
+                lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            except RuntimeError:
+                try:
+                    lu = splu(matrix)
+                except RuntimeError:
+                    return None
+            solved = partial(lu.solve, trans="T")
+        x = np.asarray(solved(right))
+        size = float(np.linalg.norm(right)) or 1.0
+        for _ in range(2):
+            rest = right - back @ x
+            if np.linalg.norm(rest) <= GOOD * size:
+                break
+            x = x + solved(rest)
+        return x if np.isfinite(x).all() else None
+
+
+def _name(strains: Any) -> str:
+    return {"SimoReissner": "simo_reissner", "GreenLagrange": "green_lagrange"}[type(strains).__name__]
+

@@ -1,0 +1,41 @@
+"""Loads that turn with what they act on, as forces by a law of the triad."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.scene import checks
+from fastbeam.scene.parts import DistributedLoad, Load
+from fastbeam.scene.user_force import UserForce
+
+
+def turning(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+    """Three components of the force and of the moment along the directors, which stand in the parameters."""
+    for c in range(3):
+        for i in range(3):
+            force[c] += parameters[i] * directors[i, c]
+            moment[c] += parameters[3 + i] * directors[i, c]
+
+
+class FollowerForce(UserForce):
+    """A load in the axes of what it acts on, times `time(t)`, which numba compiles with it."""
+
+    kind: ClassVar[str] = "follower load"
+    time: Callable[[float], float] | None
+
+    def __init__(self, load: Load | DistributedLoad) -> None:
+        at = load.at if isinstance(load, Load) else load.beam
+        both = [np.zeros(3) if x is None else np.asarray(x, float) for x in (load.force, load.moment)]
+        checks.fill(self, time=load.time)
+        super().__init__(load.name, at, turning, parameters=np.concatenate(both), dissipates=False)
+
+
+def as_force(load: Load | DistributedLoad) -> FollowerForce:
+    """The same for every question."""
+    known = load.__dict__.get("_as_force")
+    if known is None:
+        known = FollowerForce(load)
+        checks.fill(load, _as_force=known)
+    return known

@@ -1,0 +1,85 @@
+"""Loads that turn with what they act on: cantilevers and rings against exact answers, books that close (theory.md (4.30))."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+EA, GA, EI, LENGTH = 2.0e5, 8.0e4, 20.0, 1.0
+SECTION = fb.Section(EA=EA, GA2=GA, GA3=GA, GJ=16.0, EI2=EI, EI3=EI, rhoA=1.0, rhoI2=1e-4, rhoI3=1e-4)
+
+
+def cantilever(force: float, elements: int = 8, **more: Any) -> tuple[Any, Any]:
+    rod = fb.Beam.straight("rod", (0, 0, 0), (LENGTH, 0, 0), d2=(0, 1, 0), section=SECTION, elements=elements, degree=3)
+    push = fb.Load("push", rod.end, force=(0.0, force, 0.0), follower=True, **more)
+    return fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), push)), rod
+
+
+def exact_tip(force: float) -> np.ndarray:
+    """Tip and its angle of the rod with stretch and shear, a force along d2 of the tip: the equations of one end to the other."""
+    from scipy.integrate import solve_ivp
+    from scipy.optimize import brentq
+
+    def shape(end: float) -> Any:
+        way = np.array([-np.sin(end), np.cos(end)]) * force
+
+        def rates(s: float, y: Any) -> Any:
+            d1, d2 = np.array([np.cos(y[2]), np.sin(y[2])]), np.array([-np.sin(y[2]), np.cos(y[2])])
+            r = (1.0 + way @ d1 / EA) * d1 + way @ d2 / GA * d2
+            # M' = -(r' x n)
+            return [*r, y[3] / EI, -(r[0] * way[1] - r[1] * way[0])]
+
+        def moment(start: float) -> Any:
+            return solve_ivp(rates, (0.0, LENGTH), [0.0, 0.0, 0.0, start], rtol=1e-12, atol=1e-12).y[:, -1]
+
+        return moment(brentq(lambda m: moment(m)[3], -20.0 * force - 1.0, 20.0 * force + 1.0, xtol=1e-13))
+
+    end = brentq(lambda angle: shape(angle)[2] - angle, 0.0, 3.0, xtol=1e-13)
+    return shape(end)[:3]
+
+
+def test_the_equilibrium_of_a_cantilever_whose_end_force_follows() -> None:
+    model, rod = cantilever(60.0)
+    result = fb.solve_static(model, observe=("energy",), points={"tip": rod.end})
+    tip = result.point("tip")[-1]
+    exact = exact_tip(60.0)
+    # well beyond what a dead force does
+    assert exact[2] > 1.3
+    assert np.linalg.norm(tip[:2] - exact[:2]) < 2e-6 and abs(tip[2]) < 1e-12
+
+
+@pytest.mark.slow
+def test_the_work_of_a_force_that_follows_is_in_the_books() -> None:
+    model, rod = cantilever(20.0, elements=4, time=lambda t: np.sin(3.0 * t)**2)
+    result = fb.simulate(model, t_end=1.0, step=2e-3, progress=False, observe=("energy", "momentum"), points={"tip": rod.end})
+    assert abs(result.drift("balance")) < 1e-11 and np.max(np.abs(result.balance()["loads"])) > 0.1
+    assert np.max(np.abs(result.point("tip")[:, 1])) > 0.05
+
+
+def test_a_ring_under_pressure_has_its_hoop_force() -> None:
+    radius, pressure = 2.0, 3000.0
+    quarter = fb.Beam.arc("quarter", (radius, 0, 0), (0, 1, 0), (-1, 0, 0), radius=radius, angle=np.pi / 2.0, section=SECTION,
+                          elements=8, degree=3)
+    # d2 points to the centre
+    load = fb.DistributedLoad("pressure", quarter, force=(0.0, -pressure, 0.0), follower=True)
+    ends = fb.Clamp(quarter.start, axes="yz"), fb.Clamp(quarter.end, axes="xz")
+    found = fb.solve_static(fb.compile_scene(fb.Scene(quarter, load, *ends)), observe=("energy",))
+    wide = radius * (1.0 + pressure * radius / EA)
+    assert np.max(np.abs(np.linalg.norm(found.phi[-1], axis=1) - wide)) < 1e-5 * (wide - radius)
+    assert abs(found.series["strain"][-1] / (0.25 * np.pi * radius * (pressure * radius)**2 / EA) - 1.0) < 1e-6
+
+
+def test_what_cannot_follow_is_refused() -> None:
+    bead = fb.PointMass("bead", mass=1.0, position=(0, 0, 0))
+    with pytest.raises(fb.SceneError, match="no triad that turns"):
+        fb.Load("push", bead, force=(1, 0, 0), follower=True)
+    rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=SECTION, elements=2, degree=2)
+    with pytest.raises(fb.SceneError, match="are 3 numbers"):
+        fb.DistributedLoad("wind", rod, force=lambda s: np.zeros((len(s), 3)), follower=True)
+    with pytest.raises(fb.SceneError, match="does not know user force 'push'"):
+        fb.simulate(cantilever(1.0)[0], t_end=1.0, step=0.1, method="midpoint")
+    with pytest.raises(fb.SceneError, match="numba cannot compile"):
+        cantilever(1.0, time=fb.Signal(np.linspace(0, 1, 5), np.linspace(0, 1, 5)**2))

@@ -1,0 +1,74 @@
+"""Forces along lines by laws of the user's own: as built-in springs and dampers, momenta and books (theory.md (4.29))."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+
+def strut(t, length, rate, parameters):
+    return parameters[0] * (length - parameters[1]) + parameters[2] * rate
+
+
+def muscle(t, length, rate, parameters):
+    return parameters[0] * (1.0 + np.sin(parameters[1] * t)) * length**2
+
+
+def pair(*links: Any) -> Any:
+    """Two bodies with spins and a mass; links between points of them."""
+    return fb.compile_scene(fb.Scene(ARM, LEG, BALL, *links), planar=False)
+
+
+ARM = fb.RigidBody("arm", mass=2.0, inertia=(0.1, 0.2, 0.25), position=(0, 0, 0), velocity=(0.3, 0, 0.1), spin=(1.0, 2.0, -0.5))
+LEG = fb.RigidBody("leg", mass=1.0, inertia=(0.05, 0.04, 0.06), position=(1.0, 0.2, 0), spin=(-0.7, 0.3, 1.0))
+BALL = fb.PointMass("ball", mass=0.5, position=(0.5, 1.0, 0.3), velocity=(0, -0.4, 0.2))
+ENDS = ((ARM.point((0.2, 0.1, 0)), LEG.point((-0.1, 0.15, 0.05))), (LEG.point((0.1, 0, 0)), BALL), (BALL, ARM.center))
+
+
+def run(model: Any) -> fb.Result:
+    return fb.simulate(model, t_end=2.0, step=0.01, progress=False, observe=("energy", "momentum"))
+
+
+def test_a_spring_and_a_damper_by_a_law_are_the_built_in_ones() -> None:
+    built = run(pair(*(fb.Spring(a, b, f"s{k}", stiffness=30.0, length=0.6, damping=2.0) for k, (a, b) in enumerate(ENDS))))
+    own = run(pair(*(fb.LineForce(a, b, f"s{k}", law=strut, parameters=(30.0, 0.6, 2.0)) for k, (a, b) in enumerate(ENDS))))
+    assert np.max(np.abs(own.phi - built.phi)) < 1e-12
+    for name in ("balance", "lin_mom", "ang_mom"):
+        assert abs(own.drift(name)) < 1e-12
+    # what the laws took is what springs store and dampers take
+    taken = sum(own.balance()[f"work taken by line force 's{k}'"] for k in range(3))
+    lost = sum(built.balance()[f"damping of spring 's{k}'"] for k in range(3))
+    strain = built.series["strain"]
+    assert np.max(np.abs(taken - lost - (strain - strain[0]))) < 1e-12 and lost[-1] > 0.5
+
+
+def test_a_muscle_that_depends_on_time_keeps_momenta_and_closes_its_books() -> None:
+    result = run(pair(*(fb.LineForce(a, b, law=muscle, parameters=(4.0, 3.0)) for a, b in ENDS)))
+    assert np.ptp(result.series["kinetic"]) > 0.5
+    for name in ("balance", "lin_mom", "ang_mom"):
+        assert abs(result.drift(name)) < 1e-12
+
+
+def test_laws_that_cannot_be_are_refused() -> None:
+    with pytest.raises(fb.SceneError, match="law= is missing"):
+        fb.LineForce(ARM, LEG)
+    with pytest.raises(fb.SceneError, match="finite numbers"):
+        pair(fb.LineForce(ARM, LEG, law=lambda t, length, rate, parameters: np.nan))
+    here = fb.PointMass("here", mass=1.0, position=(0, 0, 0))
+    with pytest.raises(fb.SceneError, match="same place"):
+        fb.compile_scene(fb.Scene(ARM, here, fb.LineForce(ARM, here, law=strut, parameters=(1.0, 1.0, 0.0))))
+
+
+@pytest.mark.slow
+def test_a_law_in_statics_and_in_modes() -> None:
+    bob = fb.PointMass("bob", mass=2.0, position=(0, 0, -1.0))
+    top = fb.GROUND.point((0, 0, 0))
+    force = fb.LineForce(top, bob, law=strut, parameters=(200.0, 1.0, 0.8))
+    model = fb.compile_scene(fb.Scene(bob, fb.Pin(bob, axes="xy"), force, gravity=(0, 0, -9.81)))
+    found = fb.solve_static(model)
+    assert abs(found.phi[-1, 0, 2] + 1.0 + 2.0 * 9.81 / 200.0) < 1e-12
+    rate = fb.modes(model, state=found.state, n=1, damped=True)
+    assert abs(rate.damping_ratios[0] - 0.8 / (2.0 * np.sqrt(200.0 * 2.0))) < 1e-8
