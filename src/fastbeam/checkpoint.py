@@ -69,9 +69,9 @@ class Checkpoint:
     memory : float64 or None
         What the steps carry besides the state: rates of generalised alpha (theory.md (7.2)), mean rates of the last two steps for
         the first guess of the next, the newest as increments.
-    impacts : float64 [S, 2] or None
-        Times of the last impacts of all sliders on rigid stops at the start and the end, s, -1.8e308 where there was none; None
-        where no slider has such stops.
+    impacts : float64 [S + R, 2] or None
+        Times of the last impacts of all sliders, and joints that may stick, on rigid stops at the start and the end, s, -1.8e308
+        where there was none; None where nothing has such stops.
     """
 
     state: State
@@ -157,7 +157,7 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
     if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
     if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, sizes[3]) or sizes[0] % 12 \
-            or sizes[7] not in (0, 2 * sizes[2]):
+            or sizes[7] and (sizes[7] % 2 or sizes[7] < 2 * sizes[2]):
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
     if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):
         raise refuse("damaged, a step is not > 0")

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
-from .kernels.slider import END_SLACK
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END
 from .kernels.work import State
 from .newton import Stepper
 from .outcome import MEANING, Outcome
+from .ways import Ways
 from .winches import used_up
 
 Array = np.ndarray
@@ -93,18 +93,20 @@ def _cause(stepper: Stepper, outcome: Outcome, h: float) -> tuple[str, str]:
 
 
 def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = END_TOLERANCE) -> tuple[float, Outcome, int]:
-    """Shorten a step in which sliders leave their beams, or pass rigid stops, so that it ends where the first of them meets its
-    end. The step size is free, so the invariants stay exact. Returns (size of the step, its outcome, that slider); size 0 where
-    it stands at the end already. tolerance: way that may be left, as a share of the length."""
+    """Shorten a step in which sliders leave their beams, or they or joints pass rigid stops, so that it ends where the first of
+    them meets its end. The step size is free, so the invariants stay exact. Returns (size of the step, its outcome, the number of
+    that slider or, behind all of these, coordinate of a joint); size 0 where it stands at the end already. tolerance: way that
+    may be left, as a share of the length."""
     start = stepper.save()
-    lengths, (low_end, high_end) = stepper.model.slider_lengths, stepper.model.limits_at(stepper.state.s).T
-    slack = END_SLACK * np.where(high_end < np.inf, high_end, np.abs(low_end))
+    ways = Ways(stepper)
+    limits, lengths = ways.limits(stepper.state), ways.scales
+    (low_end, high_end), slack = limits.T, ways.slack(limits)
     leaving: dict[int, float] = {}
 
     def way_left() -> float:
         """Way to the end in sight at the end of the last trial, as a share of the length; the least of all that leave, negative
         beyond the end."""
-        s = stepper.work.s_end
+        s = ways.tried()
         for k in np.flatnonzero(~((s >= low_end - slack) & (s <= high_end + slack))):
             leaving.setdefault(int(k), 0.0 if s[k] < low_end[k] else 1.0)
         return way(s)[0]
@@ -117,7 +119,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
     best = 0.0, Outcome(OK, 0, 0, -1, np.zeros(0), np.zeros((2, stepper.recorded)))
     halved, before = True, (np.inf, -np.inf)
     for _ in range(60):
-        f_low = way(reached[0].s)[0]
+        f_low = way(ways.at(reached[0]))[0]
         if f_low <= tolerance or high - low < 1e-13:
             break
         # secant, with bisection as a guard and where a secant has led next to nowhere, as where the slider starts from rest; aim
@@ -133,7 +135,7 @@ def run_to_end_of_beam(stepper: Stepper, t: float, h: float, tolerance: float = 
         else:
             high, f_high = x, way_left() if outcome.status == SLIDER_END else -f_low
     stepper.load(reached)
-    return *best, way(reached[0].s)[1]
+    return *best, way(ways.at(reached[0]))[1]
 
 
 def run_to_condition(stepper: Stepper, t: float, h: float, parts: int, least: float,

@@ -1,4 +1,4 @@
-"""What happens to sliders within the steps of a run: they meet rigid stops and ends of beams, locks take hold, some leave."""
+"""What happens within the steps of a run: sliders and joints meet rigid stops, sliders ends of beams, locks take hold."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -19,9 +19,12 @@ from .progress import Progress
 from .recording import Rows
 from .starting import AT_STOP
 from .watching import MOST_NAMED
+from .ways import Ways
 
 # what is left of a run behind an impact counts as nothing up to this share of a step, whose velocities would be round-off
 NEXT_TO_NOTHING = 1e-6
+# stops that joints meet within this share of a step are met at the same time
+SAME_TIME = 1e-5
 # a point that is back on its beam after this share of a step has not been away
 SHORT_FLIGHT = 1.0 / 64.0
 # status of steps before one in which a condition of a lock or release begins to hold
@@ -142,7 +145,7 @@ class Encounters:
             self.clock.leave_grid(t)
         self.took(t, final, last)
         if strikes is not None:
-            self.impact(strikes[0], t, strikes[1])
+            self.impact(strikes[0], t, strikes[1], last)
         self.happen(t, found)
         # the row, the callback and the checkpoint of this time are behind it
         self.count_from(t)
@@ -162,12 +165,17 @@ class Encounters:
         if watched and last > 0.0 and self.locking.reached(self.stepper.state, t + last)[0] >= 0.0:
             self.stepper.load(start)
             return (yield from self.to_condition(t, replace(outcome, steps=0), last))
-        s = float(self.stepper.state.s[slider])
-        low, high = self.model.limits_at(self.stepper.state.s)[slider]
-        end = "end" if s >= 0.5 * (low + high) else "start"
+        ways = Ways(self.stepper)
+        s, (low, high) = float(ways.at(self.stepper.state)[slider]), ways.limits(self.stepper.state)[slider]
+        end = "end" if abs(s - high) <= abs(s - low) else "start"
         is_impact = self.impacts.is_rigid(slider, end == "end")
-        found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact)
-        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(self.model.slider_lengths[slider])
+        slides = slider < self.model.n_sliders
+        found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
+        arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])
+        if not slides and arrives and 0.0 < last < SAME_TIME * self.step:
+            # joints that meet their stops one after the other at almost the same time: velocities of such a step are round-off
+            self.stepper.load(start)
+            last, final = 0.0, replace(final, steps=0)
         if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
             # where a step a little longer takes another branch of friction, this one ends before the stop
             strikes = (slider, end) if arrives and not found else None
@@ -186,13 +194,16 @@ class Encounters:
                     "text": f"slider {name!r} reached the {end} of its {self.model.track} at t = {t:.6g} s; the run ends here"})
         return False
 
-    def impact(self, slider: int, t: float, end: str) -> None:
-        """A slider has met a rigid stop: go on with the velocities behind that."""
-        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step))
+    def impact(self, slider: int, t: float, end: str, last: float) -> None:
+        """A slider, or behind these a coordinate of a joint, has met a rigid stop: go on with the velocities behind that."""
+        self.stepper.set_state(self.impacts.behind(self.stepper.copy_state(), slider, end == "end", t, self.step, last))
         if self.impacts.number <= MOST_NAMED:
-            name = self.model.names["sliders"][slider]
-            self.event({"kind": "impact", "time": t, "slider": name, "end": end,
-                        "text": f"slider {name!r} met its stop at the {end} at t = {t:.6g} s"})
+            kind, names, k = "slider", self.model.names["sliders"], slider
+            if slider >= self.model.n_sliders:
+                kind, names = "joint", self.model.motions.names
+                k = int(self.model.motions.holds.rubs[slider - self.model.n_sliders])
+            self.event({"kind": "impact", "time": t, kind: names[k], "end": end,
+                        "text": f"{kind} {names[k]!r} met its stop at the {end} at t = {t:.6g} s"})
 
     def count_from(self, t: float) -> None:
         """Count steps from a time within one; forces of rows look ahead there."""

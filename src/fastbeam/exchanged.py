@@ -13,7 +13,8 @@ Array = np.ndarray
 ACCOUNTS = (("friction_loss", "friction", "slider", 1.0), ("stop_loss", "stops", "slider", 1.0),
             ("lock_loss", "lock", "slider", 1.0),
             ("drive_work", "drive", "slider", -1.0), ("joint_loss", "damper", "joint", 1.0),
-            ("joint_friction", "friction", "joint", 1.0), ("joint_work", "motor", "joint", -1.0))
+            ("joint_friction", "friction", "joint", 1.0), ("joint_stop_loss", "stops", "joint", 1.0),
+            ("joint_work", "motor", "joint", -1.0))
 
 
 def balance_of(result: Result) -> dict[str, Array]:
@@ -57,6 +58,10 @@ def joint_of(result: Result, name: str) -> dict[str, Array]:
     for key in ("energy", "loss", "work"):
         if f"joint_{key}" in result.series:
             out[key] = result.series[f"joint_{key}"][:, mine].sum(axis=1)
-    if "joint_friction" in result.series and name in result.names.get("held", ()):
-        out["friction_loss"] = result.series["joint_friction"][:, mine].sum(axis=1)
+    if "joint_drive" in result.series and name in result.names.get("driven", ()):
+        out["drive"] = result.series["joint_drive"][:, mine].sum(axis=1)
+    for key in ("friction", "stop"):
+        series = "joint_friction" if key == "friction" else "joint_stop_loss"
+        if series in result.series and name in result.names.get("held", ()):
+            out[f"{key}_loss"] = result.series[series][:, mine].sum(axis=1)
     return out

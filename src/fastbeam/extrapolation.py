@@ -29,8 +29,8 @@ def extrapolates(model: Model) -> bool:
         rough |= sliders.lets_go or bool(np.any(sliders.tables.friction > 0.0))
         rough |= any(x.stops is not None and x.stops.is_rigid for x in sliders.sliders)
     if motions is not None:
-        smooth |= bool(motions.damped)
-        rough |= bool(motions.holds.rubs.size)
+        smooth |= bool(motions.damped) or bool(np.any(motions.holds.heeds_rates))
+        rough |= bool(motions.holds.rubs.size) or motions.holds.is_bounded
     return smooth and not rough
 
 

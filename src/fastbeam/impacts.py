@@ -1,4 +1,4 @@
-"""Impacts of sliders on rigid stops: velocities that jump, theory.md 5.6."""
+"""Impacts of sliders and joints on rigid stops: velocities that jump, theory.md 5.6."""
 from __future__ import annotations
 
 from typing import Any
@@ -6,11 +6,15 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .joint_tables import Coordinate
+from .kernels import joint_friction
 from .kernels.along import (AGAINST, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS, STOP_LOSS)
+from .kernels.joint_motion import VALUE
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, velocity_map
 from .mapping import contact
 from .model import Model
+from .multipliers import gap_matrix
 from .nearest import nearest
 from .starting import direction_rates
 
@@ -19,6 +23,12 @@ Array = np.ndarray
 NEVER = -float(np.finfo(float).max)
 # steps in a row that end at or before a stop without getting anywhere, besides two for every slider
 MOST_IN_A_ROW = 3
+# rates below this share of the largest are none behind an impact
+MOVES = 1e-9
+# a coordinate of a joint stands at a stop within this share of a large value
+AT_STOP = 1e-9
+# changes of what rests at stops behind an impact
+MOST_PIVOTS = 200
 
 
 class Impacts:
@@ -28,14 +38,14 @@ class Impacts:
     ----------
     model : Model
         With tables in space.
-    times : float64 [S, 2], optional
+    times : float64 [S + R, 2], optional
         Of a run before.
 
     Attributes
     ----------
-    times : float64 [S, 2] or None
-        Of the last impact of every slider at the start and the end, s; NEVER where there was none. None where no slider has rigid
-        stops.
+    times : float64 [S + R, 2] or None
+        Of the last impact of every slider, and every coordinate of a joint that may stick, at the start and the end, s; NEVER
+        where there was none. None where nothing has rigid stops.
     number : int
         Of impacts in this run.
     in_a_row : int
@@ -50,32 +60,72 @@ class Impacts:
     def __init__(self, model: Model, times: Array | None = None) -> None:
         self.model, self.number, self.in_a_row = model, 0, 0
         self.times: Array | None = None
-        forces = model.slider_forces
-        if forces is None or not np.any(forces.restitutions >= 0.0):
+        # coordinates of joints that have met stops at this instant, one after the other, and on which side
+        self.together: dict[int, float] = {}
+        forces, motions = model.slider_forces, model.motions
+        self.count = model.n_sliders + (0 if motions is None else motions.holds.rubs.size)
+        of_sliders = forces is not None and bool(np.any(forces.restitutions >= 0.0))
+        if not of_sliders and (motions is None or not motions.holds.has_rigid_stops):
             return
-        self.times = np.full((model.n_sliders, 2), NEVER) if times is None else np.array(times, dtype=float)
-        if self.times.shape != (model.n_sliders, 2):
+        self.times = np.full((self.count, 2), NEVER) if times is None else np.array(times, dtype=float)
+        if self.times.shape != (self.count, 2):
             raise SceneError(f"start: the checkpoint holds times of impacts of shape {self.times.shape}, scene "
-                             f"{model.scene_name!r} needs {(model.n_sliders, 2)}; take a checkpoint of this model")
+                             f"{model.scene_name!r} needs {(self.count, 2)}; take a checkpoint of this model")
 
-    def is_rigid(self, slider: int, at_end: bool) -> bool:
-        """Whether a slider has a rigid stop there."""
-        return self.times is not None and self.model.slider_forces.restitution(slider, at_end) is not None
+    def is_rigid(self, k: int, at_end: bool) -> bool:
+        """Whether slider k, or behind the sliders a coordinate of a joint, has a rigid stop there."""
+        return self.times is not None and self._restitution(k, at_end) is not None
+
+    def _restitution(self, k: int, at_end: bool) -> float | None:
+        if k >= self.model.n_sliders:
+            return self.model.motions.holds.restitution(k - self.model.n_sliders, at_end)
+        return None if self.model.slider_forces is None else self.model.slider_forces.restitution(k, at_end)
 
     def may_go_on(self, moved: bool) -> bool:
         """Whether a run gets anywhere; moved: whether a step has led to a stop now."""
         self.in_a_row = 0 if moved else self.in_a_row + 1
-        return self.in_a_row <= MOST_IN_A_ROW + 2 * self.model.n_sliders
+        return self.in_a_row <= MOST_IN_A_ROW + 2 * self.count
 
-    def behind(self, state: State, slider: int, at_end: bool, t: float, step: float) -> State:
-        """The state after an impact at time t, which is remembered. Of two within a step the second does not bounce."""
+    def behind(self, state: State, k: int, at_end: bool, t: float, step: float, last: float) -> State:
+        """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
+        the row. Of two within a step the second does not bounce."""
         assert self.times is not None
-        restitution = self.model.slider_forces.restitution(slider, at_end)
-        if t - self.times[slider, int(at_end)] < step:
+        restitution = self._restitution(k, at_end) or 0.0
+        if t - self.times[k, int(at_end)] < step:
             restitution = 0.0
-        self.times[slider, int(at_end)] = t
+        self.times[k, int(at_end)] = t
         self.number += 1
-        return strike(self.model, state, slider, at_end, restitution)
+        if last > 0.0:
+            self.together.clear()
+        if k >= self.model.n_sliders:
+            self.together[k - self.model.n_sliders] = 1.0 if at_end else -1.0
+            return strike_joint(self.model, state, k - self.model.n_sliders, at_end, restitution, self.together)
+        return strike(self.model, state, k, at_end, restitution)
+
+
+def values_of(model: Model, state: State) -> Array:
+    """Values of the coordinates of joints that may stick, as the history has them, m or rad, [R]."""
+    motions = model.motions
+    if motions is None:
+        return np.zeros(0)
+    return motions.own(state.history, model.motion_place)[motions.holds.rubs, VALUE]
+
+
+def strike_joint(model: Model, state: State, i: int, at_end: bool, restitution: float,
+                 together: dict[int, float] | None = None) -> State:
+    """The state after coordinate i of those of joints that may stick has met a rigid stop; as `strike`. Where it does not bounce
+    it comes to rest, with those that met stops at the same instant, `together`, and on which side."""
+    holds = model.motions.holds
+    row = gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3))
+    rate = float((row @ state.v)[0])
+    bounces = restitution * rate * (1.0 if at_end else -1.0) > 0.0
+    rest = {} if bounces else {**(together or {}), i: 1.0 if at_end else -1.0}
+    after, loss = jump(model, state, -1 - i, row[:int(bounces)], np.full(int(bounces), -(1.0 + restitution) * rate), rest)
+    own = holds.numbers(after.history)
+    own[i, joint_friction.STOP_LOSS] += loss
+    if bounces:
+        own[i, joint_friction.SIGN], own[i, joint_friction.STICKS] = -np.sign(rate), 0.0
+    return after
 
 
 def strike(model: Model, state: State, k: int, at_end: bool, restitution: float) -> State:
@@ -113,44 +163,138 @@ def along(model: Model, state: State, k: int) -> tuple[Array, float]:
     return tangent, float(relative @ tangent / (tangent @ tangent))
 
 
-def jump(model: Model, state: State, k: int, lead: Array, change: Array) -> tuple[State, float]:
+def jump(model: Model, state: State, k: int, lead: Any, change: Array,
+         rest: dict[int, float] | None = None) -> tuple[State, float]:
     """The state after an impact at slider k, and the energy that it took, J.
 
-    Of all jumps of velocities that connections, supports and sliders allow, the one of least kinetic energy with which the
-    velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
+    Of all jumps of velocities that connections, supports, sliders and joints allow, the one of least kinetic energy with which
+    the velocity of the point of k relative to its curve changes by `change` in the directions `lead`: the impulse of that contact
     alone. Sliders whose motion is prescribed, that are locked or at rest against a stop keep their velocities along the beam.
+    Joints that stand at a stop are at rest behind it where that takes an impulse that pushes, and leave it else.
 
     Parameters
     ----------
-    lead : float64 [m, 3]
+    k : int
+        Of a slider; -1 - i: of coordinate i of joints that may stick.
+    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce
     change : float64 [m]
-        m/s.
+        m/s, of a joint m/s or rad/s.
+    rest : dict, optional
+        Coordinates of joints that come to rest at stops, and on which side.
     """
     from scipy import sparse
     history = state.history.copy()
     own = history[:model.work_place].reshape(-1, HISTORY)
     matrix, tangents, _ = gap_rates(model, state)
-    given = np.isin(model.slider_forces.tables.drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
-    rows: list[Any] = []
-    right: list[Array] = []
+    given = np.zeros(0, bool)
+    if model.slider_forces is not None:
+        drive = model.slider_forces.tables.drive
+        given = np.isin(drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
+    rows: list[Any] = [] if k >= 0 else [lead]
+    right: list[Array] = [] if k >= 0 else [change]
     for j, tangent in enumerate(tangents):
+        if model.slider_forces is None:
+            rows.append(sparse.csr_matrix(np.linalg.svd(tangent[None])[2][1:]) @ matrix[3 * j:3 * j + 3])
+            right.append(np.zeros(2))
+            continue
         if j != k and own[j, HELD] == OFF:
             continue
         leads = lead if j == k else np.eye(3) if given[j] else np.linalg.svd(tangent[None])[2][1:]
         rows.append(sparse.csr_matrix(leads) @ matrix[3 * j:3 * j + 3])
         right.append(change if j == k else np.zeros(len(leads)))
-    for others in (matrix[3 * len(tangents):], *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
+    of_joints = matrix[3 * len(tangents):]
+    for others in (of_joints, *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
         rows.append(others)
-        right.append(np.zeros(others.shape[0]))
+        right.append(_against_gaps(model, others, state) if k < 0 and others is of_joints else np.zeros(others.shape[0]))
     free = free_unknowns(model, state)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
     mass = (lift.T @ inertia @ lift).tocsr()
-    by = lift @ nearest(mass, (sparse.vstack(rows) @ lift).tocsr(), np.concatenate(right), np.zeros(free.size), free % 6 >= 3)
+
+    def least(more: list[Any], goals: list[float]) -> Array:
+        """The jump with changes of more rates."""
+        every = (sparse.vstack([*rows, *more]) @ lift).tocsr()
+        goal = np.concatenate([*right, goals])
+        return np.asarray(lift @ nearest(mass, every, goal, np.zeros(free.size), free % 6 >= 3))
+
+    by = _with_stops(model, state, history, -1 - k if k < 0 and change.size else -1, rest or {}, least)
     found = state.v + by
-    after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
-    moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > 1e-9 * np.max(np.abs(found))) & (np.arange(after.size) != k)
-    own[moves, SIGN] = np.sign(after[moves])
-    own[moves, STICKS] = 0.0
+    if model.slider_forces is not None:
+        after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
+        moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(found))) & (np.arange(after.size) != k)
+        own[moves, SIGN] = np.sign(after[moves])
+        own[moves, STICKS] = 0.0
     return (State(state.q.copy(), found, state.s.copy(), state.force.copy(), history),
             -float(by @ (inertia @ (state.v + 0.5 * by))))
+
+
+def _against_gaps(model: Model, rows: Any, state: State) -> Array:
+    """Changes of the rates of gaps of joints that take away what velocities at the end of a step have of them: they are met to
+    second order, and a short step after the impact would turn them around with huge forces. Given coordinates keep theirs."""
+    out = -np.asarray(rows @ state.v)
+    at = 0
+    for link in (x for x in model.kept if x.law.holds):
+        m = link.forces(3)
+        if isinstance(link.law, Coordinate):
+            out[at:at + m] = 0.0
+        at += m
+    return out
+
+
+def _with_stops(model: Model, state: State, history: Array, bounces: int, rest: dict[int, float], least: Any) -> Array:
+    """The jump of all coordinates [12 N] beside joints at stops, which push only; bounces: the coordinate that does, or -1;
+    rest: as of `jump`; `least` gives it for rows and changes of their rates. Which of them rest behind it, and signs of the
+    velocities of others that rub, go to the history.
+
+    Rates into stops are zero, impulses push, and one of both is zero (a linear complementarity problem): Murty's least index
+    method, which ends for every inertia."""
+    if model.motions is None or not model.motions.holds.rubs.size:
+        return np.asarray(least([], []))
+    holds = model.motions.holds
+    own = holds.numbers(history)
+    rows = [gap_matrix([holds.link(model.kept, i)], state.q.reshape(-1, 4, 3)) for i in range(len(own))]
+    rates = np.array([float((row @ state.v)[0]) for row in rows])
+    off = values_of(model, state)[:, None] - holds.ends
+    near = np.abs(off) <= AT_STOP * holds.scales[:, None]
+    side = np.where(near[:, 1], 1.0, np.where(near[:, 0], -1.0, 0.0))
+    rests = own[:, joint_friction.AGAINST] != 0.0
+    side[rests] = own[rests, joint_friction.AGAINST]
+    for i, of in rest.items():
+        side[i] = of
+    if bounces >= 0:
+        side[bounces] = 0.0
+    at_stop = np.flatnonzero(side).tolist()
+    active = [i for i in at_stop if rests[i] or i in rest or side[i] * rates[i] > 0.0]
+
+    def jump_with(some: list[int]) -> tuple[Array, Array, float]:
+        """With these at rest: the jump, rates into stops behind it, and what counts as none."""
+        by = np.asarray(least([rows[i] for i in some], [-rates[i] for i in some]))
+        found = state.v + by
+        into = np.array([side[i] * float((rows[i] @ found)[0]) for i in at_stop])
+        return by, into, MOVES * float(np.max(np.abs(found), initial=0.0))
+
+    for _ in range(MOST_PIVOTS):
+        by, into, none = jump_with(active)
+        for n, i in enumerate(at_stop):
+            if i in rest:
+                continue
+            if i in active:
+                # without the stop it would leave it: its impulse pulls
+                others = [j for j in active if j != i]
+                _, alone, none = jump_with(others)
+                if alone[n] < -none:
+                    active = others
+                    break
+            elif into[n] > none:
+                active = sorted([*active, i])
+                break
+        else:
+            break
+    found = state.v + by
+    for i in range(len(own)):
+        rate = float((rows[i] @ found)[0])
+        if i in active:
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = 0.0, 0.0, side[i]
+        elif side[i] != 0.0 or abs(rate) > MOVES * float(np.max(np.abs(found))):
+            own[i, [joint_friction.SIGN, joint_friction.STICKS, joint_friction.AGAINST]] = np.sign(rate), 0.0, 0.0
+    return by

@@ -1,5 +1,5 @@
-"""Forces that hold what joints with axes leave free: given angles and distances, friction; and their stops. Tables, what is given
-in every step, and what a run may start from."""
+"""Forces that hold and drive what joints with axes leave free: given angles and distances, friction, stops, drives. Tables, what
+is given in every step, and what a run may start from."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -7,11 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .drive_laws import force_at, gains_of, given_to, kind_of, law_of
 from .errors import SceneError
-from .kernels.joint_drive import BY, RUB, RUBBED, SIGN, STICKS, TO, DriveTimes, JointDrives, JointFriction, KnownForces
+from .kernels.along import CONTROL, LAW
+from .kernels.joint_drive import BY, TO, ControlTimes, DriveTimes, JointControl, JointDrives, KnownForces
+from .kernels.joint_friction import AGAINST, RUB, RUBBED, SIGN, STICKS, STOP_LOSS, JointFriction
 from .kernels.joint_motion import JointForces, JointMotion, JointStops
 from .kernels.terms import NoTies
 from .load_times import factor_at, mean_factors
+from .joint_tables import Coordinate
+from .multipliers import KeptLink
 
 Array = np.ndarray
 # a given value may be so far from where the joint stands at the start, m or rad, of a distance times the size of the scene: the
@@ -21,6 +26,8 @@ JUMP = 1e-9
 HALF_TURN = np.pi * (1.0 - 1e-3)
 # a rate below this share of the fastest motion is none
 AT_REST = 1e-12
+# a coordinate may be so far beyond a rigid stop at the start, rad or a share of the size of the scene
+AT_STOP = 1e-9
 
 
 class JointsOfRun(NamedTuple):
@@ -31,6 +38,7 @@ class JointsOfRun(NamedTuple):
     stops: JointStops | None
     drives: JointDrives | None
     friction: JointFriction | None
+    control: JointControl | None
 
     @property
     def static_terms(self) -> tuple[Any, ...]:
@@ -40,14 +48,20 @@ class JointsOfRun(NamedTuple):
     @property
     def terms(self) -> tuple[Any, ...]:
         """All, in the order in which they keep account: values that are held come after those that are found."""
-        held = tuple(x for x in (self.drives, self.friction) if x is not None)
+        held = tuple(x for x in (self.drives, self.friction, self.control) if x is not None)
         return (*self.static_terms, self.motion, *held)
 
     @property
     def known(self) -> tuple[Any, ...]:
         """With the forces of the state instead of equations for them."""
         held = tuple(KnownForces(self.motion, x.which, x.first) for x in (self.drives, self.friction) if x is not None)
-        return (*self.static_terms, *held)
+        return (*self.static_terms, *held, *(() if self.control is None else (self.control,)))
+
+    def follow(self, other: JointsOfRun) -> None:
+        """Take what motors and drives were given in the last step of another run of the same model."""
+        self.motion.given[:] = other.motion.given
+        if self.control is not None and other.control is not None:
+            self.control.given[:], self.control.clock[:] = other.control.given, other.control.clock
 
 
 @dataclass(frozen=True)
@@ -59,8 +73,8 @@ class Holds:
     parts : list
         The joint of every coordinate.
     is_angle : bool [C]
-    given, rubs, stopped : int64 [*]
-        Coordinates that are given, that have friction, and that have stops.
+    given, rubs, stopped, driven : int64 [*]
+        Coordinates that are given, that have friction or rigid stops, that have elastic stops, and that have drives.
     rows : int64 [*]
         Which of all coordinates the tables of this model have.
     first : int
@@ -69,6 +83,8 @@ class Holds:
         Where the numbers of friction stand in the history.
     length : float
         Size of the scene, m.
+    laws : dict
+        Compiled forces of drives, by their coordinates.
     """
 
     parts: list[Any]
@@ -76,10 +92,12 @@ class Holds:
     given: Array
     rubs: Array
     stopped: Array
+    driven: Array
     rows: Array
     first: int
     place: int
     length: float
+    laws: dict[int, Any]
 
     @property
     def held(self) -> Array:
@@ -94,8 +112,54 @@ class Holds:
 
     @property
     def limits(self) -> Array:
-        """Largest forces of friction, N or N m."""
+        """Of the largest forces of friction what does not depend on the load, N or N m."""
         return np.array([float(self.parts[k].friction) for k in self.rubs])
+
+    @property
+    def shares(self) -> Array:
+        """Largest forces of friction for each N, and each N m, that joints carry across their axes, float64 [R, 2]."""
+        return np.array([self.parts[k].shares for k in self.rubs]).reshape(-1, 2)
+
+    @property
+    def gains(self) -> Array:
+        """Of drives their kind, and of controllers their gains and largest force, float64 [*, 4]."""
+        every = [self.parts[k].drive for k in self.driven]
+        return np.array([(kind_of(x), *gains_of(x)) for x in every]).reshape(-1, 4)
+
+    # --- rigid stops --------------------------------------------------------------------------------------------------
+    @property
+    def ends(self) -> Array:
+        """Values at the rigid stops of `rubs`, infinite where there are none, float64 [R, 2]."""
+        every = [self.parts[k].stops for k in self.rubs]
+        return np.array([(-np.inf, np.inf) if x is None or not x.is_rigid else x.between for x in every]).reshape(-1, 2)
+
+    @property
+    def scales(self) -> Array:
+        """What counts as a large value of `rubs`, rad or m, [R]."""
+        return np.where(self.is_angle[self.rubs], 1.0, self.length)
+
+    def restitution(self, i: int, at_end: bool) -> float | None:
+        """Of the last or first rigid stop of coordinate `rubs[i]`; None where it has none there."""
+        return None if np.isinf(self.ends[i, int(at_end)]) else self.parts[self.rubs[i]].stops.restitution or 0.0
+
+    @property
+    def has_rigid_stops(self) -> bool:
+        """Whether there are any."""
+        return bool(np.any(np.isfinite(self.ends)))
+
+    @property
+    def restitutions(self) -> Array:
+        """Of all of them, -1 where there is none, float64 [R, 2]."""
+        found = [[self.restitution(i, at_end) for at_end in (False, True)] for i in range(self.rubs.size)]
+        return np.array([[-1.0 if x is None else x for x in both] for both in found]).reshape(-1, 2)
+
+    def link(self, kept: list[KeptLink], i: int) -> KeptLink:
+        """What the force on coordinate `rubs[i]` acts on, of all joints with multipliers of a model in space."""
+        return kept[len(kept) - self.rubs.size + i]
+
+    def numbers(self, history: Array) -> Array:
+        """Of friction and rigid stops in a history, float64 [R, 5]."""
+        return history[self.place:self.place + RUB * self.rubs.size].reshape(-1, RUB)
 
     def in_plane(self, rows: Array, first: int) -> Holds:
         """With the coordinates that are left in a plane."""
@@ -107,21 +171,40 @@ class Holds:
         return np.searchsorted(self.rows, which[mine]), mine
 
     # --- tables -------------------------------------------------------------------------------------------------------
-    def tables(self, motion: JointMotion, acts: bool, ties: Any) -> JointsOfRun:
-        """Of one run; acts: whether there are springs, dampers or motors."""
+    def tables(self, motion: JointMotion, acts: bool, ties: Any, kept: list[KeptLink], n_sliders: int) -> JointsOfRun:
+        """Of one run; acts: whether there are springs, dampers or motors; kept: the joints with multipliers of its model."""
         ties = NoTies() if ties is None else ties
-        (at_drive, mine), (at_rub, rubs), (at_stop, stopped) = (self._left(x) for x in (self.given, self.rubs, self.stopped))
+        every = self.given, self.rubs, self.stopped, self.driven
+        (at_drive, mine), (at_rub, rubs), (at_stop, stopped), (at_control, driven) = (self._left(x) for x in every)
         m, n = at_drive.size, at_rub.size
-        drives = friction = stops = None
+        drives = friction = stops = control = None
         if m:
             kind = np.array([TO if self.parts[k].speed is None else BY for k in self.given[mine]])
             drives = JointDrives(motion, at_drive, kind, np.array([self.first]), np.zeros(m), np.zeros(m), ties)
         if n:
-            friction = JointFriction(motion, at_rub, self.limits[rubs], self.place + RUB * rubs, np.array([self.first + m]),
-                                     *np.zeros((3, n)), *np.zeros((3, n), np.int64), np.zeros(1), ties)
+            press = np.array([self._press(k, kept, n_sliders) for k in self.rubs[rubs]])
+            friction = JointFriction(motion, at_rub, self.limits[rubs], self.shares[rubs], press, self.ends[rubs],
+                                     self.place + RUB * rubs, np.array([self.first + m]), *np.zeros((5, n)),
+                                     *np.zeros((4, n), np.int64), np.zeros(1), ties)
         if at_stop.size:
             stops = JointStops(motion, at_stop, self.stops[stopped])
-        return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction)
+        if at_control.size:
+            gains, d = self.gains[driven], at_control.size
+            law = np.array([self.laws[k].address if k in self.laws else 0 for k in self.driven[driven].tolist()], np.int64)
+            control = JointControl(motion, at_control, gains[:, 0].astype(np.int64), np.ascontiguousarray(gains[:, 1:]), law,
+                                   np.zeros((d, 2)), np.zeros(2), np.zeros(d))
+        return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
+
+    def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:
+        """Numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
+        mine = KeptLink(self.parts[k].label, (0, 0), kept[0].law).joint
+        of_joint = [(j, link) for j, link in enumerate(kept) if link.joint == mine and not isinstance(link.law, Coordinate)]
+        found = [next((n_sliders + j for j, link in of_joint if link.law.is_angle == turns), -1) for turns in (False, True)]
+        return found[0], found[1]
+
+    def left_of_rubs(self) -> Array:
+        """Which of `rubs` the tables of this model have."""
+        return self._left(self.rubs)[1]
 
     @property
     def has_functions(self) -> bool:
@@ -164,6 +247,15 @@ class Holds:
                                  f"{times[int(np.argmax(np.abs(way)))]:.6g} s; use smaller steps")
         return DriveTimes(drives, out)
 
+    def controls(self, control: JointControl, starts: Array, lengths: Array) -> ControlTimes:
+        """What drives that push are given in these substeps."""
+        mine = self.driven[self._left(self.driven)[1]].tolist()
+        out = np.zeros((len(starts), len(mine), 2))
+        for column, k in enumerate(mine):
+            part = self.parts[k]
+            out[:, column] = [given_to(part.drive, part.label, t, h) for t, h in zip(starts.tolist(), lengths.tolist())]
+        return ControlTimes(control, out, starts + 0.5 * lengths)
+
     # --- where a run starts -------------------------------------------------------------------------------------------
     def start(self, t: float, own: Array, found: Array) -> None:
         """Counted values in a history `own` [C] become those that are given at time t; found: those of the coordinates [C].
@@ -202,11 +294,25 @@ class Holds:
             raise SceneError(f"{who}: joints stay where they stand; {error}") from None
 
     def start_rubbing(self, own: Array, rates: Array, fastest: float) -> None:
-        """Signs of the velocities of coordinates with friction into a history `own` [R, 3]; rates [C]; fastest: rate of the
+        """Signs of the velocities of coordinates with friction into a history `own` [R, 5]; rates [C]; fastest: rate of the
         fastest motion. What a run before left at rest stays there."""
         for i, k in enumerate(self.rubs.tolist()):
-            moves = abs(rates[k]) > AT_REST * fastest and own[i, STICKS] == 0.0
+            moves = abs(rates[k]) > AT_REST * fastest and own[i, STICKS] == 0.0 and own[i, AGAINST] == 0.0
             own[i, SIGN] = np.sign(rates[k]) if moves else 0.0
+
+    def check_within(self, found: Array) -> None:
+        """Coordinates at their values `found` [C] are between rigid stops.
+
+        Raises
+        ------
+        SceneError
+            One is beyond.
+        """
+        for (low, high), scale, k in zip(self.ends, self.scales, self.rubs.tolist()):
+            if not low - AT_STOP * scale <= found[k] <= high + AT_STOP * scale:
+                name, _, unit = self.parts[k].words
+                raise SceneError(f"{self.parts[k].label}: its {name} of {found[k]:.6g} {unit} at the start is beyond its stops "
+                                 f"({low:.6g} to {high:.6g} {unit}); start from a state between them")
 
     # --- at rows ------------------------------------------------------------------------------------------------------
     def stop_energy(self, values: Array) -> Array:
@@ -217,11 +323,42 @@ class Holds:
         out[self.stopped] = 0.5 * stiffness * (np.maximum(low - x, 0.0)**2 + np.maximum(x - high, 0.0)**2)
         return out
 
-    def rubbed(self, history: Array) -> Array:
-        """Energy that friction took, J, [C]; history from `place` on."""
-        out = np.zeros(len(self.parts))
-        out[self.rubs] = history[self.place:self.place + RUB * self.rubs.size].reshape(-1, RUB)[:, RUBBED]
+    def exchanged(self, history: Array) -> dict[str, Array]:
+        """Energies that friction and impacts took, J, [C], as series."""
+        out = {}
+        for name, column, is_there in (("joint_friction", RUBBED, True), ("joint_stop_loss", STOP_LOSS, self.has_rigid_stops)):
+            if self.rubs.size and is_there:
+                out[name] = np.zeros(len(self.parts))
+                out[name][self.rubs] = self.numbers(history)[:, column]
         return out
+
+    def drive_forces(self, t: float, values: Array, rates: Array) -> Array:
+        """Of drives that push at time t, N or N m, on all coordinates [C], at values and rates [C]."""
+        out = np.zeros(len(self.parts))
+        for k in self.driven.tolist():
+            out[k] = force_at(self.parts[k].drive, self.parts[k].label, t, float(values[k]), float(rates[k]))
+        return out
+
+    @property
+    def backward(self) -> str | None:
+        """What does not go with steps backward in time, and of which joint."""
+        for k in self.rubs.tolist():
+            return f"{'friction' if self.parts[k].has_friction else 'impacts on rigid stops'} of {self.parts[k].label}"
+        for k in self.driven[self.heeds_rates].tolist():
+            return f"the drive of {self.parts[k].label}, which depends on its rate,"
+        return None
+
+    @property
+    def heeds_rates(self) -> Array:
+        """Which drives may depend on the rates of their coordinates, bool [*]."""
+        kind, _, damping, _ = self.gains.T
+        return np.asarray((kind == LAW) | (kind == CONTROL) & (damping > 0.0))
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether a drive has a largest force: a kink in time where that is reached."""
+        kind, limit = self.gains[:, 0], self.gains[:, 3]
+        return bool(np.any((kind == CONTROL) & np.isfinite(limit)))
 
     def forces(self, force: Array) -> Array:
         """Forces on all coordinates [C], N or N m, zero where there is none of its own; force: of all of these."""
@@ -231,8 +368,17 @@ class Holds:
 
 
 def holds_of(parts: list[Any], is_angle: Array, constraints: int, place: int, length: float) -> Holds:
-    """parts: the joint of every coordinate; constraints: all of the scene but moments of sleeves; place: as of `Holds`."""
+    """parts: the joint of every coordinate; constraints: all of the scene but moments of sleeves; place: as of `Holds`.
+
+    Raises
+    ------
+    SceneError
+        The force of a drive cannot be compiled.
+    """
     every = np.arange(len(parts))
-    given, rubs, stopped = (np.array([k for k in every if has(parts[k])], np.int64) for has in (
-        lambda x: x.is_given, lambda x: x.friction > 0.0, lambda x: x.stops is not None))
-    return Holds(parts, is_angle == 1, given, rubs, stopped, every, constraints - given.size - rubs.size, place, length)
+    given, rubs, stopped, driven = (np.array([k for k in every if has(parts[k])], np.int64) for has in (
+        lambda x: x.is_given, lambda x: x.may_stick, lambda x: x.stops is not None and not x.stops.is_rigid,
+        lambda x: x.drive is not None))
+    laws = {k: law_of(parts[k].drive, parts[k].label) for k in driven.tolist() if kind_of(parts[k].drive) == LAW}
+    return Holds(parts, is_angle == 1, given, rubs, stopped, driven, every, constraints - given.size - rubs.size, place, length,
+                 laws)

@@ -1,5 +1,5 @@
 """Coordinates that joints with axes leave free: tables of their springs, dampers and motors, what motors give in every step, and
-values and energies at rows. What holds and stops them: joint_drives.py."""
+values and energies at rows. What holds, stops and drives them: joint_drives.py."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -10,8 +10,8 @@ import numpy as np
 from .errors import SceneError
 from .joint_drives import Holds, JointsOfRun, holds_of
 from .joint_tables import Conditions
-from .kernels.joint_drive import RUB
-from .kernels.joint_motion import LOSS, MOTION, VALUE, WORK, JointMotion
+from .kernels.joint_friction import RUB
+from .kernels.joint_motion import LOSS, MOTION, VALUE, WORK, JointMotion, MotorSchedule
 from .kernels.work import State
 from .load_times import mean_factors
 from .plane import Plane, numbers_of
@@ -70,8 +70,8 @@ class Motions:
 
     @property
     def driven(self) -> bool:
-        """Whether there are motors."""
-        return any(motor is not None for motor in self.motors)
+        """Whether there are motors or drives."""
+        return any(motor is not None for motor in self.motors) or self.holds.driven.size > 0
 
     @property
     def timed(self) -> bool:
@@ -86,11 +86,24 @@ class Motions:
     @property
     def acts(self) -> bool:
         """Whether there are springs, dampers or motors."""
-        return self.damped or self.driven or bool(np.any(self.spring[:, 0]))
+        return self.damped or any(motor is not None for motor in self.motors) or bool(np.any(self.spring[:, 0]))
 
-    def work(self, ties: Any) -> JointsOfRun:
-        """The tables with arrays of one run."""
-        return self.holds.tables(self.table._replace(given=self.table.given.copy(), hold=np.zeros(32)), self.acts, ties)
+    def work(self, model: Any) -> JointsOfRun:
+        """The tables with arrays of one run of a model."""
+        table = self.table._replace(given=self.table.given.copy(), hold=np.zeros(32))
+        return self.holds.tables(table, self.acts, model.ties, model.kept, model.n_sliders)
+
+    def schedules(self, tables: JointsOfRun, starts: Array, lengths: Array, end: float) -> list[Any]:
+        """What motors, given coordinates and drives have in substeps that begin at `starts`, of these lengths [n]; the last ends
+        at `end`."""
+        out: list[Any] = []
+        if self.timed:
+            out.append(MotorSchedule(tables.motion, self.schedule(starts, lengths)))
+        if tables.drives is not None:
+            out.append(self.holds.schedule(tables.drives, starts, lengths, end))
+        if tables.control is not None:
+            out.append(self.holds.controls(tables.control, starts, lengths))
+        return out
 
     def schedule(self, starts: Array, lengths: Array) -> Array:
         """Mean forces of the motors in the table over substeps from times `starts` on, of these lengths [n]: [n, *]."""
@@ -141,6 +154,7 @@ class Motions:
             return
         self.holds.start(t, own[:, VALUE], found)
         if self.holds.rubs.size:
+            self.holds.check_within(found)
             self.holds.start_rubbing(state.history[self.holds.place:].reshape(-1, RUB), self.rates(q, v),
                                      float(np.max(np.abs(v), initial=0.0)))
 
@@ -157,17 +171,18 @@ class Motions:
             before = self.own(state.history, place)[:, VALUE]
             self.holds.check_stays(who, t, self.values(state.q.reshape(-1, 4, 3), before))
 
-    def row(self, state: State, place: int) -> dict[str, Array]:
-        """Series of one row."""
+    def row(self, t: float, state: State, place: int) -> dict[str, Array]:
+        """Series of one row, at time t."""
         q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
-        own = self.own(state.history, place)
-        return {"joint_value": own[:, VALUE].copy(), "joint_rate": self.rates(q, v)}
+        values, rates = self.own(state.history, place)[:, VALUE].copy(), self.rates(q, v)
+        drive = {"joint_drive": self.holds.drive_forces(t, values, rates)} if self.holds.driven.size else {}
+        return {"joint_value": values, "joint_rate": rates, **drive}
 
     def exchanged(self, state: State, place: int) -> dict[str, Array]:
         """Series of energies of one row."""
         own = self.own(state.history, place)
-        rubbed = {"joint_friction": self.holds.rubbed(state.history)} if self.holds.rubs.size else {}
-        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(), **rubbed}
+        return {"joint_energy": self.energy(own), "joint_loss": own[:, LOSS].copy(), "joint_work": own[:, WORK].copy(),
+                **self.holds.exchanged(state.history)}
 
 
 def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:
@@ -226,20 +241,22 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int, 
     if motions is None:
         return
     holds = motions.holds
-    if not (motions.acts or holds.held.size or holds.stopped.size):
+    if not (motions.acts or motions.driven or holds.held.size or holds.stopped.size):
         return
     if compared is not None:
         raise SceneError(f"method {compared!r} has no springs, dampers, motors, drives, friction and stops in joints; use the "
                          "default method")
     if substeps > 1 and motions.damped:
         raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
-    if substeps > 1 and holds.rubs.size:
-        raise SceneError("order=4 has a step backward in time, in which friction of joints would put energy in; use order=2")
+    if substeps > 1 and holds.backward:
+        raise SceneError(f"order=4 has a step backward in time, in which {holds.backward} would put energy in; use order=2")
     if static and motions.driven:
-        label = next(label for label, motor in zip(motions.labels, motions.motors) if motor is not None)
-        raise SceneError(f"{label}: solve_static takes no motors of joints; leave it out, or hold the joint by a stiff spring "
-                         "with rest=")
+        driven = [k for k, motor in enumerate(motions.motors) if motor is not None] + holds.driven.tolist()
+        raise SceneError(f"{motions.labels[driven[0]]}: solve_static takes no motors and drives of joints; leave it out, or hold "
+                         "the joint by a stiff spring with rest=")
     if static and holds.rubs.size:
-        raise SceneError(f"{holds.parts[holds.rubs[0]].label}: equilibria and modes know no friction of joints, which leaves a "
-                         "range of them; leave it out, hold the joint where it is to be by angle= or distance=, or run until it "
-                         "rests")
+        part = holds.parts[holds.rubs[0]]
+        what = "friction of joints, which leaves a range of them" if part.has_friction else "rigid stops of joints"
+        way = "" if part.has_friction else ", give the stops a stiffness="
+        raise SceneError(f"{part.label}: equilibria and modes know no {what}; leave it out{way}, hold the joint where it is to "
+                         "be by angle= or distance=, or run until it rests")

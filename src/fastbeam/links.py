@@ -252,9 +252,9 @@ class Links:
                 law = Coordinate(self.law_of(part), part.coordinates[0], part.given_rate, holds=True)
                 self.driven.append(KeptLink(f"{part.label} (drive)", (a, b), law))
         for part, (a, b) in self.with_axes:
-            if part.friction > 0.0:
+            if part.may_stick:
                 law = Coordinate(self.law_of(part), part.coordinates[0], 0.0, holds=False)
-                self.driven.append(KeptLink(f"{part.label} (friction)", (a, b), law))
+                self.driven.append(KeptLink(f"{part.label} ({'friction' if part.has_friction else 'stops'})", (a, b), law))
 
     def law_of(self, joint: AxisJoint) -> Any:
         """Conditions of a joint, for the axes that its nodes carry."""

@@ -335,7 +335,8 @@ class Model(HistoryLayout):
         parts += [np.array([one.period, one.start, *one.memory]) for one in self.controllers]
         if self.motions is not None:
             holds = self.motions.holds
-            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops]
+            parts += [*self.motions.table[:-2], holds.given, holds.rubs, holds.limits, holds.stopped, holds.stops, holds.shares,
+                      holds.ends, holds.restitutions, holds.driven, holds.gains]
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
             parts += [np.array([time is None for time in self.dragged.times])] if self.dragged.timed else []

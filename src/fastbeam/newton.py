@@ -18,7 +18,6 @@ from .joint_motion import check_motions
 from .kernels import step as kernels
 from .kernels.along import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
 from .kernels.constraints import Constraints
-from .kernels.joint_motion import MotorSchedule
 from .kernels.observe import slider_motion
 from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
@@ -132,7 +131,7 @@ class Stepper:
         check_motions(model.motions, method.name if compared else None, self.weights.size, static)
         check_twist(model, static)
         if core.motions is not None and core.motions.rows.size:
-            self.motion = core.motions.work(core.ties)
+            self.motion = core.motions.work(core)
             if memory is None:
                 core.motions.settle(self.core_state, self.state, core.motion_place, None if static else t)
         # of user forces: the time in the middle of a step, and the load factor in statics
@@ -352,6 +351,8 @@ class Stepper:
                                              self.fallback._schedules(t, h, 1, done + reached))
         if pivoting.status not in (OK, SLIDER_END):
             return result
+        if self.motion is not None and self.motion.friction is not None:
+            self.motion.friction.reached[:] = self.fallback.motion.friction.reached
         self.linear.fallbacks += pivoting.status == OK
         return pivoting.after(result)
 
@@ -360,11 +361,9 @@ class Stepper:
         out: list[Any] = []
         if self.along is not None and self.core.slider_forces.timed:
             out.append(DriveSchedule(self.along, *self.core.slider_forces.schedule(*self._substeps(t, h, n, done))))
-        if self.motion is not None and self.core.motions.timed:
-            out.append(MotorSchedule(self.motion.motion, self.core.motions.schedule(*self._substeps(t, h, n, done))))
-        if self.motion is not None and self.motion.drives is not None:
+        if self.motion is not None:
             end = t + h * (done + n)
-            out.append(self.core.motions.holds.schedule(self.motion.drives, *self._substeps(t, h, n, done), end))
+            out += self.core.motions.schedules(self.motion, *self._substeps(t, h, n, done), end)
         if self.prescribed is not None:
             # a substep ends, to the last bit, where the next begins
             times = np.append(self._substeps(t, h, n, done)[0], t + h * (done + n))

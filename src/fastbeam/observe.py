@@ -116,6 +116,8 @@ class Observer:
             free, holds = (len(self.model.motions.names),), self.model.motions.holds
             out |= dict.fromkeys(FREE if self.joint else (), free) | dict.fromkeys(IN_JOINTS if self.energy else (), free)
             out |= {"joint_friction": free} if self.energy and holds.rubs.size else {}
+            out |= {"joint_stop_loss": free} if self.energy and holds.has_rigid_stops else {}
+            out |= {"joint_drive": free} if self.joint and holds.driven.size else {}
             out |= {"joint_force": free} if self.held else {}
         for springs in self.springs:
             out |= springs.series()
@@ -186,7 +188,7 @@ class Observer:
                     "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s),
                     "lock_loss": history[:, LOCK_LOSS]}
         if self.joint:
-            out |= model.motions.row(state, model.motion_place)
+            out |= model.motions.row(t, state, model.motion_place)
         for springs in self.springs:
             out |= springs.row(state)
         if self.balance:
@@ -237,9 +239,10 @@ class Observer:
         if model.motions is not None:
             stored += float(np.sum(out["joint_loss"]) - np.sum(out["joint_work"]))
             sizes += [float(np.sum(np.abs(out[name]))) for name in ("joint_loss", "joint_work")]
-            if "joint_friction" in out:
-                stored += float(np.sum(out["joint_friction"]))
-                sizes.append(float(np.sum(np.abs(out["joint_friction"]))))
+            for name in ("joint_friction", "joint_stop_loss"):
+                if name in out:
+                    stored += float(np.sum(out[name]))
+                    sizes.append(float(np.sum(np.abs(out[name]))))
         out["balance"] = stored
         self.scale["balance"] = max(self.scale["balance"], *sizes)
 
@@ -339,6 +342,7 @@ class Observer:
         if model.motions is not None:
             kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
             names |= {"joints": model.motions.names, "coordinates": kinds}
+            names |= {"driven": [model.motions.names[k] for k in model.motions.holds.driven]}
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:
             names["held"] = [model.motions.names[k] for k in model.motions.holds.held]

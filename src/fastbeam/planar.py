@@ -126,7 +126,7 @@ def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
     """Of every joint with a motor or a given motion, or with a spring that is not free of force at t = 0: what it is, and for all
     n nodes the directions [n, 3] in which it pushes and about which it turns."""
     for part, nodes in links.with_axes:
-        moved = part.motor is not None or part.is_given
+        moved = part.motor is not None or part.drive is not None or part.is_given
         for k, is_angle in enumerate(part.coordinates):
             if not moved and part.numbers["stiffness"][k] * part.numbers["rest"][k] == 0.0:
                 continue

@@ -86,7 +86,7 @@ class Reactions:
         if any(time is not None for time in own.model.load_times):
             kernels.external_forces(own.core.loads, load_factors(own.model, np.full(1, t), np.full(1, h))[0], own.work.f_ext)
         if own.motion is not None:
-            own.motion.motion.given[:] = self.stepper.motion.motion.given
+            own.motion.follow(self.stepper.motion)
         state = before._replace(force=own.core_state.force)
         return self._evaluate(system_of(own.core, Conserving(), own.contact, None, state, own.work), middle, h)
 

@@ -252,8 +252,9 @@ class Result(Readings, Exports):
     @checked(name=NAMED)
     def joint(self, name: str) -> dict[str, np.ndarray]:
         """What a joint with axes leaves free, zero at t = 0, [n]: angle (rad) and spin (rad/s), distance (m) and speed (m/s);
-        energy of its spring and stops, loss of its damper, work of its motor or drive (J); where it is given or rubs the torque
-        (N m) or force (N) of that, and friction_loss (J).
+        energy of its spring and stops, loss of its damper, work of its motor or drive (J); where it is given, rubs or has rigid
+        stops the torque (N m) or force (N) of that, friction_loss and stop_loss (J); drive, the torque or force of one that
+        pushes.
 
         Raises
         ------

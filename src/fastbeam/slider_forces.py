@@ -7,17 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_law
+from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, value_at
 from .errors import SceneError
 from .kernels.along import (AGAINST, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, NO_DRIVE, OFF, POSITION, SIGN, TURNS,
                             Along)
 from .scene import Drive, Path, Slider, Switch
-from .scene.checks import called
-from .scene.sliding import FORWARD, SHORT
 
 Array = np.ndarray
-# three Gauss points: smooth forces are exact to order 6, and a step stays symmetric in time
-POINTS, SHARES = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 18.0
 # a prescribed position may be so far from the place of the slider at the start, of the length of the beam
 AT_START = 1e-9
 # the same of the state that a run starts from
@@ -66,25 +62,14 @@ class SliderForces:
         t.stops[k, :2] = -np.inf, np.inf
         if stops is not None and stops.stiffness is not None:
             t.stops[k] = *stops.between, stops.stiffness
-        t.drive[k] = NO_DRIVE
+        t.drive[k] = kind_of(drive)
         if drive is None:
             return
-        if drive.is_controlled:
-            t.drive[k] = CONTROL
-            t.gains[k] = drive.stiffness, drive.damping, np.inf if drive.limit is None else drive.limit
-        elif drive.is_prescribed:
-            t.drive[k] = POSITION if drive.position is not None else INCREMENT
-        elif callable(drive.force) and drive.takes_state:
-            t.drive[k] = LAW
-            try:
-                self._laws[k] = compiled_law(drive.force)
-            except Exception as error:
-                raise SceneError(f"slider {slider.name!r}: force(t, s, rate) cannot be compiled by numba "
-                                 f"({' '.join(str(error).split())[:300]}); use numbers, math and numpy functions of numbers, or "
-                                 "a function of t alone") from error
+        if t.drive[k] == CONTROL:
+            t.gains[k] = gains_of(drive)
+        elif t.drive[k] == LAW:
+            self._laws[k] = law_of(drive, f"slider {slider.name!r}")
             t.law[k] = self._laws[k].address
-        else:
-            t.drive[k] = FORCE
         t.given[k] = self._given(k, 0.0, 0.0)
 
     @property
@@ -226,43 +211,12 @@ class SliderForces:
         """For a step from t to t + h; (0, 0) where a drive does not ask for the time."""
         drive = self.sliders[k].drive
         assert drive is not None
-        kind = self.tables.drive[k]
-        if kind == POSITION:
-            return self._value(k, "position", t + h), 0.0
-        if kind == INCREMENT:
-            return h * self._mean(k, "speed", t, h), 0.0
-        if kind == FORCE:
-            return self._mean(k, "force", t, h), 0.0
-        if kind == CONTROL:
-            place = 0.0 if drive.position is None else self._value(k, "position", t + 0.5 * h)
-            if drive.speed is not None:
-                return place, self._mean(k, "speed", t, h)
-            if not callable(drive.position):
-                return place, 0.0
-            if h != 0.0:
-                return place, (self._value(k, "position", t + h) - self._value(k, "position", t)) / h
-            # ds/dt of the moment
-            return place, float(np.dot(FORWARD, [self._value(k, "position", t + i * SHORT) for i in range(5)])) / SHORT
-        return 0.0, 0.0
+        return given_to(drive, f"slider {self.sliders[k].name!r}", t, h)
 
     def _value(self, k: int, what: str, t: float) -> float:
-        value = getattr(self.sliders[k].drive, what)
-        if not callable(value):
-            return float(value)
-        found = called(f"slider {self.sliders[k].name!r}", what, value, t)
-        try:
-            found = float(found)
-        except (TypeError, ValueError):
-            found = np.nan
-        if not np.isfinite(found):
-            raise SceneError(f"slider {self.sliders[k].name!r}: {what}(t) must return a finite number, at t = {t:.6g} s it does "
-                             "not")
-        return found
-
-    def _mean(self, k: int, what: str, t: float, h: float) -> float:
-        if not callable(getattr(self.sliders[k].drive, what)):
-            return self._value(k, what, t)
-        return float(sum(w * self._value(k, what, t + x * h) for x, w in zip(POINTS, SHARES)))
+        drive = self.sliders[k].drive
+        assert drive is not None
+        return value_at(drive, f"slider {self.sliders[k].name!r}", what, t)
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
     def limits(self, ends: Array) -> Array:
@@ -356,13 +310,7 @@ class SliderForces:
         return AtRow(along, friction, drive, stop, np.where(locked, along - drive - stop, 0.0))
 
     def _drive_at(self, k: int, t: float, s: float, rate: float) -> float:
-        kind, gains = self.tables.drive[k], self.tables.gains[k]
-        if kind == LAW:
-            return float(self.sliders[k].drive.force(t, s, rate))
-        given = self._given(k, t, 0.0)
-        if kind == FORCE:
-            return given[0]
-        return float(np.clip(gains[0] * (given[0] - s) + gains[1] * (given[1] - rate), -gains[2], gains[2]))
+        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, rate)
 
     def at_rest(self, k: int, t: float, s: float, share: float) -> float:
         """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor

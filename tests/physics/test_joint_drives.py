@@ -410,9 +410,7 @@ def test_the_recipe_runs() -> None:
     ({"speed": 1.0, "stiffness": 3.0}, "speed= says how it moves, whatever that takes, so stiffness="),
     ({"angle": 0.0, "damping": 3.0}, "damping= changes nothing"), ({"angle": 0.0, "friction": 3.0}, "friction= changes nothing"),
     ({"angle": 0.0, "stops": fb.Stops(-1, 1, stiffness=1.0)}, "stops= changes nothing"),
-    ({"stops": fb.Stops(0.1, 1, stiffness=1.0)}, "stops from 0.1 to 1.0 rad exclude its start"),
-    ({"stops": fb.Stops(-0.1, 1)}, "rigid stops are for sliders"),
-    ({"stops": fb.Stops(-0.1, 1, restitution=0.5)}, "rigid stops are for sliders")])
+    ({"stops": fb.Stops(0.1, 1, stiffness=1.0)}, "stops from 0.1 to 1.0 rad exclude its start")])
 def test_what_contradicts_each_other_is_refused(options: dict[str, Any], text: str) -> None:
     with pytest.raises(fb.SceneError, match=text):
         arm(**options)
@@ -432,7 +430,7 @@ def test_runs_refuse_what_they_do_not_know() -> None:
         run(arm(angle=lambda t: 0.0 if t < 0.05 else np.nan), 0.1, 0.01)
     with pytest.raises(fb.SceneError, match="initial velocities violate it"):
         arm(speed=3.0)
-    with pytest.raises(fb.SceneError, match="friction of joints would put energy in"):
+    with pytest.raises(fb.SceneError, match="friction of revolute joint .pivot. would put energy in"):
         run(arm(friction=0.1), 0.1, 0.01, order=4)
     with pytest.raises(fb.SceneError, match="equilibria and modes know no friction of joints"):
         fb.solve_static(arm(friction=0.1))

@@ -247,7 +247,8 @@ LOCKED = dict(lock=either(is_a(fb.Lock), is_list_of(is_a(fb.Lock))), release=is_
               one_sided=either(VECTOR, is_a(fb.OneSided)))
 STEADY = one_of(fb.Spin, fb.Travel)
 OF_TIME = either(is_real, is_function)
-IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops))
+IN_JOINT = dict(stiffness=is_real, damping=is_real, rest=is_real, speed=OF_TIME, friction=is_real, stops=is_a(fb.Stops),
+                coefficient=is_real, length=is_real, drive=is_a(fb.Drive))
 
 
 @dataclass
@@ -336,7 +337,8 @@ def calls(folder: Path) -> dict[str, Call]:
         **{name: Call(getattr(fb, name), dict(a=BEAM.end, b=BODY.point((0, 0, 1))) | axes,
                       dict(a=NODE, b=NODE, name=is_text) | dict.fromkeys(axes, VECTOR) | more)
            for name, axes, more in (
-               ("RevoluteJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("torque", "angle"), OF_TIME)),
+               ("RevoluteJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("torque", "angle"), OF_TIME)
+                | {"radius": is_real}),
                ("PrismaticJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("force", "distance"), OF_TIME)),
                ("CylindricalJoint", dict(axis=(0, 1, 0)), dict.fromkeys(("stiffness", "damping", "rest"), VECTOR)),
                ("PlanarJoint", dict(normal=(0, 1, 0)), {}),

@@ -14,12 +14,12 @@ from fastbeam.scene.checks import Array, ArrayField, OfTimeLike, SideField, noun
 from fastbeam.scene.fixed import GROUND, Ground
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import Node, PointMass
-from fastbeam.scene.sliding import OfTime, SomeStops, Stops, rate_at_start
+from fastbeam.scene.sliding import ADrive, Drive, OfTime, SomeStops, Stops, rate_at_start
 
 # largest deviation of two axes from a right angle, as the cosine of the angle
 UPRIGHT = 1e-9
-# as of `rate_at_start`
-FADES = 1e-6
+# as of `rate_at_start`: also of what begins with the fourth power of time
+FADES = 1e-3
 JOINED = Name("a joint has two sides, write one for every pair")
 
 
@@ -87,7 +87,26 @@ class AxisJoint(Link):
     rest: ClassVar[Any] = 0.0
     speed: ClassVar[Any] = None
     friction: ClassVar[float] = 0.0
+    coefficient: ClassVar[float] = 0.0
+    radius: ClassVar[float] = 1.0
+    length: ClassVar[float | None] = None
+    drive: ClassVar[Drive | None] = None
     stops: ClassVar[Stops | None] = None
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether it rubs."""
+        return self.friction > 0.0 or self.coefficient > 0.0
+
+    @property
+    def may_stick(self) -> bool:
+        """Whether friction or a rigid stop may hold its coordinate."""
+        return self.has_friction or (self.stops is not None and self.stops.is_rigid)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Largest friction for each N that the joint carries across its axis, and for each N m."""
+        return self.coefficient * self.radius, 0.0 if self.length is None else 2.0 * self.coefficient * self.radius / self.length
 
     @property
     def motor(self) -> OfTimeLike | None:
@@ -129,16 +148,22 @@ class AxisJoint(Link):
         if self.is_given:
             given = f"{place}=" if self.place is not None else "speed="
             others = {"stiffness": self.stiffness > 0.0, "damping": self.damping > 0.0, motor: self.motor is not None,
-                      "friction": self.friction > 0.0, "stops": self.stops is not None}
+                      "drive": self.drive is not None, "friction": self.friction > 0.0, "coefficient": self.coefficient > 0.0,
+                      "stops": self.stops is not None}
             for what, is_there in others.items():
                 if is_there:
                     raise SceneError(f"{who}: {given} says how it moves, whatever that takes, so {what}= changes nothing; leave "
                                      "one of them out")
+        if self.drive is not None and self.drive.is_prescribed:
+            raise SceneError(f"{who}: a drive that says how it moves, whatever that takes, is {place}= or speed= of the joint; "
+                             "drive= is for a force, or a controller with stiffness=, damping= and limit=")
+        if self.coefficient > 0.0 and not self.radius > 0.0:
+            raise SceneError(f"{who}: coefficient= is friction on the surface of a pin; give its radius= too, m > 0")
+        if self.coefficient == 0.0 and (self.length is not None or type(self).radius != self.radius):
+            what = "length" if self.length is not None else "radius"
+            raise SceneError(f"{who}: {what}= belongs to friction by the load, coefficient=; give that too, or leave it out")
         stops = self.stops
         if stops is not None:
-            if stops.stiffness is None:
-                raise SceneError(f"{who}: rigid stops are for sliders; give those of joints a stiffness, as in "
-                                 f"stops=fb.Stops({stops.start}, {stops.end}, stiffness=1e4)")
             low, high = stops.between
             if not low <= 0.0 <= high:
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} {unit} exclude its start, where the {place} is "
@@ -176,7 +201,8 @@ class OneAxisJoint(AxisJoint):
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N m/rad"),
          damping=Number(least=0.0, unit="N m s/rad"), rest=Number(unit="rad"), torque=OfTime("N m"), angle=OfTime("rad"),
-         speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), stops=SomeStops())
+         speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), coefficient=Number(least=0.0),
+         radius=Number(least=0.0, unit="m"), length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
 @noun
 class RevoluteJoint(OneAxisJoint):
     """A hinge: two points stay together, and both parts keep one axis in common (theory.md 4, Joints with axes).
@@ -201,14 +227,20 @@ class RevoluteJoint(OneAxisJoint):
         rad/s, a number or a function of time. The angle at t = 0 is 0.
     friction : float
         Largest torque of Coulomb friction, N m, >= 0: it sticks up to it, and slips under it (theory.md (4.17)).
+    coefficient, radius, length : float, optional
+        Of friction on a pin of this radius, m: it adds coefficient x radius x (F + 2 M/length) to the largest torque, F the force
+        and M the moment that the joint carries across its axis (theory.md (4.24)); without length= moments do not press.
+    drive : Drive, optional
+        A torque of time or of (t, angle, spin), or a controller: `fb.Drive(position=f, stiffness=k, damping=d, limit=T)` with
+        angles in the place of arc lengths, rad, N m/rad, N m s/rad, N m.
     stops : Stops, optional
-        Elastic ones, `fb.Stops(-1.0, 2.0, stiffness=1e4)`: angles where they begin, rad, and N m/rad.
+        Angles, rad: elastic ones, `fb.Stops(-1.0, 2.0, stiffness=1e4)`, N m/rad, or rigid ones, `restitution=` from 0 to 1.
 
     Raises
     ------
     SceneError
         A side is no node or body or has no rotation, both sides are the same or the ground, the axis is zero, a number is out of
-        range; an angle or speed with anything else that acts on the angle; stops that are rigid or exclude the start.
+        range; an angle or speed with anything else that acts on the angle; stops that exclude the start.
         `Scene.check`: the points do not coincide.
 
     Examples
@@ -233,6 +265,10 @@ class RevoluteJoint(OneAxisJoint):
     angle: OfTimeLike | None = None
     speed: OfTimeLike | None = None
     friction: float = 0.0
+    coefficient: float = 0.0
+    radius: float = 0.0
+    length: float | None = None
+    drive: Drive | None = None
     stops: Stops | None = None
 
     def __post_init__(self) -> None:
@@ -282,7 +318,8 @@ class CylindricalJoint(OneAxisJoint):
 
 @checked(a=SIDE, b=SIDE, name=JOINED, axis=Vector, stiffness=Number(least=0.0, unit="N/m"),
          damping=Number(least=0.0, unit="N s/m"), rest=Number(unit="m"), force=OfTime("N"), distance=OfTime("m"),
-         speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), stops=SomeStops())
+         speed=OfTime("m/s"), friction=Number(least=0.0, unit="N"), coefficient=Number(least=0.0),
+         length=Number(above=0.0, unit="m"), drive=ADrive(), stops=SomeStops())
 @noun
 class PrismaticJoint(OneAxisJoint):
     """Part b slides along an axis of a without turning: a guide, a translational joint.
@@ -304,8 +341,11 @@ class PrismaticJoint(OneAxisJoint):
         time. The distance at t = 0 is 0.
     friction : float
         Largest force of Coulomb friction, N, >= 0: it sticks up to it, and slips under it (theory.md (4.17)).
-    stops : Stops, optional
-        Elastic ones, `fb.Stops(-0.1, 0.3, stiffness=1e6)`: distances where they begin, m, and N/m.
+    coefficient, length : float, optional
+        Of friction in a guide of this length, m: it adds coefficient x (F + 2 M/length) to the largest force, F the force and M
+        the moment about the point of b that the joint carries across its axis; without length= moments do not press.
+    drive, stops : Drive, Stops, optional
+        As of `RevoluteJoint`, along the axis.
 
     Raises
     ------
@@ -325,6 +365,9 @@ class PrismaticJoint(OneAxisJoint):
     distance: OfTimeLike | None = None
     speed: OfTimeLike | None = None
     friction: float = 0.0
+    coefficient: float = 0.0
+    length: float | None = None
+    drive: Drive | None = None
     stops: Stops | None = None
 
     def __post_init__(self) -> None:

@@ -101,7 +101,8 @@ def needed_arguments(function: Callable[..., Any]) -> int:
          damping=Number(least=0.0, unit="N s/m"), limit=Number(above=0.0, unit="N"))
 @dataclass(frozen=True)
 class Drive:
-    """What drives a slider along its beam; positive forces and speeds point in the direction of growing s.
+    """What drives a slider along its beam, or a revolute or prismatic joint; positive forces and speeds point in the direction of
+    growing s, of joints of a growing angle or distance, with rad and N m in the place of m and N of an angle.
 
     Drive(position=f)     the place on the beam is s = f(t), m: prescribed, whatever force that takes
     Drive(speed=v)        ds/dt = v, a number or a function of t, m/s: prescribed
@@ -109,7 +110,8 @@ class Drive:
     Drive(position=f, speed=v, stiffness=k, damping=d, limit=F)     a controller: the force k (f(t) - s) + d (v(t) - ds/dt), at
                           most F; either part may be left out
 
-    The force acts between the sliding point and the beam. `result.slider(name)` holds it and its work.
+    The force acts between the sliding point and the beam, or the parts of a joint. `result.slider(name)` and `result.joint(name)`
+    hold it and its work. Joints are moved as prescribed by their `angle=`, `distance=` and `speed=`.
 
     Raises
     ------
@@ -191,11 +193,11 @@ def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
          restitution=Number(least=0.0, most=1.0))
 @dataclass(frozen=True)
 class Stops:
-    """Stops of a slider or of a joint with an axis, elastic with `stiffness`, else rigid; those of joints are elastic.
+    """Stops of a slider or of a joint with an axis, elastic with `stiffness`, else rigid.
 
     An elastic stop is a spring between the arc length and the point once it is beyond it. At a rigid one the step ends where it
-    is met, and the velocity along the beam jumps to -restitution times what it was; the loss is in the balance. A slider that
-    comes to rest against a stop stays there until something pulls it away.
+    is met, and the velocity along the beam, or of the joint, jumps to -restitution times what it was; the loss is in the balance.
+    What comes to rest against a stop stays there until something pulls it away.
 
     Parameters
     ----------

@@ -1,0 +1,59 @@
+"""What ends of beams and rigid stops bound in a run: arc lengths of sliders, then coordinates of joints that may stick."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .impacts import values_of
+from .kernels.slider import END_SLACK
+from .kernels.work import State
+from .newton import Stepper
+
+Array = np.ndarray
+
+
+class Ways:
+    """Of S sliders and R coordinates of joints.
+
+    Parameters
+    ----------
+    stepper : Stepper
+
+    Attributes
+    ----------
+    scales : float64 [S + R]
+        Lengths of beams, m; what counts as a large value of a coordinate, m or rad.
+    """
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper, self.model = stepper, stepper.model
+        motions = self.model.motions
+        self.holds: Any = None if motions is None or not motions.holds.rubs.size else motions.holds
+        lengths = self.model.slider_lengths
+        self.scales = lengths if self.holds is None else np.concatenate((lengths, self.holds.scales))
+
+    def limits(self, state: State) -> Array:
+        """Between which each may go, float64 [S + R, 2]."""
+        limits = self.model.limits_at(state.s)
+        return limits if self.holds is None else np.concatenate((limits, self.holds.ends))
+
+    def slack(self, limits: Array) -> Array:
+        """By how much it may be beyond, [S + R]."""
+        low, high = limits[:self.model.n_sliders].T
+        slack = END_SLACK * np.where(high < np.inf, high, np.abs(low))
+        return slack if self.holds is None else np.concatenate((slack, END_SLACK * self.holds.scales))
+
+    def at(self, state: State) -> Array:
+        """Where they are, [S + R]."""
+        return state.s if self.holds is None else np.concatenate((state.s, values_of(self.model, state)))
+
+    def tried(self) -> Array:
+        """Where the last step that was solved for led, [S + R]."""
+        s = self.stepper.work.s_end
+        if self.holds is None:
+            return s
+        values, core = values_of(self.model, self.stepper.core_state), self.stepper.core
+        if core.motions is not None and self.stepper.motion is not None and self.stepper.motion.friction is not None:
+            values[core.motions.holds.left_of_rubs()] = self.stepper.motion.friction.reached
+        return np.concatenate((s, values))
