@@ -4,7 +4,7 @@
 
 Which of the two holds is decided as for sliders (along.py): the sign is that of the velocity at the end of the step, rest half
 the increment of a step that goes on with the velocity at its start, zero where it stood still; a force that would put energy in
-is refused. G_max may grow with the forces of the joint, (4.24): its derivatives stand in the columns of those. A coordinate at
+is refused. G_max may grow with the forces of the joint, (4.31): its derivatives stand in the columns of those. A coordinate at
 rest against a rigid stop sticks as long as the stop would not have to pull; the step in which it is met is shortened (ways.py),
 and the velocity jumps (impacts.py).
 
@@ -110,7 +110,7 @@ def load_pressing(term, i, system, j):
 
 @kernel
 def most_of_friction(term, i, system):
-    """The largest friction of coordinate i under the forces of this iteration, (4.24), N or N m."""
+    """The largest friction of coordinate i under the forces of this iteration, (4.31), N or N m."""
     most = term.limit[i]
     for j in range(2):
         if term.share[i, j] > 0.0 and term.press[i, j] >= 0:

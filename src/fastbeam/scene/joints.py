@@ -229,7 +229,7 @@ class RevoluteJoint(OneAxisJoint):
         Largest torque of Coulomb friction, N m, >= 0: it sticks up to it, and slips under it (theory.md (4.17)).
     coefficient, radius, length : float, optional
         Of friction on a pin of this radius, m: it adds coefficient x radius x (F + 2 M/length) to the largest torque, F the force
-        and M the moment that the joint carries across its axis (theory.md (4.24)); without length= moments do not press.
+        and M the moment that the joint carries across its axis (theory.md (4.31)); without length= moments do not press.
     drive : Drive, optional
         A torque of time or of (t, angle, spin), or a controller: `fb.Drive(position=f, stiffness=k, damping=d, limit=T)` with
         angles in the place of arc lengths, rad, N m/rad, N m s/rad, N m.
