@@ -53,7 +53,7 @@ def test_bad_arguments_are_refused(arguments: dict[str, Any], message: str) -> N
         solve(cantilever(), **arguments)
 
 
-@pytest.mark.parametrize(("what", "shown"), [(cantilever(), "<scene 'cantilever': 1 beam"), (None, "None")])
+@pytest.mark.parametrize(("what", "shown"), [(cantilever(), "scene 'cantilever'"), (None, "None")])
 def test_what_is_not_compiled_is_refused(what: Any, shown: str) -> None:
     message = rf"solve_static: needs a model, got {shown}.*; compile it first: model = fb.compile_scene\(scene\)"
     with pytest.raises(fb.SceneError, match=message):
