@@ -230,7 +230,7 @@ class _Motion:
         model = self.stepper.model
         state = self.stepper.state if state is None else state
         row = self.meter.row(self.at_time, state)
-        forces = model.loads.reshape(len(model.loads), -1, 8).sum(axis=0)[model.pattern.row_of, :3]
+        forces = model.loads.reshape(len(model.loads), model.loads.shape[1] // 8, 8).sum(axis=0)[model.pattern.row_of, :3]
         first = np.unique(model.pattern.row_of, return_index=True)[1]
         strain = float(row["strain"])
         return float(row["kinetic"]), strain, strain - float(np.sum((forces * state.q.reshape(-1, 4, 3)[:, 0])[first]))

@@ -52,6 +52,15 @@ def test_the_equilibrium_of_a_cantilever_whose_end_force_follows() -> None:
 
 
 @pytest.mark.slow
+def test_a_cantilever_comes_to_rest_where_newtons_method_finds_it() -> None:
+    # a scene without dead loads, which relax() once could not read
+    model, _ = cantilever(5.0, elements=3)
+    rest = fb.relax(model)
+    assert rest.info["finished"]
+    assert np.max(np.abs(rest.state.q - fb.solve_static(model).state.q)) < 1e-12
+
+
+@pytest.mark.slow
 def test_the_work_of_a_force_that_follows_is_in_the_books() -> None:
     model, rod = cantilever(20.0, elements=4, time=lambda t: np.sin(3.0 * t)**2)
     result = fb.simulate(model, t_end=1.0, step=2e-3, progress=False, observe=("energy", "momentum"), points={"tip": rod.end})
