@@ -7,7 +7,7 @@ import fastbeam as fb
 rope = fb.Section.circle(radius=0.01, E=1e8, rho=1000.0, damping=[1e-3] * 6)
 a = fb.Beam.straight("a", (0, 0, 0), (2, 0, 0), section=rope, elements=4)
 b = fb.Beam.straight("b", (2, 0, 0), (4, 0, 0), section=rope, elements=4)
-c = fb.Beam.straight("c", (2, 0, 0), (4, 1, 0), section=rope, elements=np.linspace(0, np.sqrt(5.0), 4))
+c = fb.Beam.straight("c", (2, 0, 0), (2, 2, 0), section=rope, elements=np.linspace(0.0, 2.0, 4))
 bead = fb.PointMass("bead", mass=1.0, position=np.zeros(3), velocity=[0, 0, 1])
 where: np.ndarray = fb.RigidBody("x", mass=1.0, inertia=[1, 1, 1], position=(0, 0, 0)).inertia
 block = fb.RigidBody("block", mass=40.0, inertia=np.eye(3), position=(2, 0, 0))

@@ -101,7 +101,8 @@ def test_lateral_buckling_of_a_strip() -> None:
         result = fb.solve_path(fb.compile_scene(scene, planar=False))
         assert result.info["counted_in"] == "space"
         found.append(6.0 * critical(result, "bifurcation")[0])
-    assert (10.0 * found[1] - found[0]) / 9.0 == pytest.approx(4.012599344, rel=1e-8)
+    # stiffnesses 1e7 apart: round-off moves it, between -3e-8 and 5e-8 with loads of 5.7 to 6.2 in place of 6
+    assert (10.0 * found[1] - found[0]) / 9.0 == pytest.approx(4.012599344, rel=1e-7)
 
 
 def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
