@@ -103,6 +103,7 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         for library in dict.fromkeys(self._linking_libraries):
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._set_module(self._final_module)
+        self.calls = _separate.called_in(self._final_module)
 
     def _set_module(self, module: Any) -> None:
         """Code from now on; several kernels that bring the same part along may be linked."""
@@ -285,7 +286,7 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
         # these are not needed any more, and large
         found.fndesc.typemap = found.fndesc.calltypes = None
         library = found.library
-        code = library.serialize_using_object_code() if found.symbol else (library.name, "", library._final_module.as_bitcode())
+        code = library.serialize_using_object_code() if found.symbol else library.serialize_using_bitcode()
         return code, found.fndesc, found.signature, found.symbol, found.calls
 
     def rebuild(self, target_context: Any, reduced: Any) -> _Compiled:
@@ -293,8 +294,9 @@ class _PartCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
         _separate.load(calls)
         if symbol:
             return _Compiled(target_context.codegen().unserialize_library(code), fndesc, signature, symbol, calls)
-        library = _PartLibrary(target_context.codegen(), code[0])
-        library._set_module(binding.parse_bitcode(code[2]))
+        name, _, bitcode = code
+        library = _PartLibrary(target_context.codegen(), name)
+        library._set_module(binding.parse_bitcode(bitcode))
         return _Compiled(library, fndesc, signature, symbol, calls)
 
     def check_cachable(self, found: _Compiled) -> bool:
@@ -369,14 +371,15 @@ class Part:
         way = compiler.Compiler if is_outside(of.py_func) else _ShortCompiler
         separate = self.separate and not is_outside(of.py_func) and not classes_of(arguments)
         library = (_CodeLibrary if separate else _PartLibrary)(of.targetctx.codegen(), of.py_func.__qualname__)
-        library.enable_object_caching()
+        if separate:
+            library.enable_object_caching()
         done = compiler.compile_extra(of.typingctx, of.targetctx, of.py_func, arguments, None, flags, {}, library=library,
                                       pipeline_class=way)
         symbol = _separate.symbol_of(of.py_func, arguments) if separate else ""
         if separate:
             _separate.rename(library, done.fndesc, symbol)
         library._ensure_finalized()
-        return _Compiled(library, done.fndesc, done.signature, symbol, _separate.called_in(library._final_module))
+        return _Compiled(library, done.fndesc, done.signature, symbol, library.calls)
 
     def _call_template(self, arguments: Any, keywords: Any) -> Any:
         """What numba asks for when it meets a call."""

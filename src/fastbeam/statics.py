@@ -125,19 +125,19 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     Returns
     -------
     Result
-        With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in rows
-        (`Result.slider`). With `contacts="exact"` the state is that of the given mesh, all sliders held in their exact places,
-        and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that other parts
-        refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the negative and
-        the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling or limit load
-        was passed, or is met,
-        or something is held by nothing; `modes` shows them. `info["counted_in"]` is "space" or "plane": a planar
-        scene that is held in its plane only, one compiled with planar=True, and one whose moments leave it undecided in space are
-        counted in the plane. Moments make the tangent in space unsymmetric; then the number is 0 where its symmetric part has no
-        negative eigenvalue, 1 (at least) where its determinant is negative, else None (theory.md 8); sliders that friction or a
-        stop holds do not move in it. `info["friction"]` has for every slider that rubs its friction `force` (N), the most that it
-        could be, `cone`, and whether it `sticks`; `info["rest_intervals"]` the arc lengths (from, to) where one that was asked
-        for rests, the others with friction staying where they are; NaN where that is not found.
+        With the equilibrium in `.state`, ready as `start` of `simulate`, and place, contact force and gap of every slider in
+        rows (`Result.slider`). With `contacts="exact"` the state is that of the given mesh, all sliders held in their exact
+        places, and `info["force_along"]` has what holds each of them along its beam, N; NaN where it stands on a node that
+        other parts refer to, at an end, or with another. `info["unstable_directions"]` and `info["free_directions"]` count the
+        negative and the zero eigenvalues of its tangent, among the motions that sliders allow; any is an event too: a buckling
+        or limit load was passed, or is met, or something is held by nothing; `modes` shows them. `info["counted_in"]` is
+        "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
+        leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
+        0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
+        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for every slider that
+        rubs its friction `force` (N), the most that it could be, `cone`, and whether it `sticks`; `info["rest_intervals"]` the
+        arc lengths (from, to) where one that was asked for rests, the others with friction staying where they are; NaN where
+        that is not found.
 
     Raises
     ------
