@@ -379,18 +379,24 @@ def account_forces(along, term, system, h):
                 state.history[place + AGAINST] = 0.0
 
 
+@kernel
+def lead_passage(system, nodes, lo, hi, point, h):
+    """Coordinates of the nodes under a slider, and of its point, where the last increments led them."""
+    dofs, method, state, work = system.dofs, system.method, system.state, system.work
+    for a in range(lo, hi):
+        node = node_of.call(nodes, a)
+        spread_nodes.call(dofs, method, state, work, h, node, node + 1)
+    spread_nodes.call(dofs, method, state, work, h, point, point + 1)
+
+
 @separate
 def account_work(along, term, system, k):
     """Of friction and the drive of a slider that moves."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     h = along.clock[0]
     nodes, lo, hi = begin_passage(term, system, k)
-    # where the last increments led the nodes under it, and its point
-    for a in range(lo, hi):
-        node = node_of.call(nodes, a)
-        spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
     point = term.sliders.point[k]
-    spread_nodes.call(dofs, system.method, state, work, h, point, point + 1)
+    lead_passage(system, nodes, lo, hi, point, h)
     tangent = mean_tangent(pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
     force = vector(state.force, contact.first_force[k], 1, dofs)
     s0, s1 = state.s[k], work.s_end[k]

@@ -20,12 +20,11 @@ import numpy as np
 
 from .._jit import kernel
 from .algebra import dot
-from .along import FRICTION_LOSS, HISTORY, JUDGED, MOST_FLIPS, force_of_edges
+from .along import FRICTION_LOSS, HISTORY, JUDGED, MOST_FLIPS, force_of_edges, lead_passage
 from .curves import find_element, node_of, slot
 from .kinds import vector, zero_vector
 from .sleeve import account_twist, begin_twist, director, holder_director, twist_is_settled, twist_rubs
 from .slider import begin_passage, motion_along
-from .terms import spread_nodes
 
 # numbers of a sleeve that rubs in `State.history`: angle of the section in it, rad, against d_2, d_3 at t = 0 with h = sin(x);
 # sign of its velocity; 1 where friction holds it since a step before; the largest moment of friction in the last step, N m
@@ -232,12 +231,8 @@ def account_rubbing(twist, sleeves, term, system, h):
         if o < 0 or not twist.arm[o] > 0.0:
             continue
         nodes, lo, hi = begin_passage(term, system, k)
-        # where the last increments led them
-        for a in range(lo, hi):
-            node = node_of.call(nodes, a)
-            spread_nodes.call(dofs, system.method, state, work, h, node, node + 1)
         point = term.sliders.point[k]
-        spread_nodes.call(dofs, system.method, state, work, h, point, point + 1)
+        lead_passage(system, nodes, lo, hi, point, h)
         d = holder_director.call(dofs, sleeves, o, 1, work.q_end, point)
         end = dot(d, section_of(contact.basis, 1, dofs, work.q_end, nodes, lo, hi, 2))
         way = end - dot(holder_director.call(dofs, sleeves, o, 1, state.q, point),
