@@ -34,7 +34,7 @@ def scene(elements: int, kind: str) -> fb.Scene:
 
 def iteration(stepper: Stepper, repeat: int) -> float:
     """Microseconds of residual, tangent and solution, at the present state."""
-    terms, system = stepper.terms, stepper.system
+    terms, system = stepper.records
     kernels.begin(terms, system, STEP)
     begin = time.thread_time()
     for _ in range(repeat):

@@ -56,7 +56,7 @@ class NaiveAdjoint:
         state.q[:], state.v[:] = q, v
         work.dphi[:dphi.size], work.theta[:theta.size] = dphi, theta
         work.increment.control[0] = 0.0
-        kernels.assemble_all(self.stepper.terms, self.stepper.system, self.h)
+        kernels.assemble_all(*self.stepper.records, self.h)
         size = self.model.pattern.keys.size
         return self.stepper.linear.superlu.matrix(work.blocks.reshape(-1, 6, 8)[:size])
 

@@ -139,8 +139,8 @@ def inner_pivot(model: Any, state: Any, h: float) -> float:
     """The reciprocal of the fifth diagonal entry of U = K_ii^-1 K_ij of the first inner node at the first guess of a step: it
     vanishes with the fifth pivot of K_ii."""
     stepper = Stepper(model, np.ones(1), state)
-    kernels.begin(stepper.terms, stepper.system, h)
-    kernels.assemble_all(stepper.terms, stepper.system, h)
+    kernels.begin(*stepper.records, h)
+    kernels.assemble_all(*stepper.records, h)
     return 1.0 / float(stepper.inner.store[:288].reshape(6, 6, 8)[4, 4, 0])
 
 

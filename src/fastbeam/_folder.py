@@ -15,7 +15,8 @@ import numba
 def _source_hash(way: str) -> str:
     here = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode() + way.encode())
-    for path in sorted([*(here / name for name in ("_jit.py", "_parts.py", "_generic.py")), *here.glob("kernels/*.py")]):
+    compiler = (here / name for name in ("_jit.py", "_parts.py", "_generic.py", "_records.py"))
+    for path in sorted([*compiler, *here.glob("kernels/*.py")]):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

@@ -19,18 +19,16 @@ functools.singledispatch; `register(A, B)` looks at the first two arguments.
 """
 from __future__ import annotations
 
-import hashlib
 import inspect
 from functools import cached_property
 from typing import Any, Callable
 
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.imputils import impl_ret_borrowed
+from numba.core import types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model, typeof_impl
 
 from . import _outside
+from ._records import item, item_types
 
 
 class GenericFunction:
@@ -135,7 +133,7 @@ class GenericFunction:
 
     def calls(self, terms: Any, *others: Any) -> list[tuple[Any, tuple[Any, ...]]]:
         """(implementation, types of its arguments) of all terms of a tuple type that have one."""
-        found = [(self.find((term, *others)), (term, *others)) for term in _types(terms)]
+        found = [(self.find((term, *others)), (term, *others)) for term in item_types(terms)]
         return [(function, arguments) for function, arguments in found if function is not None]
 
     def _intrinsic(self, build: Callable[..., Any]) -> Any:
@@ -161,7 +159,7 @@ class GenericFunction:
     def _typed_calls(self, typingctx: Any, arguments: tuple[Any, ...]) -> list[Any]:
         terms, *others = arguments
         out = []
-        for i, term in enumerate(_types(terms)):
+        for i, term in enumerate(item_types(terms)):
             function = self.find((term, *others))
             if function is not None:
                 out.append((i, term, *_typed(typingctx, function, (term, *others))))
@@ -179,7 +177,7 @@ class GenericFunction:
         def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             for i, term, kind, found in calls:
                 _call(context, builder, kind, found, (term, *signature.args[1:]),
-                      [_item(builder, signature.args[0], values[0], i), *values[1:]])
+                      [item(builder, signature.args[0], values[0], i), *values[1:]])
             return context.get_dummy_value()
         return types.void(*arguments), codegen
 
@@ -190,7 +188,7 @@ class GenericFunction:
             out = context.get_constant(types.boolean, True)
             for i, term, kind, found in calls:
                 one = _call(context, builder, kind, found, (term, *signature.args[1:]),
-                            [_item(builder, signature.args[0], values[0], i), *values[1:]])
+                            [item(builder, signature.args[0], values[0], i), *values[1:]])
                 out = builder.and_(out, context.cast(builder, one, found.return_type, types.boolean))
             return out
         return types.boolean(*arguments), codegen
@@ -199,95 +197,6 @@ class GenericFunction:
 def generic(stub: Callable[..., Any]) -> GenericFunction:
     """A generic function with the name, arguments and docstring of an empty function."""
     return GenericFunction(stub)
-
-
-# --- records in memory: passed as one word, whatever they hold ----------------------------------------------------------
-class RecordType(types.Type):  # type: ignore[misc]
-    """Address of a named tuple, or of a tuple of terms."""
-
-    def __init__(self, of: Any) -> None:
-        self.of = of
-        # the name of every function that takes one has it, and names of all its arrays take kilobytes
-        kind = self.instance_class.__name__ if self.instance_class else "tuple"
-        super().__init__(f"record({kind} {hashlib.blake2b(str(of).encode(), digest_size=16).hexdigest()})")
-
-    @property
-    def key(self) -> Any:
-        """What tells it from others."""
-        return self.of
-
-    @property
-    def instance_class(self) -> Any:
-        """The class of the named tuple, None of a plain tuple."""
-        return getattr(self.of, "instance_class", None)
-
-
-@register_model(RecordType)
-class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: RecordType) -> None:
-        super().__init__(manager, kind, manager[kind.of].get_value_type().as_pointer())
-
-
-@intrinsic
-def in_memory(typingctx, x):  # type: ignore[no-untyped-def]
-    """A named tuple or a tuple of terms in memory, from now on passed as one word. Its arrays may change, itself must not."""
-    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place = cgutils.alloca_once(builder, values[0].type)
-        builder.store(values[0], place)
-        return place
-    return RecordType(x)(x), codegen
-
-
-def _types(terms: Any) -> list[Any]:
-    """Types of the items of a tuple of terms."""
-    return [item_type(x) for x in terms.of] if isinstance(terms, RecordType) else list(terms)
-
-
-def item_type(kind: Any) -> Any:
-    """Type of what is taken out of memory: large records (`stays_in_memory`) as addresses; terms and tables as values, so that
-    loops over elements keep the addresses of their arrays in registers."""
-    return RecordType(kind) if getattr(getattr(kind, "instance_class", None), "stays_in_memory", False) else kind
-
-
-def _item(builder: Any, kind: Any, value: Any, i: int) -> Any:
-    """Item i of a tuple, in memory or not."""
-    if not isinstance(kind, RecordType):
-        return builder.extract_value(value, i)
-    place = builder.gep(value, [ir.IntType(32)(0), ir.IntType(32)(i)], inbounds=True)
-    if isinstance(item_type(kind.of[i]), RecordType):
-        return place
-    return _load(builder, place, place.type.pointee)
-
-
-def _load(builder: Any, place: Any, kind: Any) -> Any:
-    """A value, number by number. Nothing writes to it while a kernel runs, so loads may leave loops. Of loads of whole structures
-    LLVM does not know that, which makes kernels slower by 6 to 10 percent."""
-    if not isinstance(kind, (ir.LiteralStructType, ir.ArrayType)):
-        value = builder.load(place)
-        value.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return value
-    out = ir.Constant(kind, ir.Undefined)
-    zero = ir.IntType(32)(0)
-    for i in range(len(kind.elements) if isinstance(kind, ir.LiteralStructType) else kind.count):
-        part = kind.elements[i] if isinstance(kind, ir.LiteralStructType) else kind.element
-        inside = builder.gep(place, [zero, ir.IntType(32)(i)], inbounds=True)
-        out = builder.insert_value(out, _load(builder, inside, part), i)
-    return out
-
-
-@infer_getattr
-class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
-    key = RecordType
-
-    def generic_resolve(self, kind: RecordType, name: str) -> Any:
-        return item_type(kind.of.types[kind.of.fields.index(name)])
-
-
-@lower_getattr_generic(RecordType)
-def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    i = kind.of.fields.index(name)
-    # another reference where kernels count them
-    return impl_ret_borrowed(context, builder, item_type(kind.of[i]), _item(builder, kind, value, i))
 
 
 # --- generic functions as numba sees them --------------------------------------------------------------------------------

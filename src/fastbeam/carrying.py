@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ._records import Record
 from .assembly import strain_sets
 from .constraints import couplings_of, with_capacity
 from .iteration import Owner
@@ -170,7 +171,7 @@ class Group:
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
                           model.limits_at(model.s0)[self.sliders], NoForceAlong(), NoSleeves())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
-        self.terms = (sliding, *elements, self.bodies, *ties, self.held)
+        self.terms = Record((sliding, *elements, self.bodies, *ties, self.held))
         self._allocate()
 
     def _allocate(self) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ._records import Record
 from .arguments import count
 from .assembly import strain_sets
 from .carrying import Group, Shared, Workspace
@@ -128,10 +129,11 @@ class CondensedIteration(Iteration):
     threads : int
     """
 
-    def _held_by_solver(self) -> tuple[Any, ...]:
-        """Of a model with carriers."""
-        return tuple(_held_of_solver(x, self.owner.core.pattern.n) if isinstance(x, Held) else x
-                     for x in self.owner.terms if isinstance(x, (MovedRows, Held)))
+    def _held_by_solver(self) -> Record:
+        """What is held in rows that the solver sees. Reactions are what stands in rows before."""
+        n = self.owner.core.pattern.n if self._carriers else None
+        return Record(tuple(_held_of_solver(x, n) if isinstance(x, Held) and n is not None else x
+                            for x in self.owner.terms if isinstance(x, (MovedRows, Held))))
 
     def hold(self) -> None:
         if self._carriers:
@@ -159,8 +161,6 @@ class CondensedIteration(Iteration):
             self._groups += [(tables, strains, chunk) for chunk in chunks(len(groups), least, done, MOST_CHUNKS)]
             done += len(groups)
         # what a chunk of its own assembles, in the order of kernels/terms.py; tied nodes come behind
-        # reactions are what stands in rows before they are held
-        self._held: tuple[Any, ...] = tuple(x for x in owner.terms if isinstance(x, (MovedRows, Held)))
         before = Inner if model.carriers is not None else (Sliding, Inner)
         bodies = tuple(x for x in owner.terms if isinstance(x, (Bodies, PlanarBodies)))
         # links, drag, user forces, what joints leave free: all that has no pass of its own
@@ -173,10 +173,10 @@ class CondensedIteration(Iteration):
             shared = Shared(model)
             self._carriers = [Group(owner, shared, g) for g in range(len(shared.groups))]
             self._spaces = [Workspace(scratch) for scratch in self._scratch]
-            self._held = self._held_by_solver()
             bodies = tuple(_bodies_of_solver(x, model.pattern.n) for x in bodies)
             self._ties = None if model.ties is None else _ties_of_solver(model.ties, model.carriers.point)
-        self._rest = (*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others)
+        self._held = self._held_by_solver()
+        self._rest = Record((*(x for x in owner.terms if isinstance(x, before)), *rest, *bodies, *others))
         self._nodes = chunks(model.n_nodes, 1024)
         inside = np.zeros(model.n_nodes + 1, np.int64)
         for tables, groups in zip((model.simo, model.green), parts):
@@ -225,11 +225,11 @@ class CondensedIteration(Iteration):
         c = extrapolation(work.past, h)
         self.team.each(lambda _, x: predict_nodes(m.dofs, state, work, m.spinless, h, c, *x), self._nodes)
         start_increment(work)
-        step.guess_some(s.terms, s.system, h, c)
+        step.guess_some(*s.records, h, c)
 
     def finish(self, h: float) -> None:
         state, work = self.owner.core_state, self.owner.work
-        step.account_all(self.owner.terms, self.owner.system, h)
+        step.account_all(*self.owner.records, h)
         work.past[-1] = work.increment.control[2]
         nodes.remember(state.s, work.s_end, state.force, self.owner.core.dim, h, work.past)
         self._advance(h)
@@ -245,7 +245,8 @@ class CondensedIteration(Iteration):
     def assemble(self, h: float) -> None:
         s, m = self.owner, self.owner.core
         state, work, n, system = s.core_state, s.work, 8 * len(m.dofs), s.system
-        step.clear_some(self._rest, system)
+        shared = s.records[1]
+        step.clear_some(self._rest, shared)
 
         def begin(_: int, x: tuple[str, Chunk]) -> None:
             kind, (a, b) = x
@@ -266,7 +267,7 @@ class CondensedIteration(Iteration):
         def condense(thread: int, x: tuple[ElementTables, Any, Chunk] | Group | None) -> bool:
             if x is None:
                 # what acts on inner nodes stands in the residual before they are eliminated
-                step.assemble_some(self._rest, system, h)
+                step.assemble_some(self._rest, shared, h)
                 return True
             if isinstance(x, Group):
                 return x.condense(system, h, self.subs.ends, self._spaces[thread])
@@ -283,8 +284,8 @@ class CondensedIteration(Iteration):
             apply_ties(t, 0, t.slave.size, 0, 0, work.q_mid, work.q_end, work.r, work.blocks, work.scratch)
             self.team.each(lambda thread, x: apply_ties(t, 0, 0, *x, work.q_mid, work.q_end, work.r, work.blocks,
                                                         self._scratch[thread]), self._moves)
-        if self._held:
-            step.assemble_some(self._held, system, h)
+        if self._held.of:
+            step.assemble_some(self._held, shared, h)
 
     @property
     def is_regular(self) -> bool:
@@ -304,7 +305,7 @@ class CondensedIteration(Iteration):
             return super().solve_panel()
         if s.linear.pardiso is not None:
             return s.linear.pardiso.solve(s.work.blocks, s.work.panel, m.width, m.dofs, self.team.each)
-        return bool(step.solve_right(s.system))
+        return bool(step.solve_right(s.records[1]))
 
     # --- increments ---------------------------------------------------------------------------------------------------
     def update(self) -> float:
@@ -315,7 +316,7 @@ class CondensedIteration(Iteration):
             work.dphi[:] = 0.0
         if not self._good:
             return -1.0 - self._singular
-        singular, slide = step.close_right(s.terms, system)
+        singular, slide = step.close_right(*s.records)
         if singular < 0.0:
             return float(singular)
         if self._carriers:
@@ -331,7 +332,7 @@ class CondensedIteration(Iteration):
         found += self.team.each(lambda _, x: beams.move_listed(self._others, *x, m.dofs, row_of, work), self._some)
         # NaN stays the largest
         move, spin = (float(x) for x in np.max(found, axis=0))
-        step.follow_some(s.terms, system)
+        step.follow_some(*s.records)
         if self._at_rest:
             self._advance(0.0)
         follow_increment(work.increment, move / m.length + spin)

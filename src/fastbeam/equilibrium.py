@@ -87,8 +87,7 @@ class StaticSolver:
         if self.linear.is_compiled and model.substructures is None:
             buffer = np.zeros(self.max_iterations)
             with self.linear.threads():
-                status, n = kernels.solve_equilibrium(self.stepper.terms, self.stepper.system, self.max_iterations,
-                                                      LARGEST_INCREMENT, buffer)
+                status, n = kernels.solve_equilibrium(*self.stepper.records, self.max_iterations, LARGEST_INCREMENT, buffer)
             sizes = [float(x) for x in buffer[:n]]
         else:
             self.stepper.parts.start(0.0)

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ._records import Record
 from .kernels import step as kernels
 from .kernels.inner import Inner
 from .kernels.slider import Contact
@@ -35,6 +36,10 @@ class Owner(Protocol):
     def system(self) -> System:
         """What all terms share."""
 
+    @property
+    def records(self) -> tuple[Record, Record]:
+        """Terms and system as compiled code takes them."""
+
 
 class Iteration:
     """Around SuperLU, on one thread."""
@@ -47,15 +52,15 @@ class Iteration:
 
     def keep(self) -> None:
         """Remember the state before a step."""
-        kernels.keep_now(self.owner.system)
+        kernels.keep_now(self.owner.records[1])
 
     def restore(self) -> None:
         """Go back to it."""
-        kernels.restore_kept(self.owner.system)
+        kernels.restore_kept(self.owner.records[1])
 
     def start(self, h: float) -> None:
         """First guess of a step of size h."""
-        kernels.begin(self.owner.terms, self.owner.system, h)
+        kernels.begin(*self.owner.records, h)
 
     def newton(self, h: float, max_iterations: int, largest: float, stop: Callable[[], Any]) -> tuple[int, list[float]]:
         """Iterations from the first guess: (status, sizes of the increments), as `kernels.step.newton`.
@@ -85,7 +90,7 @@ class Iteration:
                 return BORDER_SINGULAR, sizes
             if not size < largest:
                 return NOT_FINITE, sizes
-            if kernels.has_converged(size, before, expected) and kernels.all_settled(owner.terms, owner.system):
+            if kernels.has_converged(size, before, expected) and kernels.all_settled(*owner.records):
                 return OK, sizes
             if stop():
                 return LEFT, sizes
@@ -94,17 +99,17 @@ class Iteration:
 
     def assemble(self, h: float) -> None:
         """Residual and tangent."""
-        kernels.assemble_all(self.owner.terms, self.owner.system, h)
+        kernels.assemble_all(*self.owner.records, h)
 
     def solve(self) -> bool:
         """Solve for the nodes that the solver sees; False where no acceptable solution was found."""
-        kernels.fill_right(self.owner.terms, self.owner.system)
+        kernels.fill_right(*self.owner.records)
         return self.is_regular and self.solve_panel()
 
     @property
     def is_regular(self) -> bool:
         """Whether all eliminations before the solver went well."""
-        return bool(kernels.all_regular(self.owner.terms, self.owner.system))
+        return bool(kernels.all_regular(*self.owner.records))
 
     def solve_panel(self) -> bool:
         """Solve the panel of right-hand sides with SuperLU."""
@@ -120,8 +125,8 @@ class Iteration:
 
     def update(self) -> float:
         """Add the increments; their size relative to that of the scene, or -1 - k where slider k makes the border singular."""
-        return float(kernels.update(self.owner.terms, self.owner.system))
+        return float(kernels.update(*self.owner.records))
 
     def finish(self, h: float) -> None:
         """Accept a converged step."""
-        kernels.finish(self.owner.terms, self.owner.system, h)
+        kernels.finish(*self.owner.records, h)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ._jit import announce_first_use, begin_background
+from ._records import Record, record_of
 from .arguments import count, number
 from .assembly import put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
@@ -141,6 +142,7 @@ class Stepper:
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
+        self._records: tuple[Record | None, Record | None] = None, None
         # asked between the iterations of a loop in Python: whether to leave, with the state before the step
         self.stop: Callable[[], bool] = bool
         mass = float(model.gravity_weight.sum())
@@ -208,6 +210,13 @@ class Stepper:
                          self.core_state, self.work)
 
     @property
+    def records(self) -> tuple[Record, Record]:
+        """The terms and what they share, as compiled code takes them."""
+        terms, system = self._records
+        self._records = found = record_of(self.terms, terms), record_of(self.system, system)
+        return found
+
+    @property
     def _remembered(self) -> tuple[Array, ...]:
         """The parts of `memory`."""
         rates = np.zeros(0) if self.alpha is None else self.alpha.rates[:18 * self.model.n_nodes]
@@ -230,9 +239,9 @@ class Stepper:
         model, work = self.model, self.work
         work.u[:] = u
         system = self.system._replace(method=AtRest())
-        whole = terms_of(model, None)
-        kernels.begin(whole, system, 0.0)
-        kernels.assemble_all(whole, system, 0.0)
+        whole = Record(terms_of(model, None)), Record(system)
+        kernels.begin(*whole, 0.0)
+        kernels.assemble_all(*whole, 0.0)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
     def _make_rows(self, entries: int, scale: float) -> None:
@@ -384,8 +393,8 @@ class Stepper:
     def _loop(self, loads: Array | None, factors: Array, schedules: tuple[Any, ...], h: float, n: int, counts: Array,
               sizes: Array, force: Array) -> tuple[Any, ...]:
         """The arguments of the compiled loop."""
-        terms = (*schedules, *(() if loads is None else (Loads(loads, factors),)), *self.terms)
-        return terms, self.system, self.weights, h, n, self.max_iterations, counts, sizes, force
+        given = (*schedules, *(() if loads is None else (Loads(loads, factors),)))
+        return given, *self.records, self.weights, h, n, self.max_iterations, counts, sizes, force
 
     def begin_compilation(self) -> None:
         """Where the compiled loop has to be compiled, let a second process begin with parts of it."""
@@ -430,7 +439,7 @@ class Stepper:
                 last += weight * state.force
             if status == OK:
                 counts = np.array([0, 0, 0, -1])
-                status = OK if kernels.all_within_limits(self.terms, self.system, counts) else SLIDER_END
+                status = OK if kernels.all_within_limits(*self.records, counts) else SLIDER_END
                 slider = int(counts[3])
             if status != OK:
                 parts.restore()

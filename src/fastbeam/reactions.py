@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ._records import Record, record_of
 from .assembly import system_of, terms_of
 from .connections import held_axes
 from .equilibrium import StaticSolver
@@ -48,8 +49,9 @@ class Reactions:
         # the air is that of the run
         air = {Drag: term for term in of.terms if isinstance(term, Drag)}
         known = with_known_twist(tuple(air.get(type(term), term) for term in terms), of.terms)
-        self.terms = tuple(term for term in known if id(term) not in left_out)
-        self.ties = () if core.ties is None else (core.ties,)
+        self.terms = Record(tuple(term for term in known if id(term) not in left_out))
+        self.ties = None if core.ties is None else Record((core.ties,))
+        self._system: Record | None = None
         names = {name: k for k, name in enumerate(stepper.model.kept_names)}
         # joints with multipliers, and which of them every link belongs to
         self.links = [(link, names[link.joint]) for link in stepper.model.kept]
@@ -97,14 +99,15 @@ class Reactions:
 
     def _evaluate(self, system: Any, q: Array, h: float) -> Array:
         holding, x = self.holding, q[:, 0]
-        kernels.assemble_all(self.terms, system, h)
+        self._system = record_of(system, self._system)
+        kernels.assemble_all(self.terms, self._system, h)
         force, moment = self._rows()
         out = np.full((self.count, 2, 3), np.nan)
         s = len(holding.supports)
         if len(holding.joints):
             out[s:s + len(holding.joints)] = self._joints(force, moment, x)
-        if self.ties:
-            kernels.assemble_some(self.ties, system, h)
+        if self.ties is not None:
+            kernels.assemble_some(self.ties, self._system, h)
             force, moment = self._rows()
         out[:s, 0], out[:s, 1] = force[holding.supports], moment[holding.supports]
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])

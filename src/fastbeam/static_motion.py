@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ._records import Record
 from .connections import held_axes
 from .errors import SceneError
 from .kernels import step as kernels
@@ -172,12 +173,13 @@ def assemble_moved(stepper: Any, x: Array) -> None:
     unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. Around solvers without elimination of inner nodes."""
     core, work, size = stepper.core, stepper.work, x.shape[1]
     held, pattern = core.static_held, core.pattern
-    kernels.assemble_all(tuple(term for term in stepper.terms if term is not held), stepper.system, 0.0)
+    system = stepper.records[1]
+    kernels.assemble_all(Record(tuple(term for term in stepper.terms if term is not held)), system, 0.0)
     moved = np.flatnonzero(np.any(x != 0.0, axis=1)[pattern.columns])
     blocks = work.blocks[:8 * size * pattern.keys.size].reshape(-1, size, 8)[moved][:, :, :size]
     r = work.r[:8 * pattern.n].reshape(-1, 8)[:, :size]
     np.add.at(r, pattern.rows[moved], 2.0 * np.einsum("kij,kj->ki", blocks, x[pattern.columns[moved]]))
-    kernels.assemble_some((held,), stepper.system, 0.0)
+    kernels.assemble_some(Record((held,)), system, 0.0)
 
 
 def _axial(turn: Array) -> Array:

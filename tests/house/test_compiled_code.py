@@ -133,8 +133,8 @@ def test_loop_of_a_beam_is_typed_without_absent_parts() -> None:
 from fastbeam.kernels import step
 fb.simulate(fb.compile_scene(scenes["beam"]), t_end=0.02, step=0.01, observe=())
 (types,) = step.run.signatures
-system = dict(zip(types[1].fields, types[1]))
-print(json.dumps([[term.instance_class.__name__ for term in types[0]],
+system = dict(zip(types[2].of.fields, types[2].of))
+print(json.dumps([[term.instance_class.__name__ for term in types[1].of],
                   [system[name].instance_class.__name__ for name in ("dofs", "method", "contact", "solver")]]))
 """
     assert python(code) == [["Inner", "Beams"], ["Space", "Conserving", "NoContact", "Elimination"]]

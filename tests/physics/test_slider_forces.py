@@ -389,10 +389,10 @@ def test_friction_goes_there_and_back(flips: int, planar: Any) -> None:
 def iterate(stepper: Stepper, h: float) -> None:
     """Newton's method around the compiled solver, its parts called one by one."""
     for _ in range(25):
-        kernels.assemble_all(stepper.terms, stepper.system, h)
-        kernels.fill_right(stepper.terms, stepper.system)
-        assert kernels.solve_right(stepper.system)
-        if stepper.parts.update() < 1e-14 and kernels.all_settled(stepper.terms, stepper.system):
+        kernels.assemble_all(*stepper.records, h)
+        kernels.fill_right(*stepper.records)
+        assert kernels.solve_right(stepper.records[1])
+        if stepper.parts.update() < 1e-14 and kernels.all_settled(*stepper.records):
             return
     raise AssertionError("it did not converge")
 

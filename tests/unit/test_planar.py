@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from fastbeam._records import Record
 from fastbeam.kernels import step as kernels
 from fastbeam.assembly import system_of, terms_of
 from fastbeam.kernels.terms import Conserving, Equilibrium
@@ -261,11 +262,12 @@ class Assembled:
     def step(self, h: float) -> None:
         m = self.model
         system = system_of(m, Conserving(), self.contact, m.pattern.plan, self.state, self.work)
-        kernels.assemble_all(terms_of(m, None), system, h)
+        kernels.assemble_all(Record(terms_of(m, None)), Record(system), h)
 
     def static(self) -> None:
         m = self.model
-        terms, system = terms_of(m, None, static=True), system_of(m, Equilibrium(), None, None, self.state, self.work)
+        terms = Record(terms_of(m, None, static=True))
+        system = Record(system_of(m, Equilibrium(), None, None, self.state, self.work))
         kernels.begin(terms, system, 0.0)
         kernels.assemble_all(terms, system, 0.0)
 

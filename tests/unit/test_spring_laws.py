@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import fastbeam as fb
+from fastbeam._records import Record
 from fastbeam.assembly import system_of, terms_of
 from fastbeam.kernels import step as kernels
 from fastbeam.kernels.kinds import SPACE
@@ -133,7 +134,7 @@ def trial(model: Any, dphi: Array, theta: Array, h: float) -> tuple[Array, Array
     work.dphi[:], work.theta[:] = dphi.reshape(-1), theta.reshape(-1)
     system = system_of(model, Conserving(), None, None, model.state(), work)
     terms = tuple(t for t in terms_of(model, None) if any(t is x for x in model.links))
-    kernels.assemble_all(terms, system, h)
+    kernels.assemble_all(Record(terms), Record(system), h)
     return work.r.copy(), work.blocks.copy()
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fastbeam._records import Record
 from fastbeam.compile import compile_scene
 from fastbeam.constraints import constraints_of
 from fastbeam.kernels import step as kernels
@@ -225,7 +226,7 @@ class Kernels:
         """Terms and the record of what they share."""
         m, static = self.model, isinstance(method, Equilibrium)
         contact, solver = (None, m.pattern.plan) if static else (self.contact, self.solver)
-        return terms_of(m, None, static), system_of(m, method, contact, solver, self.state, self.work)
+        return Record(terms_of(m, None, static)), Record(system_of(m, method, contact, solver, self.state, self.work))
 
     def load(self) -> None:
         """Loads at factor 1."""
@@ -510,7 +511,7 @@ def test_a_converged_step_is_a_root_of_the_twin(name: str) -> None:
     # velocities that the contact does not allow: it has to push
     state.v[:] = random_velocity(twin, np.random.default_rng(5)).reshape(-1)
     counts = np.zeros(4, np.int64)
-    kernels.run(*kernel.parts(), np.ones(1), H, 1, 30, counts, np.zeros(30), np.zeros((2, 3 * model.n_sliders)))
+    kernels.run((), *kernel.parts(), np.ones(1), H, 1, 30, counts, np.zeros(30), np.zeros((2, 3 * model.n_sliders)))
     status, _, iterations, _ = counts
     assert status == kernels.OK
     assert iterations < 12

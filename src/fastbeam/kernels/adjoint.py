@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._generic import generic, in_memory
+from .._generic import generic
+from .._records import in_memory
 from .._jit import kernel
 from .adjoint_border import add_transposed, begin_border, drop_held, end_border, put_slides, solve_step
 from .algebra import add2, add3, cross, cross2, ld2, ld3, perp, st2, st3

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._generic import in_memory
+from .._records import in_memory
 from .._jit import kernel
 from .algebra import vld, vst, vzero
 from .constraint_entries import clear_held_columns, put_entries, start_blocks

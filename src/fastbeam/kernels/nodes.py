@@ -146,7 +146,7 @@ def spread_vector(q, v, move, h, k, q_mid_out, q_end_out, u_out):
         st3(u_out, k, 1, (2.0 / (h * h)) * (move - h * ld3(v, k, 1)))
 
 
-@kernel
+@separate
 def spread(q, v, dphi, theta, h, first, last, q_mid_out, q_end_out, u_out):
     """Mid and end coordinates and second rates of the nodes from `first` to before `last`; arrays of length 0 are left out."""
     if q_mid_out.shape[0] > 0:
@@ -249,7 +249,7 @@ def add_bodies(bodies, q_mid, q_end, u, mass_factor, r_out, blocks_out):
         add_matrix(blocks_out, ko + 27, 8, 1, rr)
 
 
-@kernel
+@separate
 def apply_held(held, r, blocks, dofs):
     """Rows and columns of held unknowns become those of the identity."""
     n = len(dofs)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._generic import RecordType, in_memory, item_type
 from .._jit import compile_in_background, kernel
+from .._records import in_memory, item_type
 from . import along, beams, compared_sliders, constraints, damping, drag, knots, load_work, prescribed, slider, tied  # noqa: F401
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor
@@ -24,7 +24,7 @@ from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept
                     follow_nodes, inner_share, is_regular, is_settled, move_nodes, node_share, potential_energy, predict_nodes,
                     push_increments, put_loads, recover, restore, save, scale_residual, scale_solutions, solve, spread_nodes,
                     take_increments, take_unknowns, within_limits)
-from .work import clear_equations, copy, follow_increment, keep, start_increment
+from .work import clear_equations, copy, follow_increment, keep_arrays, restore_arrays, start_increment
 
 OK, NOT_CONVERGED, SINGULAR, BORDER_SINGULAR, NOT_FINITE, SLIDER_END = 0, 1, 2, 3, 4, 5
 # increments below these may be round-off: where they do not shrink; where they are far longer than foretold
@@ -284,31 +284,15 @@ def newton(terms, system, h, max_iterations, largest, sizes_out):
 @kernel
 def keep_state(system):
     """Remember the state before a step."""
-    state, work = system.state, system.work
     save.call(system.method)
-    keep(state.q, work.keep_q)
-    keep(state.v, work.keep_v)
-    keep(state.s, work.keep_s)
-    keep(state.force, work.keep_force)
-    keep(state.history, work.keep_history)
-    keep(work.dphi, work.keep_dphi)
-    keep(work.theta, work.keep_theta)
-    keep(work.past, work.keep_past)
+    keep_arrays(system.state, system.work)
 
 
 @kernel
 def restore_state(system):
     """Go back to it."""
-    state, work = system.state, system.work
     restore.call(system.method)
-    copy(work.keep_q, state.q)
-    copy(work.keep_v, state.v)
-    copy(work.keep_s, state.s)
-    copy(work.keep_force, state.force)
-    copy(work.keep_history, state.history)
-    copy(work.keep_dphi, work.dphi)
-    copy(work.keep_theta, work.theta)
-    copy(work.keep_past, work.past)
+    restore_arrays(system.state, system.work)
 
 
 @kernel
@@ -334,9 +318,9 @@ def external_forces(vectors, factors, f_ext_out):
 
 
 @kernel
-def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out, sizes_out, mean_force_out):
+def run(given, all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out, sizes_out, mean_force_out):
     """`n_steps` steps of size h, each composed of substeps `weights` h (one: order 2; five: order 4, theory.md 6), each a Newton
-    iteration.
+    iteration. given: tuple of what has loads, motors and the like in every substep.
 
     mean_force_out [2, F]: mean forces of all constraints in the first and the last step. counts_out: status, steps done, Newton
     iterations, slider of an event, where asked for iterations before the last step. On a failure the state is the last good one.
@@ -356,7 +340,7 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
         status = OK
         for m in range(weights.shape[0]):
             hm = weights[m] * h
-            put_loads.each(terms, system, n * weights.shape[0] + m)
+            put_loads.each(given, system, n * weights.shape[0] + m)
             begin_step.call(system.method, terms, system, hm)
             status, iterations = newton(terms, system, hm, max_iterations, LARGEST_IN_TIME, sizes_out)
             counts_out[2] += iterations
@@ -377,14 +361,14 @@ def run(all_terms, whole_system, weights, h, n_steps, max_iterations, counts_out
                 mean_force_out[0, k] = mean_force_out[1, k]
 
 
-def _jobs_of_run(terms, system, weights, h, *others):
+def _jobs_of_run(given, terms, system, weights, h, *others):
     """Calls in `run` that together take as long to compile as all others, in their order, from the types of its arguments."""
-    shared, all_terms = RecordType(system), RecordType(terms)
-    method, contact, solver = (item_type(system.types[system.fields.index(x)]) for x in ("method", "contact", "solver"))
+    of = system.of
+    method, contact, solver = (item_type(of.types[of.fields.index(x)]) for x in ("method", "contact", "solver"))
     heavy = (slider.Sliding, beams.Beams)
-    calls = [(function, some) for function, some in assemble.calls(all_terms, method, shared, h)
+    calls = [(function, some) for function, some in assemble.calls(terms, method, system, h)
              if issubclass(some[0].instance_class, heavy)]
-    for function, some in ((solve, (solver, contact, shared)), (close, (contact, all_terms, shared))):
+    for function, some in ((solve, (solver, contact, system)), (close, (contact, terms, system))):
         calls.append((function.find(some), some))
     return calls
 

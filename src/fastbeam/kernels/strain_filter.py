@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._generic import generic, in_memory
+from .._generic import generic
+from .._records import in_memory
 from .._jit import kernel
 from .algebra import WIDTH, address, dot
 from .algebra import pld as vld

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._jit import kernel
+from .._jit import kernel, separate
 
 # `LastIncrement.control` before the first increment of a step: the line is at its start
 FROM_START = 2.0
@@ -127,3 +127,29 @@ def clear_equations(work):
         work.r[i] = -work.f_ext[i]
     for i in range(work.blocks.shape[0]):
         work.blocks[i] = 0.0
+
+
+@separate
+def keep_arrays(state, work):
+    """Remember the state before a step, and what first guesses are made from."""
+    keep(state.q, work.keep_q)
+    keep(state.v, work.keep_v)
+    keep(state.s, work.keep_s)
+    keep(state.force, work.keep_force)
+    keep(state.history, work.keep_history)
+    keep(work.dphi, work.keep_dphi)
+    keep(work.theta, work.keep_theta)
+    keep(work.past, work.keep_past)
+
+
+@separate
+def restore_arrays(state, work):
+    """Go back to it."""
+    copy(work.keep_q, state.q)
+    copy(work.keep_v, state.v)
+    copy(work.keep_s, state.s)
+    copy(work.keep_force, state.force)
+    copy(work.keep_history, state.history)
+    copy(work.keep_dphi, work.dphi)
+    copy(work.keep_theta, work.theta)
+    copy(work.keep_past, work.past)

@@ -1,0 +1,195 @@
+"""Named tuples and tuples of terms in memory, passed to compiled code as one word, whatever they hold.
+
+A scene hands 300 arrays to compiled code, and each call from Python would unpack seven words of every one. `Record` writes them
+down once, as compiled code keeps them, and from then on only their address is passed. Kernels take `Record`s, or put there what
+they are given as values (`in_memory`).
+"""
+from __future__ import annotations
+
+import hashlib
+import struct
+from functools import cache
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import typeof
+from numba.core import cgutils, types
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import NativeValue, infer_getattr, intrinsic, lower_getattr_generic, models, register_model, unbox
+
+
+class RecordType(types.Type):  # type: ignore[misc]
+    """Address of a named tuple, or of a tuple of terms."""
+
+    def __init__(self, of: Any) -> None:
+        self.of = of
+        # the name of every function that takes one has it, and names of all its arrays take kilobytes
+        kind = self.instance_class.__name__ if self.instance_class else "tuple"
+        super().__init__(f"record({kind} {hashlib.blake2b(str(of).encode(), digest_size=16).hexdigest()})")
+
+    @property
+    def key(self) -> Any:
+        """What tells it from others."""
+        return self.of
+
+    @property
+    def instance_class(self) -> Any:
+        """The class of the named tuple, None of a plain tuple."""
+        return getattr(self.of, "instance_class", None)
+
+
+@register_model(RecordType)
+class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: RecordType) -> None:
+        super().__init__(manager, kind, manager[kind.of].get_value_type().as_pointer())
+
+
+# --- in compiled code ---------------------------------------------------------------------------------------------------
+@intrinsic
+def in_memory(typingctx, x):  # type: ignore[no-untyped-def]
+    """A named tuple or a tuple of terms in memory, from now on passed as one word. Its arrays may change, itself must not. A
+    record stays where it is."""
+    if isinstance(x, RecordType):
+        return x(x), lambda context, builder, signature, values: values[0]
+
+    def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place = cgutils.alloca_once(builder, values[0].type)
+        builder.store(values[0], place)
+        return place
+    return RecordType(x)(x), codegen
+
+
+def item_type(kind: Any) -> Any:
+    """Type of what is taken out of memory: large records (`stays_in_memory`) as addresses; terms and tables as values, so that
+    loops over elements keep the addresses of their arrays in registers."""
+    return RecordType(kind) if getattr(getattr(kind, "instance_class", None), "stays_in_memory", False) else kind
+
+
+def item_types(terms: Any) -> list[Any]:
+    """Types of the items of a tuple of terms, in memory or not."""
+    return [item_type(x) for x in terms.of] if isinstance(terms, RecordType) else list(terms)
+
+
+def item(builder: Any, kind: Any, value: Any, i: int) -> Any:
+    """Item i of a tuple, in memory or not."""
+    if not isinstance(kind, RecordType):
+        return builder.extract_value(value, i)
+    place = builder.gep(value, [ir.IntType(32)(0), ir.IntType(32)(i)], inbounds=True)
+    if isinstance(item_type(kind.of[i]), RecordType):
+        return place
+    return _load(builder, place, place.type.pointee)
+
+
+def _load(builder: Any, place: Any, kind: Any) -> Any:
+    """A value, number by number. Nothing writes to it while a kernel runs, so loads may leave loops. Of loads of whole structures
+    LLVM does not know that, which makes kernels slower by 6 to 10 percent."""
+    if not isinstance(kind, (ir.LiteralStructType, ir.ArrayType)):
+        value = builder.load(place)
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return value
+    out = ir.Constant(kind, ir.Undefined)
+    zero = ir.IntType(32)(0)
+    for i in range(len(kind.elements) if isinstance(kind, ir.LiteralStructType) else kind.count):
+        part = kind.elements[i] if isinstance(kind, ir.LiteralStructType) else kind.element
+        inside = builder.gep(place, [zero, ir.IntType(32)(i)], inbounds=True)
+        out = builder.insert_value(out, _load(builder, inside, part), i)
+    return out
+
+
+@infer_getattr
+class _RecordAttributes(AttributeTemplate):  # type: ignore[misc]
+    key = RecordType
+
+    def generic_resolve(self, kind: RecordType, name: str) -> Any:
+        return item_type(kind.of.types[kind.of.fields.index(name)])
+
+
+@lower_getattr_generic(RecordType)
+def _record_attribute(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    i = kind.of.fields.index(name)
+    # another reference where kernels count them
+    return impl_ret_borrowed(context, builder, item_type(kind.of[i]), item(builder, kind, value, i))
+
+
+# --- from Python --------------------------------------------------------------------------------------------------------
+class Record:
+    """A named tuple or a tuple of terms as compiled code keeps it. Its arrays may change, itself must not; they live as long as
+    this object.
+
+    Parameters
+    ----------
+    of : tuple
+        Of arrays, numbers, None, and such tuples.
+    """
+
+    __slots__ = "of", "address", "_numba_type_", "_memory"
+
+    def __init__(self, of: Any) -> None:
+        self.of, kind = of, typeof(of)
+        self._numba_type_ = RecordType(kind)
+        words: list[Any] = []
+        _put_words(of, words)
+        layout = _layout(kind)
+        self._memory = np.empty(max(1, -(-layout.size // 8)))
+        layout.pack_into(self._memory, 0, *words)
+        self.address = self._memory.ctypes.data
+
+
+def record_of(of: Any, last: Record | None) -> Record:
+    """A record of a tuple: the last one where it holds the same arrays and numbers."""
+    return last if last is not None and _same(of, last.of) else Record(of)
+
+
+def _same(x: Any, y: Any) -> bool:
+    if x is y:
+        return True
+    if isinstance(x, tuple):
+        return type(x) is type(y) and len(x) == len(y) and all(map(_same, x, y))
+    return type(x) is type(y) and isinstance(x, (int, float)) and x == y
+
+
+def _put_words(x: Any, words: list[Any]) -> None:
+    """Numbers of a value in the order of its memory."""
+    if isinstance(x, np.ndarray):
+        # as numba's arrays; nobody counts references to them
+        words += 0, 0, x.size, x.itemsize, x.__array_interface__["data"][0], *x.shape, *x.strides
+    elif isinstance(x, tuple):
+        for one in x:
+            _put_words(one, words)
+    else:
+        words.append(0 if x is None else x)
+
+
+@cache
+def _layout(kind: Any) -> struct.Struct:
+    """Where numbers of a value of a numba type stand: as C would have its structure."""
+    letters, size, _ = _letters(kind, 0)
+    return struct.Struct(f"={letters}{'x' * (-size % 8)}")
+
+
+def _letters(kind: Any, at: int) -> tuple[str, int, int]:
+    """(letters of `struct`, where it ends, alignment) of a type that begins at `at`."""
+    if isinstance(kind, types.BaseTuple):
+        align = max((_letters(x, 0)[2] for x in kind), default=1)
+        begin = at + -at % align
+        out, at = "x" * (begin - at), begin
+        for x in kind:
+            more, at, _ = _letters(x, at)
+            out += more
+        return out + "x" * (-at % align), at + -at % align, align
+    letters = "q" * (5 + 2 * kind.ndim) if isinstance(kind, types.Array) else _LETTERS[kind]
+    align = struct.calcsize(f"={letters[0]}")
+    return "x" * (-at % align) + letters, at + -at % align + struct.calcsize(f"={letters}"), align
+
+
+_LETTERS = {types.int64: "q", types.float64: "d", types.boolean: "?", types.none: "q"}
+
+
+@unbox(RecordType)
+def _unbox(kind: Any, found: Any, c: Any) -> Any:
+    word = c.pyapi.object_getattr_string(found, "address")
+    address = c.pyapi.long_as_voidptr(word)
+    c.pyapi.decref(word)
+    return NativeValue(c.builder.bitcast(address, c.context.get_value_type(kind)))
