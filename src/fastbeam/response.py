@@ -11,7 +11,7 @@ from .linsolve import SMALL, load_mkl
 from .mapping import follow
 from .model import Model
 from .maps import velocity_map
-from .saddle import LEAST_PIVOT, REGULAR, Factors, Saddle
+from .saddle import REGULAR, Factors, Saddle, least_singular_value
 from .starting import turned
 from .static_sliders import Increment, SlidingSolver
 
@@ -20,6 +20,8 @@ Array = np.ndarray
 
 # of round-off of coordinates and sums, relative
 NOISE = 1e-13
+# smallest singular value of a matrix of size 1 that is round-off
+SINGULAR = 10.0 * np.finfo(float).eps
 
 
 class OutOfPlane(Exception):
@@ -171,6 +173,8 @@ class Solver:
     ----------
     factorisations : int
         Until now.
+    is_singular : bool
+        Whether a matrix of the solutions until now was singular to round-off.
     """
 
     def __init__(self, saddle: Saddle, backend: str) -> None:
@@ -180,6 +184,7 @@ class Solver:
         self._solved: dict[bool, Any] = {}
         self._transposed: Saddle | None = None
         self.factorisations = 0
+        self.is_singular = False
 
     def solve(self, right: Array, transposed: bool = False) -> Array | None:
         """x [n] of matrix x = right, or of its transpose; None where nothing acceptable is found."""
@@ -189,14 +194,20 @@ class Solver:
                 self._transposed = Saddle(saddle.matrix.T.tocsr(), saddle.multiplier)
             saddle = self._transposed
         x = self._quick(saddle, right, transposed)
-        return saddle.solve(right) if x is None else x
+        if x is None:
+            x = saddle.solve(right)
+            self.is_singular |= saddle.is_singular
+        return x
 
     def _quick(self, saddle: Saddle, right: Array, transposed: bool) -> Array | None:
         """By factors that are kept; None where the residual is not round-off."""
         if not saddle.is_finite or not np.isfinite(right).all():
             return None
         if transposed not in self._solved:
-            self._solved[transposed] = self._factored(saddle, transposed)
+            solved = self._solved[transposed] = self._factored(saddle, transposed)
+            # of a singular matrix residuals may be small, too
+            self.is_singular |= solved is not None and least_singular_value(
+                solved, lambda x: saddle.scaled @ x, right.size) <= SINGULAR
         solved = self._solved[transposed]
         if solved is None:
             return None
@@ -223,6 +234,6 @@ class Solver:
         try:
             found = splu(saddle.scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True})
         except RuntimeError:
+            self.is_singular = True
             return None
-        pivots = np.abs(found.U.diagonal())
-        return found.solve if np.min(pivots) > LEAST_PIVOT * np.max(pivots) else None
+        return found.solve

@@ -250,7 +250,7 @@ class Saddle:
                 x, self.residual = _refine(solved, lambda x: b - times(x), b)
                 if self.residual <= REGULAR and not factors.perturbed:
                     return column * x
-                if self._is_fair(x, b, row, column) and _least(solved, times, b.size) > CLEARLY_REGULAR:
+                if self._is_fair(x, b, row, column) and least_singular_value(solved, times, b.size) > CLEARLY_REGULAR:
                     return column * x
             if factors.is_fresh:
                 break
@@ -379,7 +379,7 @@ def _refine(solved: Callable[[Array], Array], rest_of: Callable[[Array], Array],
     return x, left
 
 
-def _least(solved: Callable[[Array], Array], times: Callable[[Array], Array], n: int) -> float:
+def least_singular_value(solved: Callable[[Array], Array], times: Callable[[Array], Array], n: int) -> float:
     """The smallest singular value of a matrix, from above, by inverse iteration; 0 where that fails."""
     v = np.random.default_rng(0).standard_normal(n)
     for _ in range(2):

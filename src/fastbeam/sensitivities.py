@@ -128,7 +128,7 @@ class Sensitivity:
 
     def _solved(self, right: Array) -> Array:
         x = self._solver.solve(right)
-        if x is None or self._solver.saddle.is_singular:
+        if x is None or self._solver.is_singular:
             raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so that it has no derivatives: it "
                                    "is a limit or bifurcation point, or a part can move freely; fb.modes(model, state=...) shows "
                                    "which", state=self.state)
@@ -262,7 +262,7 @@ class Sensitivity:
         """
         objective = Objective(self._linear, points, sliders, contact_forces, strain_energy)
         adjoint = self._solver.solve(objective.slope(), transposed=True)
-        if adjoint is None:
+        if adjoint is None or self._solver.is_singular:
             raise ConvergenceError("sensitivity: the tangent of the equilibrium is singular, so that it has no derivatives",
                                    state=self.state)
         by = {name: float(objective.explicit(x.explicit) + adjoint @ x.unbalanced) for name, x in self._slopes.items()}
