@@ -22,8 +22,8 @@ BLOCK = 4
 CONVERGED = 1e-9
 # relative residual of a solution: wanted, and accepted
 GOOD, FAIR = 1e-13, 1e-6
-# solutions at most, and the residual next to the largest of its terms that is round-off
-REFINEMENTS, ROUND_OFF = 4, 1e-12
+# solutions for last digits, solutions at most, and the residual next to the largest of its terms that is round-off
+REFINEMENTS, MOST_REFINEMENTS, ROUND_OFF = 4, 20, 1e-12
 # residual next to the solution of a matrix of size 1 that is round-off of the product
 LAST_BITS = 2.0 * np.finfo(float).eps
 # and residual up to which that is no sign of a matrix that is singular to round-off
@@ -172,12 +172,14 @@ def refined(solve: Callable[[Array], Array], matrix: Any, right: Array, lenient:
     size[size == 0.0] = 1.0
     x = best = solve(right)
     worst = np.inf
-    for _ in range(REFINEMENTS):
+    for k in range(MOST_REFINEMENTS):
         rest = right - (matrix @ x.T).T
         left = float(np.max(np.linalg.norm(rest, axis=1) / size))
         if not left < 0.5 * worst:
             break
         worst, best = left, x
+        if k >= REFINEMENTS - 1 and worst <= FAIR:
+            break
         # of a matrix whose largest entries are 1
         if left <= GOOD or not to_last_bits and left <= CLEAR and np.all(
                 np.linalg.norm(rest, axis=1) <= LAST_BITS * np.linalg.norm(x, axis=1)):
