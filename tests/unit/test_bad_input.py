@@ -608,6 +608,8 @@ def report(folder: Path, cases: list[tuple[str, dict[str, str]]], monkeypatch: p
     result(), fb.solve_static(held())
     with suppress(fb.ConvergenceError):
         fb.simulate(model(), t_end=3.0, step=3.0, progress=False)
+    with suppress(fb.ConvergenceError):
+        fb.simulate(model(), t_end=0.1, step=0.1, progress=False, rho_inf=0)
     monkeypatch.chdir(folder)
     table, values = calls(folder), pool(folder)
     before = signal.signal(signal.SIGALRM, _ring)
