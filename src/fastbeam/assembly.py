@@ -79,6 +79,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, (UserForces, LineForces, Winches)) else x for x in model.links]
+    # shares are those of a run: paths change them
+    links = [x._replace(share=x.share.copy()) if isinstance(x, UserForces) else x for x in links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms
