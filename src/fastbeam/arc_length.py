@@ -192,8 +192,8 @@ class PathSolver(SlidingSolver):
         return float(np.sqrt(np.sum(self.weight * off * off) + (self.factor - first - step * along.factor)**2))
 
     def test_of(self, v: Array) -> float:
-        """A number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose vector is near
-        v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000); NaN where it is not found."""
+        """A number that vanishes with the determinant of the tangent and changes its sign with the eigenvalue whose vector is near
+        v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
         self.work.increment.control[0] = 0.0
         saddle, right, _ = self.equations()
         border = self.weight * v

@@ -1,7 +1,7 @@
 """Equilibrium paths under loads that grow and fall by one factor, past limit points, by arc length (theory.md 12)."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from .observe import OBSERVED, POINTS
 from .result import Result
 from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
+from .path_stops import wanted_of
 from .path_walk import PathWalk
 from .starting import check_start
 from .static_motion import StaticShift
@@ -26,6 +27,7 @@ from .supports import check_supports, standing_supports, supported
 from .winches import refuse_winches
 
 Array = np.ndarray
+Quantity = tuple[str, str] | str | Callable[[State], float]
 Support = Clamp | Pin | PrescribedMotion | NodeRef | PointMass | RigidBody
 STEP = Number(above=0.0, most=10.0)
 KINDS = ("limit", "bifurcation")
@@ -47,13 +49,14 @@ def which_branch(value: Any) -> int:
 @checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
          most_points=Count(most=1_000_000), at_time=which_times, points=POINTS, observe=OBSERVED, held=which_sliders,
          max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch, branch=Count(0),
-         moves=Anything())
+         moves=Anything(), stop=Anything())
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
                largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500,
                at_time: float | tuple[float, float] | None = None,
                points: Mapping[str, Place] | None = None, observe: Sequence[str] = (), held: bool | str | Sequence[str] = False,
                max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
-               branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None) -> Result:
+               branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None,
+               stop: Mapping[Quantity, float] | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
     length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 
@@ -97,6 +100,11 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         Displacement control: supports (Clamp, Pin, PrescribedMotion, or the node that they hold) -> displacement (3,), m, by
         which they are shifted from the start, straight, without turning, times the load factor less that of the start. Loads and
         gravity stay as they are, in full, but for those with time functions between two times.
+
+    stop : mapping, optional
+        Quantities -> values at which the path ends, the first that is met, located to round-off, with an event "wanted": ("tip",
+        "z") is a coordinate (m) of a point of `points`, ("tip", "N") one of N, Q2, Q3, T, M2, M3 of the beam there, the name of a
+        slider its arc length, a function of the state what it returns. What passes its value twice within a step is missed.
 
     Returns
     -------
@@ -157,7 +165,8 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
             model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
     if shifts:
         solver.motion = StaticShift(solver.stepper.model, shifts, solver.state.q, load_factor)
-    path = PathWalk(model, solver, points, step, largest_step, smallest_step, most_points, observe)
+    path = PathWalk(model, solver, points, step, largest_step, smallest_step, most_points, observe,
+                    wanted_of(model, stop, points))
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
 

@@ -13,6 +13,7 @@ from .interrupt import Interrupts
 from .kernels.work import State
 from .model import Model
 from .observe import Observer
+from .path_stops import Wanted
 from .progress import Progress
 from .reactions import StaticReactions
 from .resolution import Resolution
@@ -31,19 +32,21 @@ AT_END = 1e-3
 # the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
 LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
 # what is said of loads without a potential
-FLUTTER = ("loads that follow, and moments that are fixed in space, have no potential: real eigenvalues are counted here, vibrations "
-           "that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
+FLUTTER = ("loads that follow, and moments that are fixed in space, have no potential: real eigenvalues are counted here, "
+           "vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
 
 
 class PathWalk:
     """Goes along, and keeps rows."""
 
     def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
-                 smallest: float, most: int, observe: Sequence[str] = ()) -> None:
+                 smallest: float, most: int, observe: Sequence[str] = (), wanted: Sequence[Wanted] = ()) -> None:
         Observer(model, observe, points)  # refuses what does not exist
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
-        self.first_step = step
+        self.first_step = self.size = step
+        # quantities that end the path, and how far they are off their values
+        self.wanted, self.off = wanted, np.zeros(0)
         self.resolution = Resolution(model)
         self.observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
         self.reactions = StaticReactions(solver) if self.observer.reactions else None
@@ -106,6 +109,7 @@ class PathWalk:
         along = self._first(to) if branch is None else self._off(branch)
         unstable, sign = solver.unstable(), np.sign(along.factor)
         self.record(0, 0.0, unstable)
+        self.off = self._off_values()
         first = solver.saved()
         while self.rows < self.most:
             solver.interrupts.serve()
@@ -116,7 +120,11 @@ class PathWalk:
                 solver.restore(before)
                 self._shorten(bar)
                 continue
-            counted, size = solver.unstable(), self.step
+            self.size = self.step
+            met, off = self._met(before, along)
+            if met is not None:
+                after = self._direction(along)
+            counted, size = solver.unstable(), self.size
             back = self._back(first, before, along, size) if self.rows >= LEAST_ROWS else None
             if back is not None:
                 self.length += back
@@ -135,7 +143,8 @@ class PathWalk:
             elif counted is not None and unstable is not None and counted != unstable:
                 found = self._bifurcation(before, along, min(counted, unstable))
             if found is not None:
-                size, after = found, self._direction(along)
+                size, after, met = found, self._direction(along), None
+                off = self._off_values()
             if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
                 solver.restore(before)
                 share = (to - before[3]) / along.factor if along.factor else size
@@ -150,6 +159,11 @@ class PathWalk:
             self.length += size
             self.record(iterations, size, counted)
             bar.update(1.0)
+            if met is not None:
+                text = f"load factor {solver.factor:.12g}: {met.label} is {met.value:.12g}"
+                self.buffer.event({"kind": "wanted", "time": self.length, "text": text})
+                return
+            self.off = off
             if found is not None and self.info["critical_points"][-1]["kind"] == stop_at:
                 self._list_branches(min(counted or 0, unstable or 0))
                 return
@@ -158,6 +172,33 @@ class PathWalk:
         text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
                 "result.state with load_factor=, or give most_points")
         self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
+
+    def _off_values(self) -> Array:
+        return np.array([x.off(self.solver.state) for x in self.wanted])
+
+    def _met(self, before: tuple[Any, ...], along: Direction) -> tuple[Wanted | None, Array]:
+        """The first wanted quantity that the present step brings to its value, with the solver there and `size` the part of the
+        step; and how far all are off at its end."""
+        off, met = self._off_values(), None
+        # one that begins at its value goes on from there
+        passed = np.flatnonzero((self.off != 0.0) & (self.off * off <= 0.0))
+        solver, whole, end, after = self.solver, self.step, self.solver.saved(), off
+        for k in passed.tolist():
+            solver.restore(end)
+            self.size = whole
+            one = self.wanted[k]
+            size: float | None = whole
+            if off[k] != 0.0:
+                size = self._located(before, along, lambda: one.off(solver.state), float(self.off[k]), float(off[k]))
+            if size is not None and (met is None or size < met[0]):
+                met = size, one, solver.saved()
+        if met is None:
+            solver.restore(end)
+            self.size = whole
+            return None, after
+        self.size = met[0]
+        solver.restore(met[2])
+        return met[1], after
 
     def _first(self, to: float) -> Direction:
         """The first direction.
@@ -243,8 +284,8 @@ class PathWalk:
             solver.restore(before)
             return f() if solver.go(along, size) else np.nan
 
-        size = root(at, 0.0, first, self.step, last) if first * last < 0.0 else None
-        if size is None or not 0.0 < size < self.step or not np.isfinite(at(size)):
+        size = root(at, 0.0, first, self.size, last) if first * last < 0.0 else None
+        if size is None or not 0.0 < size < self.size or not np.isfinite(at(size)):
             solver.restore(end)
             return None
         return size
