@@ -8,6 +8,7 @@ import numpy as np
 
 from .eigen import Pencil, SingularError, grown, lowest
 from .kernels.step import has_converged, next_increment
+from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.work import State
 from .load_times import LawPath
@@ -57,9 +58,9 @@ class PathSolver(SlidingSolver):
                  factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0)) -> None:
         super().__init__(model, start, max_iterations, held, flat, backend)
         self._laws = laws
-        self._turning = [(term, term.share.copy()) for term in self.stepper.terms if isinstance(term, UserForces)]
-        # moments that are fixed in space and forces by laws have no potential; in a plane moments do
-        self.is_unsymmetric = bool(model.user_forces) or self.moments and self.stepper.plane is None
+        self._turning = [(term, term.share.copy()) for term in self.stepper.terms
+                         if isinstance(term, (UserForces, PlanarFollowers))]
+        self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
         self._of_path, self._backend = factors_for(backend), backend
         loads = []
         for part in factors:
@@ -192,8 +193,8 @@ class PathSolver(SlidingSolver):
         return float(np.sqrt(np.sum(self.weight * off * off) + (self.factor - first - step * along.factor)**2))
 
     def test_of(self, v: Array) -> float:
-        """A number that vanishes with the determinant of the tangent and changes its sign with the eigenvalue whose vector is near
-        v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
+        """A number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose vector is
+        near v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
         self.work.increment.control[0] = 0.0
         saddle, right, _ = self.equations()
         border = self.weight * v
