@@ -120,5 +120,5 @@ def test_a_load_that_follows_out_of_a_plane_is_no_load_of_the_plane() -> None:
     flat = fb.Load("flat", rod.end, force=(0, 1.0, 0), follower=True)
     across = fb.Load("across", rod.end, moment=(0, 1.0, 0), follower=True)
     assert fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), flat)).plane is not None
-    with pytest.raises(fb.SceneError, match="does not stay in a plane: the moment on .* is not about the normal"):
+    with pytest.raises(fb.SceneError, match="does not stay in a plane: the load on"):
         fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), flat, across), planar=True)
