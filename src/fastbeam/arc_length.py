@@ -8,7 +8,10 @@ import numpy as np
 
 from .eigen import Pencil, SingularError, grown, lowest
 from .kernels.step import has_converged, next_increment
+from .kernels.planar_follower import PlanarFollowers
+from .kernels.user_force import UserForces
 from .kernels.work import State
+from .load_times import LawPath
 from .model import Model
 from .saddle import Saddle, factors_for
 from .static_sliders import Increment, SlidingSolver
@@ -19,6 +22,8 @@ LONGEST = 1.0
 # eigenvalues that are looked for at a critical point; those below this share of the next one vanish together; directions tried in
 # each dimension of their vectors; cosine of two that are the same
 MOST_TOGETHER, TOGETHER, TRIALS, SAME_WAY = 6, 1e-5, 24, 0.9995
+# imaginary part of a real eigenvalue, next to the largest that was found
+REAL = 1e-9
 # next to the largest stiffness: where they are looked for, and round-off of one
 NEXT_TO, ROUND_OFF = 1e-9, 1e-14
 # an equilibrium lies at most so far from the end of its step, as a share of the step, and at all
@@ -45,11 +50,17 @@ class PathSolver(SlidingSolver):
         Of the loads at load factor 0, and their change until load factor 1.
     factor : float
         Load factor of the start.
+    laws : LawPath
+        Of forces by laws.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
-                 factors: tuple[Array, Array], factor: float) -> None:
+                 factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0)) -> None:
         super().__init__(model, start, max_iterations, held, flat, backend)
+        self._laws = laws
+        self._turning = [(term, term.share.copy()) for term in self.stepper.terms
+                         if isinstance(term, (UserForces, PlanarFollowers))]
+        self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
         self._of_path, self._backend = factors_for(backend), backend
         loads = []
         for part in factors:
@@ -110,6 +121,10 @@ class PathSolver(SlidingSolver):
     def _at(self, factor: float) -> None:
         """Loads, supports that move, and forces of a steady motion of a load factor."""
         self._loads[:] = self._first_loads + factor * self._unit_loads
+        laws = self._laws
+        self.set_time(laws.time, laws.first + factor * laws.change)
+        for term, share in self._turning if laws.shares is not None else ():
+            term.share[:] = share * (laws.shares[0] + factor * laws.shares[1])
         if self.motion is not None:
             self.motion.share = factor
 
@@ -177,6 +192,15 @@ class PathSolver(SlidingSolver):
         off = self.gone - step * along.x
         return float(np.sqrt(np.sum(self.weight * off * off) + (self.factor - first - step * along.factor)**2))
 
+    def test_of(self, v: Array) -> float:
+        """A number that vanishes with the determinant of the tangent, and changes its sign with the eigenvalue whose vector is
+        near v [n]: g of [K, W v; v W, 0] [x; g] = [0; 1] (W. Govaerts, 2000). NaN where it is not found."""
+        self.work.increment.control[0] = 0.0
+        saddle, right, _ = self.equations()
+        border = self.weight * v
+        x = self._bordered(saddle, -border, border, 0.0, np.zeros(right.size), 1.0)
+        return np.nan if x is None else float(x[-1])
+
     def eigenvalue(self, k: int) -> float:
         """The k-th lowest eigenvalue of the tangent, counted from 0, in the metric of the steps; NaN where it is not found. That
         of number k changes its sign where k + 1 directions become unstable after k."""
@@ -195,6 +219,11 @@ class PathSolver(SlidingSolver):
         # without a gap all are zero, or there is none
         m = int(gaps[0]) + 1 if gaps.size else size.size if size[-1] <= 10.0 * ROUND_OFF * self._stiffest else 1
         v = found[1][:, order[:m]]
+        if self.is_unsymmetric:
+            # vectors of different eigenvalues are not orthogonal
+            root = np.sqrt(self.weight)[:, None]
+            whole = v @ np.linalg.inv(np.linalg.qr(root * v)[1])
+            v = whole if np.isfinite(whole).all() else v
         peak = np.argmax(np.abs(v) * np.sqrt(self.weight)[:, None], axis=0)
         return np.asarray(v * np.sign(v[peak, np.arange(v.shape[1])]))
 
@@ -241,8 +270,8 @@ class PathSolver(SlidingSolver):
         k = int(np.sum(~saddle.multiplier))
         free = np.append(self.contacts.free(len(self.core.dofs)), np.ones(self.sliding.size))
         mass = sparse.diags(self.weight[:k] * free, format="csr")
-        matrix = (0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
-        pencil = Pencil(matrix, mass, saddle.multiplier, True, sparse.csr_matrix((k, 0)))
+        matrix = (saddle.matrix if self.is_unsymmetric else 0.5 * (saddle.matrix + saddle.matrix.T)).tocsr()
+        pencil = Pencil(matrix, mass, saddle.multiplier, not self.is_unsymmetric, sparse.csr_matrix((k, 0)))
         if below_zero:
             # not the median, which may be one of those that vanish
             heavy = mass.diagonal() > 0.0
@@ -250,9 +279,13 @@ class PathSolver(SlidingSolver):
             more = below_zero * self._stiffest * grown(mass, saddle.multiplier.size)
             pencil = pencil._replace(stiffness=(matrix + more).tocsr())
         try:
-            v = lowest(pencil, n, self._backend).vectors
+            found = lowest(pencil, n, self._backend)
         except SingularError:
             return None
+        v = found.vectors
+        if self.is_unsymmetric:
+            values = found.values - below_zero * self._stiffest
+            return values, v / np.sqrt(np.sum(self.weight[:, None] * v * v, axis=0))
         # not set to zero where they are round-off
         return np.sum(v * (matrix @ v), axis=0), v
 
@@ -260,8 +293,20 @@ class PathSolver(SlidingSolver):
         """Number of negative eigenvalues of the tangent; None where moments leave it undecided."""
         self.work.increment.control[0] = 0.0
         saddle, *_ = self.equations()
-        found = saddle.signs(self.stepper.plane is not None or not self.moments)
-        return None if found is None else found[0]
+        if not self.is_unsymmetric:
+            found = saddle.signs()
+            return None if found is None else found[0]
+        # a symmetric part without negative ones has none itself (Bendixson)
+        if saddle.signs() == (0, 0):
+            return 0
+        near = self._eigen(MOST_TOGETHER)
+        sign = saddle.determinant_sign()
+        if near is None or not sign:
+            return None
+        real = np.abs(np.imag(near[0])) <= REAL * np.max(np.abs(near[0]), initial=0.0)
+        count = int(np.sum(real & (np.real(near[0]) < 0.0)))
+        # pairs of complex ones leave the sign of the determinant
+        return count if (count % 2 == 1) == (sign < 0) else None
 
 
 def root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float | None:

@@ -17,6 +17,7 @@ from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.twist import Twist
+from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.winch import Winches
 from .kernels.work import State, Work
@@ -24,6 +25,8 @@ from .model import Model
 from .twisting import sleeves_of_run
 
 Array = np.ndarray
+# tables of forces by laws of the triad
+LAWS = UserForces, PlanarFollowers
 
 
 def strain_sets(model: Model, static: bool = False) -> tuple[SimoReissner, GreenLagrange]:
@@ -78,7 +81,9 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
-    links = [x._replace(work=law_work) if isinstance(x, (UserForces, LineForces, Winches)) else x for x in model.links]
+    links = [x._replace(work=law_work) if isinstance(x, (*LAWS, LineForces, Winches)) else x for x in model.links]
+    # shares are those of a run: paths change them
+    links = [x._replace(share=x.share.copy()) if isinstance(x, LAWS) else x for x in links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

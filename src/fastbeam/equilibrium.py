@@ -8,6 +8,7 @@ import numpy as np
 from .interrupt import Interrupts
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
+from .kernels.user_force import UserForces
 from .kernels.work import State
 from .model import Model
 from .newton import Stepper
@@ -26,6 +27,7 @@ class StaticSolver:
         # well, unless moments act (theory.md 8)
         self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
         self.moments |= bool(model.user_forces)
+        self._turns = any(isinstance(x, UserForces) for x in model.links)
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
                                symmetric=not self.moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations
@@ -48,6 +50,10 @@ class StaticSolver:
     def state(self) -> State:
         """The present shape."""
         return self.stepper.state
+
+    def has_potential(self, in_plane: bool) -> bool:
+        """Whether all loads have one: moments that are fixed in space do in a plane only, loads by laws nowhere."""
+        return not self.moments or in_plane and not self._turns
 
     def set_time(self, t: float, factor: float) -> None:
         """At which time, and with which load factor, user forces and drives are evaluated."""
@@ -148,4 +154,4 @@ class StaticSolver:
         self.stepper.parts.assemble(0.0)
         size = len(model.dofs)
         return self.linear.superlu.signs(work.blocks[:8 * size * model.pattern.keys.size].reshape(-1, size, 8),
-                                         symmetric=in_plane or not self.moments)
+                                         symmetric=self.has_potential(in_plane))

@@ -19,12 +19,15 @@ from .kernels.joint_conditions import JointConditions
 from .kernels.kinds import PLANE
 from .kernels.layout import CONSTANTS, FACTORS, NODES, POINTS, REFERENCE
 from .kernels.nodes import Held
+from .kernels.planar_follower import PlanarFollowers
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.substructures import place_stores
 from .kernels.terms import NoTies
+from .kernels.user_force import UserForces
 from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
 from .scene import Bushing
+from .scene.follower import FollowerForce
 from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
 from .unpacked import Unpacked
@@ -63,7 +66,8 @@ def find_plane(unpacked: Unpacked) -> tuple[Found | None, str]:
 
 def _plane_of(unpacked: Unpacked) -> Plane:
     for force in unpacked.numbered.links.loaded.forces:
-        raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
+        if not isinstance(force, FollowerForce):
+            raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
     for winch in unpacked.numbered.links.ropes.winches:
         raise NotPlanar(f"{winch.label} runs in space")
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
@@ -89,6 +93,9 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     across += [(_without_noise(x, push * length), "the moment on {} is not about the normal of the plane")
                for x in rows[:, :, 3:6]]
     across += turning
+    pushed, twisted = _following(unpacked.numbered.links.loaded, q)
+    within += [(x, "the load on {} points out of the plane") for x in pushed]
+    across += [(x, "the moment on {} is not about the normal of the plane") for x in twisted]
     for on, pushes, turns in _driven(unpacked.numbered.links, len(q)):
         within.append((pushes, f"{on} pushes {{}} out of the plane"))
         across.append((turns, f"{on} turns {{}} about an axis that is not the normal of the plane"))
@@ -120,6 +127,29 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     _refuse((unpacked.nodes.rank == 3) * np.where(k == 0, np.abs(plane.normal[:, 0]), 1.0), TOLERANCE,
             "the section of {} does not stand upright on the plane", unpacked)
     return plane
+
+
+def _following(loaded: Any, q: Array) -> tuple[list[Array], list[Array]]:
+    """Forces and moments [n, 3] on all nodes by every load that turns with them, at t = 0; q [n, 4, 3]."""
+    forces, moments = [], []
+    for k, force in enumerate(loaded.forces):
+        on = loaded.node[loaded.of == k]
+        for out, parts in ((forces, force.parameters[:3]), (moments, force.parameters[3:])):
+            x = np.zeros((len(q), 3))
+            x[on] = np.einsum("i,nic->nc", parts, q[on, 1:])
+            size = float(np.max(np.abs(force.parameters), initial=0.0))
+            out.append(x if out is forces else _without_noise(x, size))
+    return forces, moments
+
+
+def _follower(table: UserForces, plane: Plane) -> PlanarFollowers:
+    """Loads that turn with nodes, along u and J u of each."""
+    own = table.parameters[table.first[:, None] + np.arange(6)]
+    along = np.sum(own[:, :3] * plane.factor[table.node], axis=1)
+    about = np.sum(own[:, 3:] * plane.normal[table.node], axis=1)
+    zero = np.zeros_like(about)
+    parameters = np.stack((along.real, along.imag, zero, zero, zero, about), axis=1)
+    return PlanarFollowers(*table[:4], 6 * np.arange(len(own)), parameters.reshape(-1), *table[6:])
 
 
 def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
@@ -366,6 +396,8 @@ def _link(table: Any, model: Model, plane: Plane, ties: PlanarTies | None) -> An
     nothing is left of them in the plane."""
     if isinstance(table, JointConditions):
         table = conditions_in_plane(table, model.kept, plane)
+    if isinstance(table, UserForces):
+        return _follower(table, plane)
     if isinstance(table, Bushings):
         table = bushings_in_plane(table, plane)
     if table is None or "ties" not in table._fields:

@@ -350,8 +350,11 @@ class Saddle:
         found = signs_between(whole, self.multiplier)
         if symmetric or small or found == (0, 0):
             return found
-        sign = SuperLU._determinant_sign(self.matrix.tocsc()) * (-1)**int(np.sum(self.multiplier))
-        return (1, 0) if sign < 0 else None
+        return (1, 0) if self.determinant_sign() < 0 else None
+
+    def determinant_sign(self) -> int:
+        """Of A among the motions that the constraints allow: 1, -1, or 0 where it is singular."""
+        return SuperLU._determinant_sign(self.matrix.tocsc()) * (-1)**int(np.sum(self.multiplier))
 
 
 def _norm(x: Array) -> float:

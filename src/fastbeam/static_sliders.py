@@ -228,7 +228,7 @@ class SlidingSolver(StaticSolver):
         self.work.increment.control[0] = 0.0
         if self.along is not None:
             self.along.modes.sign[:] = 0
-        return self._assembled(self._unhindered)[0].signs(in_plane or not self.moments)
+        return self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
 
     @property
     def _unhindered(self) -> Array:

@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ellipe, ellipk
 
 import fastbeam as fb
-from fastbeam import equilibrium_paths
+from fastbeam import path_walk
 from fastbeam.arc_length import PathSolver
 
 Array = np.ndarray
@@ -108,7 +108,7 @@ def test_lateral_buckling_of_a_strip() -> None:
 def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeypatch: pytest.MonkeyPatch) -> None:
     """Clamped and hinged, 215 degrees: P R^2/EI = 8.97 (F. W. DaDeppo, R. Schmidt, J. Appl. Mech. 42, 1975)."""
     left: list[float] = []
-    record = equilibrium_paths._Path.record
+    record = path_walk.PathWalk.record
 
     def watch(self: Any, iterations: int, size: float, unstable: int | None) -> None:
         solver: PathSolver = self.solver
@@ -117,7 +117,7 @@ def test_deep_arch_of_dadeppo_and_schmidt_and_every_point_in_equilibrium(monkeyp
         left.append(float(np.max(np.abs(right)) / np.max(np.abs(loads))))
         record(self, iterations, size, unstable)
 
-    monkeypatch.setattr(equilibrium_paths._Path, "record", watch)
+    monkeypatch.setattr(path_walk.PathWalk, "record", watch)
     half = np.deg2rad(107.5)
     start, tangent = (-np.sin(half), 0, np.cos(half)), (np.cos(half), 0, np.sin(half))
     arch = fb.Beam.arc("arch", start, tangent, (np.sin(half), 0, -np.cos(half)), radius=1.0, angle=2 * half,

@@ -92,3 +92,33 @@ def test_what_cannot_follow_is_refused() -> None:
         fb.simulate(cantilever(1.0)[0], t_end=1.0, step=0.1, method="midpoint")
     with pytest.raises(fb.SceneError, match="numba cannot compile"):
         cantilever(1.0, time=fb.Signal(np.linspace(0, 1, 5), np.linspace(0, 1, 5)**2))
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_load_that_follows_in_a_plane_is_the_one_in_space(order: int) -> None:
+    """A swinging plate on a rod, thrust on its edge and a moment that turn along, pressure along the rod that grows in time."""
+    rod = fb.Beam.straight("rod", (0, 0, 0), (0.6, 0, 0.8), d2=(0, 1, 0), section=SECTION, elements=3, degree=3)
+    plate = fb.RigidBody("plate", mass=0.3, inertia=(0.02, 0.03, 0.04), position=(0.9, 0, 0.8))
+    thrust = fb.Load("thrust", plate.point((0.1, 0, 0.2)), force=(3.0, 0.0, -8.0), moment=(0, 0.5, 0), follower=True)
+    wind = fb.DistributedLoad("wind", rod, force=(0.0, 0.0, 4.0), follower=True, time=lambda t: 1.0 + t * t)
+    scene = fb.Scene(rod, plate, fb.Clamp(rod.start), fb.RigidConnection(rod.end, plate), thrust, wind, gravity=(0, 0, -9.81))
+    runs = [fb.simulate(fb.compile_scene(scene, planar=planar), t_end=0.2, step=2e-3, order=order, progress=False,
+                        observe=("energy",)) for planar in (True, False)]
+    assert runs[0].state.q == pytest.approx(runs[1].state.q, abs=1e-9)
+    assert np.max(np.abs(runs[1].phi[-1] - runs[1].phi[0])) > 0.01
+    assert abs(runs[0].drift("balance")) < 1e-11 and np.max(np.abs(runs[0].balance()["loads"])) > 0.1
+    rests = [fb.solve_static(fb.compile_scene(scene, planar=planar), at_time=0.5) for planar in (True, False)]
+    assert rests[0].state.q == pytest.approx(rests[1].state.q, abs=1e-10)
+    assert rests[0].info["unstable_directions"] == rests[1].info["unstable_directions"] == 0
+    kept = [fb.modes(fb.compile_scene(scene, planar=True), state=rests[0].state, at_time=0.5, n=3, planar=True).angular,
+            fb.modes(fb.compile_scene(scene, planar=False), state=rests[1].state, at_time=0.5, n=12).angular]
+    assert all(np.min(np.abs(kept[1] / x - 1.0)) < 1e-8 for x in kept[0])
+
+
+def test_a_load_that_follows_out_of_a_plane_is_no_load_of_the_plane() -> None:
+    rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), d2=(0, 1, 0), section=SECTION, elements=2, degree=2)
+    flat = fb.Load("flat", rod.end, force=(0, 1.0, 0), follower=True)
+    across = fb.Load("across", rod.end, moment=(0, 1.0, 0), follower=True)
+    assert fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), flat)).plane is not None
+    with pytest.raises(fb.SceneError, match="does not stay in a plane: the load on"):
+        fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), flat, across), planar=True)

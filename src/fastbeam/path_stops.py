@@ -1,0 +1,95 @@
+"""Wanted values of quantities at which a path of equilibria ends: places, section forces, places of sliders, functions of the
+state (theory.md 12)."""
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .arguments import LARGEST, real, shown
+from .errors import SceneError
+from .kernels.work import State
+from .model import Model
+from .observe import Observer
+from .scene.checks import Place
+
+AXES, FORCES, MOMENTS = ("x", "y", "z"), ("N", "Q2", "Q3"), ("T", "M2", "M3")
+WHAT = ("('tip', 'z') for a coordinate of one of points= or ('tip', 'N') for N, Q2, Q3, T, M2, M3 of a beam there, the name of a "
+        "slider for its arc length, or a function of the state")
+
+
+class Wanted(NamedTuple):
+    """A quantity, a function of the state, and its value."""
+
+    label: str
+    of: Callable[[State], float]
+    value: float
+
+    def off(self, state: State) -> float:
+        """The quantity less its value."""
+        return self.of(state) - self.value
+
+
+def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None) -> list[Wanted]:
+    """What `stop=` of `solve_path` asks for.
+
+    Raises
+    ------
+    SceneError
+        It is no mapping of quantities to finite numbers, or a quantity does not exist.
+    """
+    if stop is None:
+        return []
+    if not isinstance(stop, Mapping) or not stop:
+        raise SceneError("solve_path, stop: must be a mapping of quantities to wanted values, {('tip', 'z'): -0.3}, got "
+                         f"{shown(stop)}")
+    out = []
+    for what, value in stop.items():
+        number = real(value)
+        if number is None or not abs(number) <= LARGEST:
+            raise SceneError(f"solve_path, stop: the value of {shown(what)} must be a finite number, got {shown(value)}")
+        label, of = _quantity(model, what, points or {})
+        out.append(Wanted(label, of, number))
+    return out
+
+
+def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str, Callable[[State], float]]:
+    """Name and function of a quantity.
+
+    Raises
+    ------
+    SceneError
+    """
+    if callable(what):
+        name = getattr(what, "__name__", "function")
+        return name, lambda state: _number(name, what(state))
+    sliders = model.names["sliders"]
+    if isinstance(what, str):
+        if what not in sliders:
+            there = f"its sliders are {', '.join(map(repr, sliders[:12]))}" if sliders else "it has no sliders"
+            raise SceneError(f"solve_path, stop: scene {model.scene_name!r} has no slider {what!r}; {there}. Quantities are "
+                             f"{WHAT}")
+        number = sliders.index(what)
+        return f"s of slider {what!r}", lambda state: float(state.s[number])
+    if not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(x, str) for x in what)):
+        raise SceneError(f"solve_path, stop: {shown(what)} is no quantity; take {WHAT}")
+    name, part = what
+    if name not in points:
+        raise SceneError(f"solve_path, stop: {name!r} is no name in points=; give points={{{name!r}: beam.end}}")
+    if part not in (*AXES, *FORCES, *MOMENTS):
+        raise SceneError(f"solve_path, stop: {name!r} has no {part!r}; choose x, y, z, N, Q2, Q3, T, M2 or M3")
+    observer = Observer(model, () if part in AXES else ("section",), {name: points[name]})
+    if part not in AXES and observer.sections[0] is None:
+        raise SceneError(f"solve_path, stop: {name!r} lies on no beam and has no {part}")
+    places = ("points", AXES), ("section_force", FORCES), ("section_moment", MOMENTS)
+    series, names = next((series, names) for series, names in places if part in names)
+    at = names.index(part)
+    return f"{part} at {name!r}", lambda state: float(observer.row(0.0, state)[series][0, at])
+
+
+def _number(name: str, value: Any) -> float:
+    number = real(value)
+    if number is None or not np.isfinite(number):
+        raise SceneError(f"solve_path, stop: {name} must return a finite number, got {shown(value)}")
+    return number

@@ -1,0 +1,363 @@
+"""Goes along a path of equilibria: lengths of steps, critical and wanted points within them, rows (theory.md 12)."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .arc_length import Direction, PathSolver, root
+from .errors import ConvergenceError, Interrupted, SceneError
+from .interrupt import Interrupts
+from .kernels.work import State
+from .model import Model
+from .observe import Observer
+from .path_stops import Wanted
+from .progress import Progress
+from .reactions import StaticReactions
+from .resolution import Resolution
+from .result import Result, ResultBuffer
+from .scene.checks import Place
+from .statics import RECORDED
+
+Array = np.ndarray
+# steps in which the path turns by more (cosine) are halved
+LEAST_COSINE = 0.9
+# iterations up to which steps grow, and by how much
+FEW, GROWTH = 5, 1.5
+# a slider that near to an end, as a share of its beam, is what stops a path
+AT_END = 1e-3
+# a path is closed that comes back to its first equilibrium: rows before this is looked for, distance of the start from a chord of
+# the path as a share of its length, and half the length of the shorter chord, ten times nearer, as a share of the step
+LEAST_ROWS, OFF_CHORD, AROUND = 4, 0.1, 0.05
+# what is said of loads without a potential
+FLUTTER = ("loads that follow, and moments that are fixed in space, have no potential: real eigenvalues are counted here, "
+           "vibrations that grow (flutter) are seen by fb.modes(model, state=result.state, load_factor=...) alone")
+
+
+class PathWalk:
+    """Goes along, and keeps rows."""
+
+    def __init__(self, model: Model, solver: PathSolver, points: Mapping[str, Place] | None, step: float, largest: float,
+                 smallest: float, most: int, observe: Sequence[str] = (), wanted: Sequence[Wanted] = ()) -> None:
+        Observer(model, observe, points)  # refuses what does not exist
+        self.model, self.solver = model, solver
+        self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
+        self.first_step = self.size = step
+        # quantities that end the path, and how far they are off their values
+        self.wanted, self.off = wanted, np.zeros(0)
+        self.resolution = Resolution(model)
+        self.observer = Observer(model, ("slider", *(kind for kind in observe if kind in RECORDED)), points)
+        self.reactions = StaticReactions(solver) if self.observer.reactions else None
+        self.info: dict[str, Any] = {"scene": model.scene_name, "method": "path", "conserved": [], "critical_points": [],
+                                     "conservative": not solver.is_unsymmetric,
+                                     "counted_in": "space" if solver.stepper.plane is None else "plane"}
+        header = self.observer.header(self.info)
+        header.series |= {"load_factor": (), "unstable_directions": ()}
+        self.buffer = ResultBuffer(header)
+        self.begin = time.perf_counter()
+        self.length, self.rows, self.iterations = 0.0, 0, 0
+
+    def record(self, iterations: int, size: float, unstable: int | None) -> None:
+        """A row and a shape of the present equilibrium."""
+        state = self.solver.state
+        row = {**self.observer.row(0.0, state), "iterations": iterations, "step_size": size,
+               "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
+        if self.observer.needs_forces:
+            found = self.reactions.at(self.solver.load_factors) if self.reactions else ()
+            self.observer.add_forces(row, np.concatenate((state.force, found)))
+        self.buffer.append(row, self.length)
+        q = state.q.reshape(-1, 4, 3)
+        self.buffer.snapshot(self.length, q[:, 0], q[:, 1:])
+        self.resolution.look(self.length, state.q)
+        self.rows += 1
+        self.iterations += iterations
+
+    def finish(self) -> Result:
+        """The result so far."""
+        for event in self.resolution.events():
+            self.buffer.event(event)
+        if self.solver.is_unsymmetric:
+            self.buffer.event({"kind": "nonconservative", "time": self.length, "text": FLUTTER})
+        result = self.buffer.close(self.info | {"solver": self.solver.name, "steps": self.rows - 1, "iterations": self.iterations,
+                                                "wall_time": time.perf_counter() - self.begin})
+        result.state = State(*(x.copy() for x in self.solver.state))
+        return result
+
+    def to(self, to: float, stop_at: str | None, branch: int | None) -> Result:
+        """Until this load factor, or a critical point of this kind; branch: of the bifurcation that it begins at.
+
+        Raises
+        ------
+        ConvergenceError, Interrupted
+        """
+        bar = Progress(float(self.most), f"{self.model.scene_name}: path")
+        try:
+            with Interrupts() as self.solver.interrupts:
+                self._go(to, stop_at, branch, bar)
+        except KeyboardInterrupt as stopped:
+            bar.close()
+            result = self.finish()
+            raise Interrupted(f"load factor {self.solver.factor:.6g}: interrupted; the last equilibrium is in .state, everything "
+                              "until then in .result", result=result, state=result.state) from stopped
+        bar.close()
+        return self.finish()
+
+    def _go(self, to: float, stop_at: str | None, branch: int | None, bar: Progress) -> None:
+        solver = self.solver
+        along = self._first(to) if branch is None else self._off(branch)
+        unstable, sign = solver.unstable(), np.sign(along.factor)
+        self.record(0, 0.0, unstable)
+        self.off = self._off_values()
+        first = solver.saved()
+        while self.rows < self.most:
+            solver.interrupts.serve()
+            before = solver.saved()
+            iterations = solver.go(along, self.step)
+            after = solver.direction(along) if iterations else None
+            if after is None or solver.product(along, after) < LEAST_COSINE:
+                solver.restore(before)
+                self._shorten(bar)
+                continue
+            self.size = self.step
+            met, off = self._met(before, along)
+            if met is not None:
+                after = self._direction(along)
+            counted, size = solver.unstable(), self.size
+            back = self._back(first, before, along, size) if self.rows >= LEAST_ROWS else None
+            if back is not None:
+                self.length += back
+                self.record(iterations, back, solver.unstable())
+                self.buffer.event({"kind": "closed", "time": self.length,
+                                   "text": f"the path is back at its start, load factor {solver.factor:.6g}"})
+                return
+            found = None
+            if self.rows == 1 and branch is not None:
+                # what changes on the way off is no event
+                sign = np.sign(after.factor)
+            elif after.factor * sign < 0.0:
+                # to the limit point first
+                sign = -sign
+                found = self._limit(before, along, after)
+            elif counted is not None and unstable is not None and counted != unstable:
+                found = self._bifurcation(before, along, min(counted, unstable))
+            if found is not None:
+                size, after, met = found, self._direction(along), None
+                off = self._off_values()
+            if (before[3] - to) * (solver.factor - to) <= 0.0 and before[3] != to:
+                solver.restore(before)
+                share = (to - before[3]) / along.factor if along.factor else size
+                if solver.go(along, min(max(share, 0.0), 1.5 * size), to):
+                    end = self._direction(along)
+                    self.length += abs(solver.product(along, end)) * size
+                    self.record(iterations, size, solver.unstable())
+                    return
+                solver.restore(before)
+                self._shorten(bar)
+                continue
+            self.length += size
+            self.record(iterations, size, counted)
+            bar.update(1.0)
+            if met is not None:
+                text = f"load factor {solver.factor:.12g}: {met.label} is {met.value:.12g}"
+                self.buffer.event({"kind": "wanted", "time": self.length, "text": text})
+                return
+            self.off = off
+            if found is not None and self.info["critical_points"][-1]["kind"] == stop_at:
+                self._list_branches(min(counted or 0, unstable or 0))
+                return
+            along, unstable = after, counted
+            self.step = min(self.largest, GROWTH * self.step if iterations <= FEW else self.step)
+        text = (f"the path ends after {self.most} points at load factor {solver.factor:.6g}, before {to:.6g}; go on from "
+                "result.state with load_factor=, or give most_points")
+        self.buffer.event({"kind": "stopped", "time": self.length, "text": text})
+
+    def _off_values(self) -> Array:
+        return np.array([x.off(self.solver.state) for x in self.wanted])
+
+    def _met(self, before: tuple[Any, ...], along: Direction) -> tuple[Wanted | None, Array]:
+        """The first wanted quantity that the present step brings to its value, with the solver there and `size` the part of the
+        step; and how far all are off at its end."""
+        off, met = self._off_values(), None
+        # one that begins at its value goes on from there
+        passed = np.flatnonzero((self.off != 0.0) & (self.off * off <= 0.0))
+        solver, whole, end, after = self.solver, self.step, self.solver.saved(), off
+        for k in passed.tolist():
+            solver.restore(end)
+            self.size = whole
+            one = self.wanted[k]
+            size: float | None = whole
+            if off[k] != 0.0:
+                size = self._located(before, along, lambda: one.off(solver.state), float(self.off[k]), float(off[k]))
+            if size is not None and (met is None or size < met[0]):
+                met = size, one, solver.saved()
+        if met is None:
+            solver.restore(end)
+            self.size = whole
+            return None, after
+        self.size = met[0]
+        solver.restore(met[2])
+        return met[1], after
+
+    def _first(self, to: float) -> Direction:
+        """The first direction.
+
+        Raises
+        ------
+        ConvergenceError
+        """
+        solver = self.solver
+        # from what may not quite be an equilibrium
+        sign = 1.0 if to > solver.factor else -1.0
+        at = Direction(np.zeros_like(solver.weight), 1.0)
+        good = solver.go(at, 0.0, solver.factor)
+        along = solver.direction(None, sign) if good else None
+        if along is None:
+            raise ConvergenceError("solve_path: no equilibrium was found at the start, or its tangent is singular: give the "
+                                   "load_factor that belongs to the start, hold sliders whose contacts carry no force yet "
+                                   "(held=True), or begin from solve_static(...).state at a small load factor",
+                                   state=solver.state, result=self.finish())
+        return along
+
+    def _off(self, branch: int) -> Direction:
+        """The first direction on another path through a bifurcation.
+
+        Raises
+        ------
+        SceneError, ConvergenceError
+        """
+        found, _ = self.solver.branches(self.solver.unstable() or 0, self.step)
+        if not found:
+            raise ConvergenceError("solve_path: no direction was found in which a path branches off the start",
+                                   state=self.solver.state, result=self.finish())
+        if branch >= len(found):
+            raise SceneError(f"branch: {branch} does not exist, {len(found)} directions lead away from the start, counted from 0")
+        return found[branch]
+
+    def _list_branches(self, k: int) -> None:
+        """What is known of the directions that lead away from the last critical point, at which the eigenvalue of number k
+        vanishes."""
+        point = self.info["critical_points"][-1]
+        if point["kind"] != "bifurcation":
+            return
+        found, is_continuum = self.solver.branches(k, self.first_step)
+        vectors = self.solver.critical_directions(k)
+        if vectors is not None:
+            parts = [vectors.T @ (self.solver.weight * way.x) for way in found]
+            point |= {"multiplicity": vectors.shape[1], "branches": [part.tolist() for part in parts], "continuum": is_continuum}
+
+    def _direction(self, along: Direction) -> Direction:
+        """At the present equilibrium; the last one where there is none, as where paths cross."""
+        found = self.solver.direction(along)
+        return along if found is None or self.solver.product(along, found) < LEAST_COSINE else found
+
+    def _shorten(self, bar: Progress) -> None:
+        """Half the step.
+
+        Raises
+        ------
+        ConvergenceError
+            It is the smallest.
+        """
+        if self.step <= self.smallest:
+            bar.close()
+            solver, result = self.solver, self.finish()
+            where = self.model.node_label(solver.stepper.worst_node()[0])
+            to_end = np.min(np.abs(solver.stepper.core_state.s - solver.ends.T), axis=0) / solver.lengths
+            if self.rows == 1 and solver.sliding.any():
+                where += ("; a slider whose contact carries no force yet has no place of its own: hold it (held=True), or begin "
+                          "with start=solve_static(...).state and its load_factor")
+            elif np.any(to_end < AT_END):
+                where += f"; slider {self.model.names['sliders'][int(np.argmin(to_end))]!r} comes to an end of its beam"
+            raise ConvergenceError(f"load factor {solver.factor:.6g}: the smallest step of the path fails, the largest residual "
+                                   f"is at {where}; the last equilibrium is in .state, everything until then in .result",
+                                   step=self.rows - 1, time=self.length, worst=where, state=result.state, result=result)
+        self.step = max(self.smallest, 0.5 * self.step)
+
+    def _located(self, before: tuple[Any, ...], along: Direction, f: Callable[[], float], first: float, last: float,
+                 ) -> float | None:
+        """The step at which f vanishes, with the solver there; f at the start and the end of the present step."""
+        solver, end = self.solver, self.solver.saved()
+
+        def at(size: float) -> float:
+            solver.restore(before)
+            return f() if solver.go(along, size) else np.nan
+
+        size = root(at, 0.0, first, self.size, last) if first * last < 0.0 else None
+        if size is None or not 0.0 < size < self.size or not np.isfinite(at(size)):
+            solver.restore(end)
+            return None
+        return size
+
+    def _back(self, first: tuple[Any, ...], before: tuple[Any, ...], along: Direction, size: float) -> float | None:
+        """The part of the present step that leads back to the first equilibrium, with the solver there; None where it does not.
+
+        Newton's method is asked for a little before and behind it only: where the path begins at a bifurcation its matrix is
+        singular.
+        """
+        solver, end, last = self.solver, self.solver.saved(), self.solver.place()
+        solver.restore(first)
+        start = solver.place()
+        solver.restore(before)
+        begin = solver.place()
+        share, distance = _from_chord(start, begin, last)
+        if 0.0 < share <= 1.0 and distance < OFF_CHORD:
+            ends = []
+            for x in (share - AROUND, share + AROUND):
+                solver.restore(before)
+                if solver.go(along, x * size):
+                    ends.append(solver.place())
+            if len(ends) == 2:
+                inside, distance = _from_chord(start, *ends)
+                if 0.0 < inside < 1.0 and distance < 2.0 * AROUND * OFF_CHORD:
+                    solver.restore(first)
+                    return share * size
+        solver.restore(end)
+        return None
+
+    def _limit(self, before: tuple[Any, ...], along: Direction, after: Direction) -> float | None:
+        """Go to the limit point within the present step, whose length to there it returns."""
+        solver = self.solver
+
+        def rate() -> float:
+            found = solver.direction(along)
+            return np.nan if found is None else found.factor
+
+        size = self._located(before, along, rate, along.factor, after.factor)
+        if size is not None:
+            self._note("limit", size)
+        return size
+
+    def _bifurcation(self, before: tuple[Any, ...], along: Direction, k: int) -> float | None:
+        """The same for the bifurcation at which the eigenvalue of number k changes its sign."""
+        solver = self.solver
+        end = solver.saved()
+        vectors = solver.critical_directions(k) if solver.is_unsymmetric else None
+
+        def test() -> float:
+            return solver.eigenvalue(k) if vectors is None else solver.test_of(vectors[:, 0])
+
+        last = test()
+        solver.restore(before)
+        first = test()
+        solver.restore(end)
+        size = self._located(before, along, test, first, last)
+        if size is not None:
+            self._note("bifurcation", size)
+        return size
+
+    def _note(self, kind: str, size: float) -> None:
+        length = float(self.length + size)
+        point = {"kind": kind, "load_factor": float(self.solver.factor), "length": length, "row": self.rows}
+        self.info["critical_points"].append(point)
+        text = ("limit point: loads cannot grow beyond it, or not fall" if kind == "limit" else
+                "bifurcation: another path branches off; side= leads there (see solve_path)")
+        self.buffer.event({"kind": kind, "time": length, "text": f"load factor {self.solver.factor:.12g}: {text}"})
+
+
+def _from_chord(point: Array, a: Array, b: Array) -> tuple[float, float]:
+    """Of a point beside the chord from a to b: where its foot is, from 0 to 1, and its distance; both as shares of the chord."""
+    way = b - a
+    share = float(way @ (point - a) / (way @ way))
+    return share, float(np.linalg.norm(point - a - share * way) / np.linalg.norm(way))
