@@ -124,19 +124,13 @@ def _of_joints(model: Model, q: Array) -> Any:
     motions = model.motions
     if motions is None or not motions.damped:
         return sparse.csr_matrix((n, n))
-    rates = np.zeros((len(motions.names), model.n_nodes, 4, 3))
-    for k, ((a, b), turn, angle) in enumerate(zip(motions.node.tolist(), motions.turn, motions.is_angle)):
-        axis = turn[0, 0] @ q[a, 1:]
-        if angle:
-            # of a spin 1/2 sum d_i x d_i'
-            rates[k, b, 1:] += 0.5 * np.cross(axis, q[b, 1:])
-            rates[k, a, 1:] -= 0.5 * np.cross(axis, q[a, 1:])
-        else:
-            rates[k, b, 0] += axis
-            rates[k, a, 0] -= axis
-            rates[k, a, 1:] += np.outer(turn[0, 0], q[b, 0] - q[a, 0])
+    damped = np.flatnonzero(motions.every.damping)
+    rates = np.zeros((damped.size, model.n_nodes, 4, 3))
+    for row, k in enumerate(damped.tolist()):
+        pair = motions.node[k].tolist()
+        rates[row, pair] += motions.laws[k].lead(q[pair])[0]
     lead = sparse.csr_matrix(rates.reshape(len(rates), -1))
-    return lead.T @ sparse.diags(motions.table.damping) @ lead
+    return lead.T @ sparse.diags(motions.every.damping[damped]) @ lead
 
 
 def _of_springs(model: Model, q: Array) -> Any:

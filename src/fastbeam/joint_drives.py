@@ -12,10 +12,11 @@ from .errors import SceneError
 from .kernels.along import CONTROL, LAW
 from .kernels.joint_drive import BY, TO, ControlTimes, DriveTimes, JointControl, JointDrives, KnownForces
 from .kernels.joint_friction import AGAINST, RUB, RUBBED, SIGN, STICKS, STOP_LOSS, JointFriction
-from .kernels.joint_motion import JointForces, JointMotion, JointStops
+from .kernels.joint_coordinates import JointMotion
+from .kernels.joint_motion import JointForces, JointStops
 from .kernels.terms import NoTies
 from .load_times import factor_at, mean_factors
-from .joint_tables import Coordinate
+from .coordinates import Coordinate
 from .multipliers import KeptLink
 
 Array = np.ndarray
@@ -70,9 +71,8 @@ class Holds:
 
     Attributes
     ----------
-    parts : list
-        The joint of every coordinate.
-    is_angle : bool [C]
+    parts : list of scene.freedoms.Freedom
+        All coordinates.
     given, rubs, stopped, driven : int64 [*]
         Coordinates that are given, that have friction or rigid stops, that have elastic stops, and that have drives.
     rows : int64 [*]
@@ -88,7 +88,6 @@ class Holds:
     """
 
     parts: list[Any]
-    is_angle: Array
     given: Array
     rubs: Array
     stopped: Array
@@ -98,6 +97,11 @@ class Holds:
     place: int
     length: float
     laws: dict[int, Any]
+
+    @property
+    def is_angle(self) -> Array:
+        """Which of all coordinates are angles, bool [C]."""
+        return np.array([x.shape.is_angle for x in self.parts], bool)
 
     @property
     def held(self) -> Array:
@@ -197,7 +201,7 @@ class Holds:
 
     def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:
         """Numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
-        mine = KeptLink(self.parts[k].label, (0, 0), kept[0].law).joint
+        mine = KeptLink(self.parts[k].joint.label, (0, 0), kept[0].law).joint
         of_joint = [(j, link) for j, link in enumerate(kept) if link.joint == mine and not isinstance(link.law, Coordinate)]
         found = [next((n_sliders + j for j, link in of_joint if link.law.is_angle == turns), -1) for turns in (False, True)]
         return found[0], found[1]
@@ -367,8 +371,8 @@ class Holds:
         return out
 
 
-def holds_of(parts: list[Any], is_angle: Array, constraints: int, place: int, length: float) -> Holds:
-    """parts: the joint of every coordinate; constraints: all of the scene but moments of sleeves; place: as of `Holds`.
+def holds_of(parts: list[Any], constraints: int, place: int, length: float) -> Holds:
+    """parts: all coordinates; constraints: all of the scene but moments of sleeves; place: as of `Holds`.
 
     Raises
     ------
@@ -380,5 +384,4 @@ def holds_of(parts: list[Any], is_angle: Array, constraints: int, place: int, le
         lambda x: x.is_given, lambda x: x.may_stick, lambda x: x.stops is not None and not x.stops.is_rigid,
         lambda x: x.drive is not None))
     laws = {k: law_of(parts[k].drive, parts[k].label) for k in driven.tolist() if kind_of(parts[k].drive) == LAW}
-    return Holds(parts, is_angle == 1, given, rubs, stopped, driven, every, constraints - given.size - rubs.size, place, length,
-                 laws)
+    return Holds(parts, given, rubs, stopped, driven, every, constraints - given.size - rubs.size, place, length, laws)

@@ -16,7 +16,7 @@ from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
 from .joint_motion import check_motions
-from .kernels.joint_motion import VALUE
+from .kernels.joint_coordinates import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .joint_tables import Coordinate
+from .coordinates import Coordinate
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
