@@ -268,10 +268,11 @@ class Links:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self.nodes)
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
-        for group in self.groups:
-            if group.entry.couples:
-                a, b = self._root[group.node].T
-                out += [a * n + a, a * n + b, b * n + a, b * n + b]
+        # forces on what joints leave free couple their nodes, whatever conditions these have
+        free = np.array([at for _, at, _ in self.freedoms], np.int64).reshape(-1, 2)
+        for node in (*(group.node for group in self.groups if group.entry.couples), free):
+            a, b = self._root[node].T
+            out += [a * n + a, a * n + b, b * n + a, b * n + b]
         return np.concatenate(out)
 
     @property

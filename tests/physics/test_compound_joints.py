@@ -83,7 +83,8 @@ def test_two_bodies_in_flight_keep_momenta_and_close_their_books(kind: str, what
     for value, rate in (("angle", "spin"), ("distance", "speed"), ("swing", "swing_rate"), ("twist", "spin")):
         if value in joint and what in ("springs", "dampers"):
             middle = 0.5 * (joint[rate][1:] + joint[rate][:-1])
-            np.testing.assert_allclose(np.diff(joint[value], axis=0) / 5e-3, middle, rtol=0.0, atol=5e-3)
+            # a swing has no rate where it is 0
+            np.testing.assert_allclose((np.diff(joint[value], axis=0) / 5e-3)[1:], middle[1:], rtol=0.0, atol=5e-3)
 
 
 @pytest.mark.parametrize("kind", list(KINDS))
@@ -231,12 +232,15 @@ def test_motors_friction_and_given_motions_of_a_plate_are_those_of_the_equations
         return fb.PlanarJoint(fb.GROUND, part, "table", normal=(0, 0, 1), along=(1, 0, 0), friction=(f, 0.0, 0.0),
                               distance=(None, lambda t: 0.3 * t**2), torque=torque)
 
-    result = run(joined(table, planar, velocity=(speed, 0, 0)), 3.0, 0.01, every=1)
+    off = []
+    for step in (0.02, 0.01):
+        result = run(joined(table, planar, velocity=(speed, 0, 0)), 3.0, step, every=1)
+        off.append(np.max(np.abs(result.joint("table")["angle"] - 0.5 * torque / INERTIA[2] * result.t**2)))
+    assert off[1] < 3e-5 and np.log2(off[0] / off[1]) > 1.9
     joint, t = result.joint("table"), result.t
     stopped = speed / f
     np.testing.assert_allclose(joint["distance"][-1], (0.5 * speed * stopped, 2.7), rtol=0.0, atol=1e-4)
     np.testing.assert_allclose(joint["distance"][:, 1], 0.3 * t**2, rtol=0.0, atol=1e-13)
-    np.testing.assert_allclose(joint["angle"], 0.5 * torque / INERTIA[2] * t**2, rtol=0.0, atol=1e-11)
     np.testing.assert_allclose(joint["friction_loss"][-1], 0.5 * speed**2, rtol=1e-12)
     np.testing.assert_allclose(joint["force"][5:-1, 1], 0.6, rtol=0.0, atol=1e-8)
     assert result.drift("balance") < 1e-13 and np.ptp(joint["distance"][t > stopped + 0.05, 0]) == 0.0
@@ -272,7 +276,8 @@ def test_a_cone_turns_a_swing_back(elastic: bool) -> None:
         np.testing.assert_allclose(joint["swing"][-1], w * abs(0.6 - 2.0 * limit / w - np.pi / own), rtol=0.0, atol=1e-4)
     else:
         hit = limit / w
-        np.testing.assert_allclose(joint["swing"][-1], limit - e * w * (0.6 - hit), rtol=0.0, atol=1e-9)
+        # a step at a constant spin turns by 2 atan(w h/2)
+        np.testing.assert_allclose(joint["swing"][-1], limit - e * w * (0.6 - hit), rtol=0.0, atol=w * 0.6 * (w * 1e-3)**2 / 12)
         np.testing.assert_allclose(joint["stop_loss"][-1], 0.5 * INERTIA[0] * w**2 * (1.0 - e**2), rtol=1e-9)
         assert result.drift("balance") < 1e-12
 
