@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .kernels.along import CONTROL
 from .kernels.bushing import Bushings
 from .kernels.kinds import SPACE
 from .kernels.layout import VISCOSITY, layout_of
@@ -118,19 +119,23 @@ def _of_drag(model: Model) -> Any:
 
 
 def _of_joints(model: Model, q: Array) -> Any:
-    """Dampers on the distances and angles that joints leave free."""
+    """Dampers and controllers on the distances and angles that joints leave free."""
     from scipy import sparse
     n = 12 * model.n_nodes
     motions = model.motions
-    if motions is None or not motions.damped:
+    if motions is None:
         return sparse.csr_matrix((n, n))
-    damped = np.flatnonzero(motions.every.damping)
+    damping = motions.every.damping.copy()
+    # those of controllers below their largest force
+    kind, _, by_rate, _ = motions.holds.gains.T
+    damping[motions.holds.driven] += np.where(kind == CONTROL, by_rate, 0.0)
+    damped = np.flatnonzero(damping)
     rates = np.zeros((damped.size, model.n_nodes, 4, 3))
     for row, k in enumerate(damped.tolist()):
         pair = motions.node[k].tolist()
         rates[row, pair] += motions.laws[k].lead(q[pair])[0]
-    lead = sparse.csr_matrix(rates.reshape(len(rates), -1))
-    return lead.T @ sparse.diags(motions.every.damping[damped]) @ lead
+    lead = sparse.csr_matrix(rates.reshape(len(rates), n))
+    return lead.T @ sparse.diags(damping[damped]) @ lead
 
 
 def _of_springs(model: Model, q: Array) -> Any:

@@ -14,7 +14,7 @@ from .kernels.joint_friction import RUB
 from .kernels.joint_coordinates import ANGLE, LINE, LOSS, MOTION, NO_SWING, SWING, VALUE, WORK, JointMotion
 from .kernels.joint_motion import MotorSchedule
 from .kernels.work import State
-from .load_times import mean_factors
+from .load_times import factor_at, mean_factors
 from .plane import Plane, numbers_of
 
 Array = np.ndarray
@@ -116,6 +116,16 @@ class Motions:
             motor = self.motors[k]
             out[:, column] = mean_factors(motor, starts, lengths, self.labels[k]) if callable(motor) else motor or 0.0
         return out
+
+    def at_rest(self, tables: JointsOfRun, t: float, share: float) -> None:
+        """Motors and drives of the tables of an equilibrium, at time t, with this share of what they give."""
+        for column, k in enumerate(self.rows.tolist()):
+            motor = self.motors[k]
+            if motor is not None:
+                full = factor_at(motor, t, f"(motor) of {self.labels[k]}") if callable(motor) else float(motor)
+                tables.motion.given[column] = share * full
+        if tables.control is not None:
+            self.holds.at_rest(tables.control, t, share)
 
     # --- at rows ------------------------------------------------------------------------------------------------------
     def _vectors(self, q: Array) -> tuple[Array, Array]:
@@ -265,7 +275,7 @@ def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, co
                    rows=rows, holds=motions.holds.in_plane(rows, first))
 
 
-def check_motions(motions: Motions | None, compared: str | None, substeps: int, static: bool) -> None:
+def check_motions(motions: Motions | None, compared: str | None, substeps: int) -> None:
     """Refuse what forces in joints do not go together with.
 
     Raises
@@ -284,13 +294,26 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int, 
         raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
     if substeps > 1 and holds.backward:
         raise SceneError(f"order=4 has a step backward in time, in which {holds.backward} would put energy in; use order=2")
-    if static and motions.driven:
+
+
+def check_at_rest(who: str, motions: Motions | None, drives: bool = False) -> None:
+    """Refuse motors, drives, friction and rigid stops of joints, which equilibria of `who` do not know; drives: whether they know
+    motors and drives.
+
+    Raises
+    ------
+    SceneError
+    """
+    if motions is None:
+        return
+    holds = motions.holds
+    if not drives and motions.driven:
         driven = [k for k, motor in enumerate(motions.motors) if motor is not None] + holds.driven.tolist()
-        raise SceneError(f"{motions.labels[driven[0]]}: solve_static takes no motors and drives of joints; leave it out, or hold "
-                         "the joint by a stiff spring with rest=")
-    if static and holds.rubs.size:
+        raise SceneError(f"{motions.labels[driven[0]]}: {who} takes no motors and drives of joints; leave it out, or hold the joint "
+                         "by a stiff spring with rest=")
+    if holds.rubs.size:
         part = holds.parts[holds.rubs[0]]
         what = "friction of joints, which leaves a range of them" if part.has_friction else "rigid stops of joints"
         way = "" if part.has_friction else ", give the stops a stiffness="
-        raise SceneError(f"{part.label}: equilibria and modes know no {what}; leave it out{way}, hold the joint where it is to "
-                         "be by angle= or distance=, or run until it rests")
+        raise SceneError(f"{part.label}: {who} knows no {what}; leave it out{way}, hold the joint where it is to be by angle= or "
+                         "distance=, or run until it rests")

@@ -17,12 +17,12 @@ import numpy as np
 
 from .._jit import kernel
 from .along import drive_force
-from .joint_coordinates import LINE, VALUE, WORK, JointMotion, grip_in_step, missing, push, put_entries
+from .joint_coordinates import LINE, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, missing, push, put_entries, value_of
 from .joint_entries import begin_joint, is_closed, take_forces_of
 from .joint_motion import way_of
 from .kinds import dim
 from .sleeve import SETTLED
-from .terms import Conserving, account, assemble, first_guess, is_settled, put_loads, take_unknowns
+from .terms import Conserving, Equilibrium, account, assemble, first_guess, is_settled, put_loads, take_unknowns
 
 # how a coordinate is given: its value at the end of the step, or its increment
 TO, BY = range(2)
@@ -58,6 +58,7 @@ class JointControl(NamedTuple):
     given: np.ndarray      # float64 [D, 2]: the force; or value and rate that a controller follows
     clock: np.ndarray      # float64 [2]: size of the step, and time of its middle, s
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
+    share: np.ndarray      # float64 [1]: of their forces, the load factor in an equilibrium
 
 
 class ControlTimes(NamedTuple):
@@ -180,6 +181,18 @@ def assemble_control(term, method, system, h):
         grip = grip_in_step(motion, c, system)
         found = drive_force(term, i, before, before + way_of(motion, c, system, grip, before))
         push(motion, c, system, grip, found.value, found.slope)
+
+
+@assemble.register(JointControl, Equilibrium)
+@kernel
+def assemble_control_at_rest(term, method, system, h):
+    """Forces at one shape and half their derivative: the clock has a step without end, so that rates are none."""
+    motion = term.motion
+    for i in range(term.which.shape[0]):
+        c = term.which[i]
+        value = value_of(motion, c, system.dofs, system.work.q_end, system.state.history[motion.place[c] + VALUE])
+        found = drive_force(term, i, value, value)
+        push(motion, c, system, grip_at_rest(motion, c, system), term.share[0] * found.value, term.share[0] * found.slope)
 
 
 @account.register(JointControl)
