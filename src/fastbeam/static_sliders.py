@@ -97,7 +97,7 @@ class SlidingSolver(StaticSolver):
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
-        self._share = 0.0
+        self._gone = 0.0
         # those that friction or rigid stops may hold
         self.joints: StaticJoints | None = None
         if core.motions is not None and core.motions.holds.rubs.size:
@@ -121,12 +121,12 @@ class SlidingSolver(StaticSolver):
         super().move_to(share)
         if self.along is not None:
             self.along.share = share
-        self._share = share
+        self._gone = share
         self.hold_joints()
 
     def hold_joints(self) -> None:
         """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
-        given = [] if self.given is None else [(1.0 - self._share) * self.given[0] + self._share * self.given[1]]
+        given = [] if self.given is None else [(1.0 - self._gone) * self.given[0] + self._gone * self.given[1]]
         given += [] if self.joints is None else [self.joints.values]
         if given:
             self.contacts.given = np.concatenate(given)
