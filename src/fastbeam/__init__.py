@@ -14,7 +14,7 @@ _WHERE = {
               "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load", "Lock", "Net",
               "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
               "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
-              "Spring", "Stops", "Switch", "UniversalJoint", "UserForce", "Winch"],
+              "SphericalJoint", "Spring", "Stops", "Switch", "UniversalJoint", "UserForce", "Winch"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
@@ -52,7 +52,8 @@ if TYPE_CHECKING:
         NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
-        Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider, Spring as Spring,
+        Scene as Scene, Section as Section, Signal as Signal, Sleeve as Sleeve, Slider as Slider,
+        SphericalJoint as SphericalJoint, Spring as Spring,
         Stops as Stops, Switch as Switch, UniversalJoint as UniversalJoint, UserForce as UserForce,
         Winch as Winch,
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
+from .kernels.along import CONTROL
 from .kernels.bushing import Bushings
 from .kernels.kinds import SPACE
 from .kernels.layout import VISCOSITY, layout_of
@@ -118,25 +119,23 @@ def _of_drag(model: Model) -> Any:
 
 
 def _of_joints(model: Model, q: Array) -> Any:
-    """Dampers on the distances and angles that joints leave free."""
+    """Dampers and controllers on the distances and angles that joints leave free."""
     from scipy import sparse
     n = 12 * model.n_nodes
     motions = model.motions
-    if motions is None or not motions.damped:
+    if motions is None:
         return sparse.csr_matrix((n, n))
-    rates = np.zeros((len(motions.names), model.n_nodes, 4, 3))
-    for k, ((a, b), turn, angle) in enumerate(zip(motions.node.tolist(), motions.turn, motions.is_angle)):
-        axis = turn[0, 0] @ q[a, 1:]
-        if angle:
-            # of a spin 1/2 sum d_i x d_i'
-            rates[k, b, 1:] += 0.5 * np.cross(axis, q[b, 1:])
-            rates[k, a, 1:] -= 0.5 * np.cross(axis, q[a, 1:])
-        else:
-            rates[k, b, 0] += axis
-            rates[k, a, 0] -= axis
-            rates[k, a, 1:] += np.outer(turn[0, 0], q[b, 0] - q[a, 0])
-    lead = sparse.csr_matrix(rates.reshape(len(rates), -1))
-    return lead.T @ sparse.diags(motions.table.damping) @ lead
+    damping = motions.every.damping.copy()
+    # those of controllers below their largest force
+    kind, _, by_rate, _ = motions.holds.gains.T
+    damping[motions.holds.driven] += np.where(kind == CONTROL, by_rate, 0.0)
+    damped = np.flatnonzero(damping)
+    rates = np.zeros((damped.size, model.n_nodes, 4, 3))
+    for row, k in enumerate(damped.tolist()):
+        pair = motions.node[k].tolist()
+        rates[row, pair] += motions.laws[k].lead(q[pair])[0]
+    lead = sparse.csr_matrix(rates.reshape(len(rates), n))
+    return lead.T @ sparse.diags(damping[damped]) @ lead
 
 
 def _of_springs(model: Model, q: Array) -> Any:

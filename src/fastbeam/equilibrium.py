@@ -58,6 +58,8 @@ class StaticSolver:
     def set_time(self, t: float, factor: float) -> None:
         """At which time, and with which load factor, user forces and drives are evaluated."""
         self.stepper.law_work[:2] = t, factor
+        if self.stepper.motion is not None:
+            self.core.motions.at_rest(self.stepper.motion, t, factor)
 
     def move_to(self, share: float) -> None:
         """How much of their way supports and prescribed places of sliders have gone at the next equilibrium."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from .arc_length import PathSolver
 from .arguments import Anything, Count, Number, Refusal, Vector, Word, checked, shown, take, whole
 from .errors import SceneError
+from .joint_motion import check_at_rest
 from .kernels.work import State
 from .linsolve import check_backend
 from .load_times import law_path, load_factors_at, load_path, which_times
@@ -158,6 +159,7 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if side is not None and start is None:
         raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                          "load_factor=")
+    check_at_rest("solve_path", model.motions)
     solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor, laws)
     check_supports(model, solver.stepper.plane is not None)
     if model.motions is not None:

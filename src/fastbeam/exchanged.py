@@ -45,23 +45,31 @@ def balance_of(result: Result) -> dict[str, Array]:
     return energies
 
 
+# of a coordinate: what its rate and its force are called
+RATES = {"angle": "spin", "distance": "speed", "swing": "swing_rate", "twist": "spin"}
+FORCES = {"angle": "torque", "distance": "force", "swing": "cone_torque", "twist": "torque"}
+
+
 def joint_of(result: Result, name: str) -> dict[str, Array]:
     """`Result.joint`, of a joint with recorded coordinates."""
     out: dict[str, Array] = {}
+    series = result.series
     mine = [k for k, joint in enumerate(result.names["joints"]) if joint == name]
-    for k in mine:
-        what = result.names["coordinates"][k]
-        rate = "spin" if what == "angle" else "speed"
-        out[what], out[rate] = result.series["joint_value"][:, k], result.series["joint_rate"][:, k]
-        if "joint_force" in result.series and name in result.names.get("held", ()):
-            out["torque" if what == "angle" else "force"] = result.series["joint_force"][:, k]
+    shown = [k for k in mine if result.names["coordinates"][k] in RATES]
+    for what in dict.fromkeys(result.names["coordinates"][k] for k in shown):
+        same = [k for k in shown if result.names["coordinates"][k] == what]
+        # several of a kind stand in columns
+        at = same[0] if len(same) == 1 else same
+        out[what], out[RATES[what]] = series["joint_value"][:, at], series["joint_rate"][:, at]
+        if "joint_force" in series and name in result.names.get("held", ()):
+            out[FORCES[what]] = series["joint_force"][:, at]
     for key in ("energy", "loss", "work"):
-        if f"joint_{key}" in result.series:
-            out[key] = result.series[f"joint_{key}"][:, mine].sum(axis=1)
-    if "joint_drive" in result.series and name in result.names.get("driven", ()):
-        out["drive"] = result.series["joint_drive"][:, mine].sum(axis=1)
+        if f"joint_{key}" in series:
+            out[key] = series[f"joint_{key}"][:, mine].sum(axis=1)
+    if "joint_drive" in series and name in result.names.get("driven", ()):
+        out["drive"] = series["joint_drive"][:, shown[0] if len(shown) == 1 else shown]
     for key in ("friction", "stop"):
-        series = "joint_friction" if key == "friction" else "joint_stop_loss"
-        if series in result.series and name in result.names.get("held", ()):
-            out[f"{key}_loss"] = result.series[series][:, mine].sum(axis=1)
+        of = "joint_friction" if key == "friction" else "joint_stop_loss"
+        if of in series and name in result.names.get("held", ()):
+            out[f"{key}_loss"] = series[of][:, mine].sum(axis=1)
     return out

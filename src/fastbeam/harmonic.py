@@ -130,6 +130,8 @@ def frequency_response(model: Model, frequencies: ArrayLike, *, state: State | N
                                 about.size == 3, moved)
         settled.stepper.core_state.force[:] = about.stepper.core_state.force
         settled.stepper.law_work[:2] = about.stepper.law_work[:2]
+        if settled.stepper.motion is not None:
+            settled.stepper.motion.follow(about.stepper.motion)
     excitation = _excitation(model, settled, loads, vectors)
     ratios = None
     if damping_ratio > NO_DAMPING:

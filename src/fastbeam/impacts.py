@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .joint_tables import Coordinate
+from .coordinates import Coordinate
 from .kernels import joint_friction
 from .kernels.along import (AGAINST, FREE, HELD, HISTORY, INCREMENT, LOCKED, OFF, POSITION, SIGN, STICKS, STOP_LOSS)
-from .kernels.joint_motion import VALUE
+from .kernels.joint_coordinates import VALUE
 from .kernels.work import State
 from .maps import free_unknowns, gap_rates, mass_map, share_map, tie_map, velocity_map
 from .mapping import contact

@@ -12,10 +12,11 @@ from .errors import SceneError
 from .kernels.along import CONTROL, LAW
 from .kernels.joint_drive import BY, TO, ControlTimes, DriveTimes, JointControl, JointDrives, KnownForces
 from .kernels.joint_friction import AGAINST, RUB, RUBBED, SIGN, STICKS, STOP_LOSS, JointFriction
-from .kernels.joint_motion import JointForces, JointMotion, JointStops
+from .kernels.joint_coordinates import JointMotion
+from .kernels.joint_motion import JointForces, JointStops
 from .kernels.terms import NoTies
 from .load_times import factor_at, mean_factors
-from .joint_tables import Coordinate
+from .coordinates import Coordinate
 from .multipliers import KeptLink
 
 Array = np.ndarray
@@ -43,25 +44,27 @@ class JointsOfRun(NamedTuple):
     @property
     def static_terms(self) -> tuple[Any, ...]:
         """What has a part in statics."""
-        return tuple(x for x in (self.forces, self.stops) if x is not None)
+        return tuple(x for x in (self.forces, self.stops, self.control) if x is not None)
 
     @property
     def terms(self) -> tuple[Any, ...]:
         """All, in the order in which they keep account: values that are held come after those that are found."""
+        pushing = tuple(x for x in (self.forces, self.stops) if x is not None)
         held = tuple(x for x in (self.drives, self.friction, self.control) if x is not None)
-        return (*self.static_terms, self.motion, *held)
+        return (*pushing, self.motion, *held)
 
     @property
     def known(self) -> tuple[Any, ...]:
         """With the forces of the state instead of equations for them."""
         held = tuple(KnownForces(self.motion, x.which, x.first) for x in (self.drives, self.friction) if x is not None)
-        return (*self.static_terms, *held, *(() if self.control is None else (self.control,)))
+        return (*self.static_terms, *held)
 
     def follow(self, other: JointsOfRun) -> None:
         """Take what motors and drives were given in the last step of another run of the same model."""
         self.motion.given[:] = other.motion.given
         if self.control is not None and other.control is not None:
             self.control.given[:], self.control.clock[:] = other.control.given, other.control.clock
+            self.control.share[:] = other.control.share
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,8 @@ class Holds:
 
     Attributes
     ----------
-    parts : list
-        The joint of every coordinate.
-    is_angle : bool [C]
+    parts : list of scene.freedoms.Freedom
+        All coordinates.
     given, rubs, stopped, driven : int64 [*]
         Coordinates that are given, that have friction or rigid stops, that have elastic stops, and that have drives.
     rows : int64 [*]
@@ -88,7 +90,6 @@ class Holds:
     """
 
     parts: list[Any]
-    is_angle: Array
     given: Array
     rubs: Array
     stopped: Array
@@ -98,6 +99,11 @@ class Holds:
     place: int
     length: float
     laws: dict[int, Any]
+
+    @property
+    def is_angle(self) -> Array:
+        """Which of all coordinates are angles, bool [C]."""
+        return np.array([x.shape.is_angle for x in self.parts], bool)
 
     @property
     def held(self) -> Array:
@@ -153,6 +159,11 @@ class Holds:
         found = [[self.restitution(i, at_end) for at_end in (False, True)] for i in range(self.rubs.size)]
         return np.array([[-1.0 if x is None else x for x in both] for both in found]).reshape(-1, 2)
 
+    def loose(self, history: Array) -> Array:
+        """Which of `rubs` are free for small motions about a state at rest: without friction, and not against a stop; bool [R]."""
+        rubs = np.array([self.parts[k].has_friction for k in self.rubs], bool)
+        return np.asarray(~rubs & (self.numbers(history)[:, AGAINST] == 0.0))
+
     def link(self, kept: list[KeptLink], i: int) -> KeptLink:
         """What the force on coordinate `rubs[i]` acts on, of all joints with multipliers of a model in space."""
         return kept[len(kept) - self.rubs.size + i]
@@ -192,12 +203,12 @@ class Holds:
             gains, d = self.gains[driven], at_control.size
             law = np.array([self.laws[k].address if k in self.laws else 0 for k in self.driven[driven].tolist()], np.int64)
             control = JointControl(motion, at_control, gains[:, 0].astype(np.int64), np.ascontiguousarray(gains[:, 1:]), law,
-                                   np.zeros((d, 2)), np.zeros(2), np.zeros(d))
+                                   np.zeros((d, 2)), np.zeros(2), np.zeros(d), np.ones(1))
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
     def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:
         """Numbers of the constraints with the forces and the moments of the joint of coordinate k, -1: none."""
-        mine = KeptLink(self.parts[k].label, (0, 0), kept[0].law).joint
+        mine = KeptLink(self.parts[k].joint.label, (0, 0), kept[0].law).joint
         of_joint = [(j, link) for j, link in enumerate(kept) if link.joint == mine and not isinstance(link.law, Coordinate)]
         found = [next((n_sliders + j for j, link in of_joint if link.law.is_angle == turns), -1) for turns in (False, True)]
         return found[0], found[1]
@@ -208,8 +219,15 @@ class Holds:
 
     @property
     def has_functions(self) -> bool:
-        """Whether a value that is given is a function of time."""
-        return any(callable(self.parts[k].place) for k in self.given)
+        """Whether an equilibrium depends on the time of a given value, a motor or a drive."""
+        return any(callable(x.place) or callable(x.motor) or x.drive is not None and any(
+            callable(f) for f in (x.drive.position, x.drive.force)) for x in self.parts)
+
+    def at_rest(self, control: JointControl, t: float, share: float) -> None:
+        """What drives that push give in an equilibrium, at time t and with this share of it: rates are none."""
+        control.clock[:], control.share[0] = (np.inf, t), share
+        for i, k in enumerate(self.driven[self._left(self.driven)[1]].tolist()):
+            control.given[i] = given_to(self.parts[k].drive, self.parts[k].label, t, 0.0)[0], 0.0
 
     # --- what is given ------------------------------------------------------------------------------------------------
     def value(self, k: int, t: float) -> float:
@@ -367,8 +385,8 @@ class Holds:
         return out
 
 
-def holds_of(parts: list[Any], is_angle: Array, constraints: int, place: int, length: float) -> Holds:
-    """parts: the joint of every coordinate; constraints: all of the scene but moments of sleeves; place: as of `Holds`.
+def holds_of(parts: list[Any], constraints: int, place: int, length: float) -> Holds:
+    """parts: all coordinates; constraints: all of the scene but moments of sleeves; place: as of `Holds`.
 
     Raises
     ------
@@ -380,5 +398,4 @@ def holds_of(parts: list[Any], is_angle: Array, constraints: int, place: int, le
         lambda x: x.is_given, lambda x: x.may_stick, lambda x: x.stops is not None and not x.stops.is_rigid,
         lambda x: x.drive is not None))
     laws = {k: law_of(parts[k].drive, parts[k].label) for k in driven.tolist() if kind_of(parts[k].drive) == LAW}
-    return Holds(parts, is_angle == 1, given, rubs, stopped, driven, every, constraints - given.size - rubs.size, place, length,
-                 laws)
+    return Holds(parts, given, rubs, stopped, driven, every, constraints - given.size - rubs.size, place, length, laws)

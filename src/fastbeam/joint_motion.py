@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from .coordinates import KINDS, Coordinate
 from .errors import SceneError
 from .joint_drives import Holds, JointsOfRun, holds_of
-from .joint_tables import Conditions
 from .kernels.joint_friction import RUB
-from .kernels.joint_motion import LOSS, MOTION, VALUE, WORK, JointMotion, MotorSchedule
+from .kernels.joint_coordinates import ANGLE, LINE, LOSS, MOTION, NO_SWING, SWING, VALUE, WORK, JointMotion
+from .kernels.joint_motion import MotorSchedule
 from .kernels.work import State
-from .load_times import mean_factors
+from .load_times import factor_at, mean_factors
 from .plane import Plane, numbers_of
 
 Array = np.ndarray
@@ -35,6 +36,8 @@ class Motions:
         The joint of every coordinate.
     labels : list of str
         For messages.
+    what : list of str
+        'angle', 'distance', 'swing', 'twist' or 'cosine' of every coordinate.
     motors : list
         Force or torque of every coordinate: a number, a function of time, or None.
     turn : float64 [C, 2, 3, 3]
@@ -42,9 +45,9 @@ class Motions:
     node : int64 [C, 2]
     spring : float64 [C, 2]
         Stiffness and rest value.
-    distance : float64 [C]
-        At t = 0, m.
-    is_angle : bool [C]
+    every : JointMotion
+        Of all of them in space.
+    laws : list of Coordinate
     damped : bool
     holds : Holds
         What holds and stops them.
@@ -54,12 +57,13 @@ class Motions:
     rows: Array
     names: list[str]
     labels: list[str]
+    what: list[str]
     motors: list[Any]
     turn: Array
     node: Array
     spring: Array
-    distance: Array
-    is_angle: Array
+    every: JointMotion
+    laws: list[Coordinate]
     damped: bool
     holds: Holds
 
@@ -90,7 +94,7 @@ class Motions:
 
     def work(self, model: Any) -> JointsOfRun:
         """The tables with arrays of one run of a model."""
-        table = self.table._replace(given=self.table.given.copy(), hold=np.zeros(32))
+        table = self.table._replace(given=self.table.given.copy(), hold=np.zeros(64))
         return self.holds.tables(table, self.acts, model.ties, model.kept, model.n_sliders)
 
     def schedules(self, tables: JointsOfRun, starts: Array, lengths: Array, end: float) -> list[Any]:
@@ -113,24 +117,62 @@ class Motions:
             out[:, column] = mean_factors(motor, starts, lengths, self.labels[k]) if callable(motor) else motor or 0.0
         return out
 
+    def at_rest(self, tables: JointsOfRun, t: float, share: float) -> None:
+        """Motors and drives of the tables of an equilibrium, at time t, with this share of what they give."""
+        for column, k in enumerate(self.rows.tolist()):
+            motor = self.motors[k]
+            if motor is not None:
+                full = factor_at(motor, t, f"(motor) of {self.labels[k]}") if callable(motor) else float(motor)
+                tables.motion.given[column] = share * full
+        if tables.control is not None:
+            self.holds.at_rest(tables.control, t, share)
+
     # --- at rows ------------------------------------------------------------------------------------------------------
     def _vectors(self, q: Array) -> tuple[Array, Array]:
         """x_b - x_a [C, 3] and D of both nodes [C, 2, 3, 3]."""
         return q[self.node[:, 1], 0] - q[self.node[:, 0], 0], np.einsum("csik,cskx->csix", self.turn, q[self.node, 1:])
 
+    def _factors(self, q: Array) -> tuple[Array, Array]:
+        """Both vectors of every product, [P, 3] each."""
+        r, d = self._vectors(q)
+        (i, j), of = self.every.pair[:, 1:].T, self._of
+        return d[of, 0, i], np.where(j[:, None] < 0, r[of], d[of, 1, j])
+
+    @property
+    def _of(self) -> Array:
+        """The coordinate of every product, [P]."""
+        return np.repeat(np.arange(len(self.names)), np.diff(self.every.start))
+
+    def _summed(self, products: Array) -> tuple[Array, Array]:
+        """Sums y and z of all coordinates, [C] each, from products [P]."""
+        out = np.zeros((2, len(self.names)))
+        np.add.at(out, (self.every.pair[:, 0], self._of), self.every.sign * products)
+        return out[0], out[1]
+
+    def _sums(self, q: Array) -> tuple[Array, Array]:
+        """y and z [C] at q [N, 4, 3]; y of a swing is the sine."""
+        a, b = self._factors(q)
+        y, z = self._summed(np.sum(a * b, axis=1))
+        swings = np.flatnonzero(self.every.kind == SWING)
+        if swings.size:
+            d = self._vectors(q)[1]
+            y[swings] = np.linalg.norm(np.cross(d[swings, 0, 0], d[swings, 1, 0]), axis=1)
+        return y, z
+
     def values(self, q: Array, before: Array) -> Array:
         """Coordinates [C] at q [N, 4, 3], of angles those next to `before` [C]."""
-        r, d = self._vectors(q)
-        angle = np.arctan2(np.sum(d[:, 0, 2] * d[:, 1, 1], axis=1), np.sum(d[:, 0, 1] * d[:, 1, 1], axis=1))
-        angle += 2.0 * np.pi * np.round((before - angle) / (2.0 * np.pi))
-        return np.where(self.is_angle, angle, np.sum(r * d[:, 0, 0], axis=1) - self.distance)
+        y, z = self._sums(q)
+        angle = np.arctan2(y, z)
+        turns = np.where(self.every.kind == ANGLE, np.round((before - angle) / (2.0 * np.pi)), 0.0)
+        return np.where(self.every.kind == LINE, y - self.every.value, angle + 2.0 * np.pi * turns)
 
     def rates(self, q: Array, v: Array) -> Array:
         """Rates [C] of the coordinates at q and rates v [N, 4, 3]."""
-        (r, d), (dr, dd) = self._vectors(q), self._vectors(v)
-        spin = 0.5 * np.cross(d, dd).sum(axis=2)
-        turning = np.sum(d[:, 0, 0] * (spin[:, 1] - spin[:, 0]), axis=1)
-        return np.where(self.is_angle, turning, np.sum(dr * d[:, 0, 0] + r * dd[:, 0, 0], axis=1))
+        (a, b), (da, db), (y, z) = self._factors(q), self._factors(v), self._sums(q)
+        dy, dz = self._summed(np.sum(da * b + a * db, axis=1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turning = (z * dy - y * dz) / (y * y + z * z)
+        return np.choose(self.every.kind, (dy, turning, -dz / np.maximum(y, NO_SWING)))
 
     def energy(self, history: Array) -> Array:
         """Energy [C] that springs store, J; history [C, 3]."""
@@ -187,29 +229,26 @@ class Motions:
 
 def motions_of(links: Any, blocks: Any, row_of: Array, spin_root: Array, model: Any) -> Motions | None:
     """Of the joints of a scene; links: `links.Links`; model: the scene's, without them. None where there are none."""
-    found = [(part, node, is_angle, k) for part, node in links.with_axes for k, is_angle in enumerate(part.coordinates)]
-    place = model.motion_place
-    if not found:
+    parts, place = [x[0] for x in links.freedoms], model.motion_place
+    if not parts:
         return None
-    node = np.array([x[1] for x in found], np.int64).reshape(-1, 2)
-    laws: list[Conditions] = [links.law_of(x[0]) for x in found]
+    node = np.array([x[1] for x in links.freedoms], np.int64).reshape(-1, 2)
     a, b = node.T
     block = np.stack([blocks.between(i, j) for i in (a, b) for j in (a, b)], axis=1)
-    turn = np.array([law.turn for law in laws])
-    x = np.array([law.reference for law in laws])
-    distance = np.sum((x[:, 1, 0] - x[:, 0, 0]) * np.array([law.axes[0, 0] for law in laws]), axis=1)
-    numbers = {name: np.array([part.numbers[name][k] for part, *_, k in found]) for name in ("stiffness", "damping", "rest")}
-    motors = [part.motor for part, *_ in found]
-    is_angle = np.array([x[2] for x in found], np.int64)
-    count = len(found)
-    table = JointMotion(node, row_of[node], block, is_angle, spin_root[node], turn.reshape(-1), distance,
-                        place + MOTION * np.arange(count), numbers["stiffness"], numbers["damping"], numbers["rest"],
-                        np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(32))
-    parts = [part for part, *_ in found]
-    holds = holds_of(parts, is_angle, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
-    return Motions(table, np.arange(count), [str(part.name) for part in parts], [part.label for part in parts], motors,
-                   turn, node, np.stack((numbers["stiffness"], numbers["rest"]), axis=1), distance, is_angle == 1,
-                   bool(np.any(numbers["damping"])), holds)
+    turn = np.array([frame.turn for *_, frame in links.freedoms])
+    kind = np.array([KINDS[x.shape.what] for x in parts], np.int64)
+    products = [one for x in parts for one in x.shape.products]
+    start = np.concatenate(([0], np.cumsum([len(x.shape.products) for x in parts]))).astype(np.int64)
+    stiffness, damping, rest = (np.array([getattr(x, name) for x in parts], float) for name in ("stiffness", "damping", "rest"))
+    motors, count = [x.motor for x in parts], len(parts)
+    laws = [Coordinate(x.shape, frame) for x, _, frame in links.freedoms]
+    table = JointMotion(node, row_of[node], block, kind, spin_root[node], start, np.array([x[:3] for x in products], np.int64),
+                        np.array([x.sign for x in products]), turn.reshape(-1), np.array([x.at_start for x in laws]),
+                        place + MOTION * np.arange(count), stiffness, damping, rest,
+                        np.array([float(m) if m is not None and not callable(m) else 0.0 for m in motors]), np.zeros(64))
+    holds = holds_of(parts, model.n_sliders + len(model.kept), place + MOTION * count, model.length)
+    return Motions(table, np.arange(count), [x.name for x in parts], [x.label for x in parts], [x.shape.what for x in parts],
+                    motors, turn, node, np.stack((stiffness, rest), axis=1), table, laws, bool(np.any(damping)), holds)
 
 
 def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, constraints: int) -> Motions | None:
@@ -218,20 +257,25 @@ def motions_in_plane(motions: Motions | None, reference: Array, plane: Plane, co
     if motions is None:
         return None
     table = motions.table
-    axis = np.einsum("ck,ckx->cx", motions.turn[:, 0, 0], reference[motions.node[:, 0], 1:])
-    up = np.abs(axis @ plane.axes[2]) > 0.5
-    rows = np.flatnonzero(up == motions.is_angle)
+    d = np.einsum("csik,cskx->csix", motions.turn, reference[motions.node, 1:])
+    up = np.abs(d @ plane.axes[2]) > 0.5
+    (i, j), of = table.pair[:, 1:].T, np.repeat(np.arange(len(motions.names)), np.diff(table.start))
+    out = up[of, 0, i] | (j >= 0) & up[of, 1, j]
+    rows = np.flatnonzero(np.bincount(of, weights=out, minlength=len(motions.names)) == 0)
+    mine = np.isin(of, rows)
+    start = np.concatenate(([0], np.cumsum(np.diff(table.start)[rows]))).astype(np.int64)
     flat = np.einsum("csik,csk->csi", motions.turn[rows], plane.factor[motions.node[rows]])
     size = np.abs(flat)
     flat = np.where(size > 0.5, flat / np.where(size > 0.5, size, 1.0), 0.0)
     some = {name: np.ascontiguousarray(getattr(table, name)[rows]) for name in
-            ("node", "row", "block", "is_angle", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
+            ("node", "row", "block", "kind", "spin_node", "value", "place", "stiffness", "damping", "rest", "given")}
     first = constraints - int(np.sum(np.isin(motions.holds.held, rows)))
-    return replace(motions, table=table._replace(**some, axes=numbers_of(flat)), rows=rows,
-                   holds=motions.holds.in_plane(rows, first))
+    return replace(motions, table=table._replace(**some, start=start, pair=np.ascontiguousarray(table.pair[mine]),
+                                                 sign=table.sign[mine], axes=numbers_of(flat)),
+                   rows=rows, holds=motions.holds.in_plane(rows, first))
 
 
-def check_motions(motions: Motions | None, compared: str | None, substeps: int, static: bool) -> None:
+def check_motions(motions: Motions | None, compared: str | None, substeps: int) -> None:
     """Refuse what forces in joints do not go together with.
 
     Raises
@@ -250,13 +294,26 @@ def check_motions(motions: Motions | None, compared: str | None, substeps: int, 
         raise SceneError("order=4 has a step backward in time, in which dampers of joints would put energy in; use order=2")
     if substeps > 1 and holds.backward:
         raise SceneError(f"order=4 has a step backward in time, in which {holds.backward} would put energy in; use order=2")
-    if static and motions.driven:
+
+
+def check_at_rest(who: str, motions: Motions | None, drives: bool = False) -> None:
+    """Refuse motors, drives, friction and rigid stops of joints, which equilibria of `who` do not know; drives: whether they know
+    motors and drives.
+
+    Raises
+    ------
+    SceneError
+    """
+    if motions is None:
+        return
+    holds = motions.holds
+    if not drives and motions.driven:
         driven = [k for k, motor in enumerate(motions.motors) if motor is not None] + holds.driven.tolist()
-        raise SceneError(f"{motions.labels[driven[0]]}: solve_static takes no motors and drives of joints; leave it out, or hold "
-                         "the joint by a stiff spring with rest=")
-    if static and holds.rubs.size:
+        raise SceneError(f"{motions.labels[driven[0]]}: {who} takes no motors and drives of joints; leave it out, or hold the joint "
+                         "by a stiff spring with rest=")
+    if holds.rubs.size:
         part = holds.parts[holds.rubs[0]]
         what = "friction of joints, which leaves a range of them" if part.has_friction else "rigid stops of joints"
         way = "" if part.has_friction else ", give the stops a stiffness="
-        raise SceneError(f"{part.label}: equilibria and modes know no {what}; leave it out{way}, hold the joint where it is to "
-                         "be by angle= or distance=, or run until it rests")
+        raise SceneError(f"{part.label}: {who} knows no {what}; leave it out{way}, hold the joint where it is to be by angle= or "
+                         "distance=, or run until it rests")

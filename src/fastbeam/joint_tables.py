@@ -5,12 +5,31 @@ from typing import Any
 
 import numpy as np
 
+from .coordinates import Coordinate
 from .kernels.joint_conditions import JointConditions
 from .multipliers import KeptLink
 from .plane import TOLERANCE, NotPlanar, Plane, numbers_of
 
 Array = np.ndarray
 Pairs = tuple[tuple[int, int], ...]
+
+
+class Frame:
+    """Directions that both nodes of a joint carry, and where these stand at t = 0.
+
+    Attributes
+    ----------
+    turn : float64 [2, 3, 3]
+        R with D_i = sum_k R_ik d_k of both nodes.
+    reference : float64 [2, 4, 3]
+        Coordinates at t = 0.
+    axes : float64 [2, 3, 3]
+        The directions of both at t = 0.
+    """
+
+    def __init__(self, turn: Array, reference: Array) -> None:
+        self.turn, self.reference = turn, reference
+        self.axes = np.einsum("sik,skc->sic", turn, reference[:, 1:])
 
 
 class Conditions:
@@ -98,108 +117,22 @@ class Conditions:
         return np.eye(len(self.pairs))[self.left_in_plane(axes[2])]
 
 
-class Coordinate:
-    """What a joint leaves free, where a force of its own holds it: given as a function of time, or by friction.
-
-    The coordinate is the angle atan2(D_3 . E_2, D_2 . E_2) or the distance r . D_1, both zero at t = 0.
-
-    Parameters
-    ----------
-    kept : Conditions
-        Of the same joint.
-    is_angle : bool
-    rate : float
-        At t = 0, m/s or rad/s.
-    holds : bool
-        False: friction, which holds up to a limit.
-    """
-
-    is_vector = False
-
-    def __init__(self, kept: Conditions, is_angle: bool, rate: float, holds: bool) -> None:
-        self.turn, self.is_angle, self.rate, self.holds = kept.turn, is_angle, rate, holds
-        x = kept.reference
-        self.axis = kept.axes[0, 0]
-        self.distance = float((x[1, 0] - x[0, 0]) @ self.axis)
-        far = np.concatenate(([-1.0], np.zeros(3), [1.0], np.zeros(3)))
-        a, b = (np.concatenate((np.zeros(1), y, np.zeros(4))) for y in self.turn[0]), self.turn[1, 1]
-        one, two, three = a
-        other = np.concatenate((np.zeros(5), b))
-        # products of two combinations of the eight vectors of both nodes
-        self._pairs = [(three, other), (two, other)] if is_angle else [(one, far)]
-
-    def forces(self, dim: int) -> int:
-        """As of `Law`."""
-        return 1
-
-    def gap(self, x: Array, at_start: Array) -> Array:
-        """As of `Law`: none, because what it is given depends on time."""
-        return np.zeros(1)
-
-    def misses(self, x: Array, value: float) -> float:
-        """The coordinate less a value, of an angle the nearest of all turns."""
-        products = self._products(x)
-        if not self.is_angle:
-            return float(products[0] - self.distance - value)
-        up, along = products
-        u, w = np.cos(value), np.sin(value)
-        return float(np.arctan2(up * u - along * w, along * u + up * w))
-
-    def _products(self, x: Array) -> Array:
-        y = x.reshape(8, 3)
-        return np.array([(u @ y) @ (w @ y) for u, w in self._pairs])
-
-    def _leads(self, x: Array) -> Array:
-        """Derivatives of the products, [p, 24]."""
-        y = x.reshape(8, 3)
-        return np.array([(np.outer(u, w @ y) + np.outer(w, u @ y)).reshape(-1) for u, w in self._pairs])
-
-    def lead(self, x: Array) -> Array:
-        """As of `Law`."""
-        out = self._leads(x)
-        if self.is_angle:
-            up, along = self._products(x)
-            out = ((along * out[0] - up * out[1]) / (up * up + along * along))[None]
-        return out.reshape(1, 2, 4, 3)
-
-    def bend(self, x: Array, rate: Array) -> Array:
-        """As of `Law`."""
-        v = rate.reshape(-1)
-        return np.array([-v @ self.curvature(x, np.ones(1)) @ v])
-
-    def curvature(self, x: Array, force: Array) -> Array:
-        """As of `Law`."""
-        second = [np.kron(np.outer(u, w) + np.outer(w, u), np.eye(3)) for u, w in self._pairs]
-        if not self.is_angle:
-            return np.asarray(force[0] * second[0])
-        (up, along), (a, b) = self._products(x), self._leads(x)
-        n = up * up + along * along
-        mixed = np.outer(a, b)
-        bent = (along * second[0] - up * second[1]) / n
-        bent += (2.0 * up * along * (np.outer(b, b) - np.outer(a, a)) + (up * up - along * along) * (mixed + mixed.T)) / n**2
-        return np.asarray(force[0] * bent)
-
-    def is_left_in_plane(self, normal: Array) -> bool:
-        """Whether the plane with this normal leaves it free."""
-        return (abs(float(self.axis @ normal)) > 0.5) == self.is_angle
-
-    def within(self, axes: Array) -> Array:
-        """As of `Law`."""
-        return np.eye(1)[:int(self.is_left_in_plane(axes[2]))]
-
-
-def conditions_of(part: Any, nodes: tuple[int, int], phi: Array, directors: Array) -> list[tuple[str, Conditions]]:
-    """The sets of conditions of a joint, each with what it holds in words."""
+def frame_of(part: Any, nodes: tuple[int, int], phi: Array, directors: Array) -> Frame:
+    """The directions of a joint: D_1 is its axis, the others are at a right angle to it."""
     pair = list(nodes)
     x = np.concatenate((phi[pair, None], directors[pair]), axis=1)
     axis, other = part.axes
     # directions of the nodes come first: in a plane one of them is its normal
     hints = np.concatenate((directors[pair].reshape(-1, 3), np.eye(3)))
-    same = np.array_equal(axis, other)
-    across = _across(axis, hints) if same else other
+    across = other if not np.array_equal(axis, other) else _across(axis, hints) if part.across is None else part.across
     frame = np.stack((axis, across, np.cross(axis, across)))
-    turn = frame @ directors[pair].transpose(0, 2, 1)
-    return [(" (directions)" if pairs[0][1] >= 0 else " (place)", Conditions(pairs, turn, x)) for pairs in part.conditions]
+    return Frame(frame @ directors[pair].transpose(0, 2, 1), x)
+
+
+def conditions_of(part: Any, frame: Frame) -> list[tuple[str, Conditions]]:
+    """The sets of conditions of a joint, each with what it holds in words."""
+    return [(" (directions)" if pairs[0][1] >= 0 else " (place)", Conditions(pairs, frame.turn, frame.reference))
+            for pairs in part.conditions]
 
 
 def _across(axis: Array, hints: Array) -> Array:
@@ -220,6 +153,20 @@ def joint_conditions(ends: Any) -> JointConditions:
     return JointConditions(ends.node, ends.row, ends.spin_row, ends.block, start, pairs, value, axes, ends.first, ends.ties)
 
 
+def left_in_plane(name: str, law: Any, normal: Array) -> Any:
+    """What a law is left with in the plane with this normal.
+
+    Raises
+    ------
+    NotPlanar
+        A direction of it is oblique to the plane.
+    """
+    try:
+        return law.is_left_in_plane(normal) if isinstance(law, Coordinate) else law.left_in_plane(normal)
+    except NotPlanar:
+        raise NotPlanar(f"the axis of {name} is oblique to the plane") from None
+
+
 def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], Array]:
     """The joints with the conditions that are left in a plane, and among all single forces the numbers of those that are.
 
@@ -230,7 +177,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
     """
     out, singles, at = [], [np.zeros(0, np.int64)], 0
     for link in kept:
-        if isinstance(link.law, Coordinate) and not link.law.is_left_in_plane(normal):
+        if isinstance(link.law, Coordinate) and not left_in_plane(link.name, link.law, normal):
             if link.law.holds:
                 raise NotPlanar(f"{link.name} leads out of the plane")
             # what does not move does not rub
@@ -242,10 +189,7 @@ def kept_in_plane(kept: list[KeptLink], normal: Array) -> tuple[list[KeptLink], 
                 singles.append(np.array([at]))
                 at += 1
             continue
-        try:
-            keep = link.law.left_in_plane(normal)
-        except NotPlanar:
-            raise NotPlanar(f"the axis of {link.name} is oblique to the plane") from None
+        keep = left_in_plane(link.name, link.law, normal)
         singles.append(at + keep)
         at += len(link.law.pairs)
         if keep.size:

@@ -68,6 +68,9 @@ class Linearisation:
         self.core, self.sliding, self.factors = self.stepper.core, sliding, factors
         self.size = len(self.core.dofs)
         self.contacts = StaticContacts(own, None if plane is None else plane.axes)
+        motions = self.core.motions
+        if motions is not None and motions.holds.rubs.size:
+            self.contacts.loose = motions.holds.loose(self.stepper.core_state.history)
         self.free = np.flatnonzero(self.contacts.free(self.size))
         self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
         self._inertia = inertia = mass_map(own)

@@ -15,7 +15,8 @@ from ._outside import is_outside
 from .bushings import bushings
 from .connections import Connections
 from .errors import SceneError
-from .joint_tables import Coordinate, conditions_of, joint_conditions
+from .coordinates import Coordinate
+from .joint_tables import conditions_of, frame_of, joint_conditions
 from .multipliers import Distance, KeptLink, Law, Together
 from .kernels.ball_joint import BallJoints
 from .kernels.distance_joint import DistanceJoints
@@ -23,7 +24,7 @@ from .kernels.spring import Springs
 from .kernels.terms import assemble
 from .numbering import NodeList
 from .scene import BallJoint, Bushing, Damper, DistanceJoint, LineForce, Scene, Spring
-from .scene.joints import AxisJoint
+from .scene.axis_joint import AxisJoint
 from .scene.links import Link, label_of
 from .spring_laws import spring_laws
 from .user_forces import Loaded, line_forces
@@ -222,9 +223,9 @@ class Links:
                 raise SceneError(f"{label_of(x)}: a scene takes no {type(x).__name__} before "
                                  f"fastbeam.extend.register_link({type(x).__name__}, ...) says what it adds")
         with_axes = [x for x in scene.links if isinstance(x, AxisJoint)]
-        # joints with axes and their nodes; one of the laws of each
-        self.with_axes = list(zip(with_axes, _nodes_of(with_axes, nodes).tolist()))
-        self._law_of: dict[int, Any] = {}
+        # joints with axes, their nodes and directions
+        self.with_axes = [(x, at, frame_of(x, at, nodes.phi, nodes.directors))
+                          for x, at in zip(with_axes, _nodes_of(with_axes, nodes).tolist())]
         for entry in REGISTRY:
             parts: list[Any] = [x for x in scene.links if entry.holds(x)]
             node = _nodes_of(parts, nodes)
@@ -236,29 +237,25 @@ class Links:
                 node = np.concatenate((pairs[joints.loops], _nodes_of(pinned, nodes)))
                 laws, words = [entry.law] * len(parts), [""] * len(parts)
             elif entry.noun is AxisJoint:
-                sets = [(x, at, *found) for x, at in self.with_axes
-                        for found in conditions_of(x, at, nodes.phi, nodes.directors)]
-                self._law_of = {id(x[0]): x[3] for x in sets}
+                sets = [(x, at, *found) for x, at, frame in self.with_axes for found in conditions_of(x, frame)]
                 parts, laws, words = [x[0] for x in sets], [x[3] for x in sets], [x[2] for x in sets]
                 node = np.array([x[1] for x in sets], np.int64).reshape(-1, 2)
             if entry.needs_distance:
                 _check_distances(parts, node, nodes.phi)
             if parts:
                 self.groups.append(Group(entry, parts, node, laws, words))
-        # joints whose free coordinate has a force of its own, those that are given first: their constraints come last
+        # what these leave free, with the nodes and directions of the joint
+        self.freedoms = [(freedom, (a, b), frame) for x, (a, b), frame in self.with_axes for freedom in x.freedoms]
+        # of coordinates with a force of their own those that are given come first: their constraints are the last of all
         self.driven: list[KeptLink] = []
-        for part, (a, b) in self.with_axes:
-            if part.is_given:
-                law = Coordinate(self.law_of(part), part.coordinates[0], part.given_rate, holds=True)
-                self.driven.append(KeptLink(f"{part.label} (drive)", (a, b), law))
-        for part, (a, b) in self.with_axes:
-            if part.may_stick:
-                law = Coordinate(self.law_of(part), part.coordinates[0], 0.0, holds=False)
-                self.driven.append(KeptLink(f"{part.label} ({'friction' if part.has_friction else 'stops'})", (a, b), law))
-
-    def law_of(self, joint: AxisJoint) -> Any:
-        """Conditions of a joint, for the axes that its nodes carry."""
-        return self._law_of[id(joint)]
+        for freedom, at, frame in self.freedoms:
+            if freedom.is_given:
+                law = Coordinate(freedom.shape, frame, freedom.given_rate, holds=True)
+                self.driven.append(KeptLink(freedom.force_label("drive"), at, law))
+        for freedom, at, frame in self.freedoms:
+            if freedom.may_stick:
+                law = Coordinate(freedom.shape, frame)
+                self.driven.append(KeptLink(freedom.force_label("friction" if freedom.has_friction else "stops"), at, law))
 
     @property
     def touched(self) -> Array:
@@ -271,10 +268,11 @@ class Links:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self.nodes)
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
-        for group in self.groups:
-            if group.entry.couples:
-                a, b = self._root[group.node].T
-                out += [a * n + a, a * n + b, b * n + a, b * n + b]
+        # forces on what joints leave free couple their nodes, whatever conditions these have
+        free = np.array([at for _, at, _ in self.freedoms], np.int64).reshape(-1, 2)
+        for node in (*(group.node for group in self.groups if group.entry.couples), free):
+            a, b = self._root[node].T
+            out += [a * n + a, a * n + b, b * n + a, b * n + b]
         return np.concatenate(out)
 
     @property

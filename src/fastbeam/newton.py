@@ -129,7 +129,7 @@ class Stepper:
             self.prescribed = core.prescribed.tables(core.pattern.row_of, core.drive_place, self.plane)
         if not static:
             check_forces(method, self.weights.size > 1, model, core)
-        check_motions(model.motions, method.name if compared else None, self.weights.size, static)
+        check_motions(model.motions, method.name if compared else None, self.weights.size)
         check_twist(model, static)
         if core.motions is not None and core.motions.rows.size:
             self.motion = core.motions.work(core)

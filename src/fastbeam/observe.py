@@ -340,8 +340,7 @@ class Observer:
             names["reactions"] = self.reactions
         names |= {name: list(of) for name, of in (("losses", model.losses), ("works", model.works)) if of}
         if model.motions is not None:
-            kinds = ["angle" if x else "distance" for x in model.motions.is_angle]
-            names |= {"joints": model.motions.names, "coordinates": kinds}
+            names |= {"joints": model.motions.names, "coordinates": model.motions.what}
             names |= {"driven": [model.motions.names[k] for k in model.motions.holds.driven]}
         names |= {springs.kind: springs.names for springs in self.springs}
         if self.held:

@@ -11,7 +11,8 @@ import numpy as np
 from .bushings import bushings_in_plane, check_plane
 from .connections import TRIAD, held_axes, held_in_plane
 from .joint_motion import motions_in_plane
-from .joint_tables import conditions_in_plane, kept_in_plane
+from .coordinates import Coordinate
+from .joint_tables import conditions_in_plane, kept_in_plane, left_in_plane
 from .kernels.beam import ElementTables
 from .kernels.bushing import Bushings
 from .kernels.inner import Inner, NoColumns, store_size
@@ -114,6 +115,10 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     for x, why in across:
         off = np.linalg.norm(x - (x @ normal)[:, None] * normal, axis=1)
         _refuse(off, TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
+    for freedom, _, frame in unpacked.numbered.links.freedoms:
+        if not freedom.joint.conditions:
+            # the others are found by what they hold
+            left_in_plane(freedom.joint.label, Coordinate(freedom.shape, frame), normal)
     flat = to_plane(q[:, 1:], axes)
     # u is the director that lies best in the plane, the first of equals: d1 of a beam
     k = np.argmax(np.round(np.abs(flat), 9), axis=1)
@@ -155,14 +160,13 @@ def _follower(table: UserForces, plane: Plane) -> PlanarFollowers:
 def _driven(links: Any, n: int) -> Iterator[tuple[str, Array, Array]]:
     """Of every joint with a motor or a given motion, or with a spring that is not free of force at t = 0: what it is, and for all
     n nodes the directions [n, 3] in which it pushes and about which it turns."""
-    for part, nodes in links.with_axes:
-        moved = part.motor is not None or part.drive is not None or part.is_given
-        for k, is_angle in enumerate(part.coordinates):
-            if not moved and part.numbers["stiffness"][k] * part.numbers["rest"][k] == 0.0:
-                continue
-            pushes, turns = np.zeros((n, 3)), np.zeros((n, 3))
-            (turns if is_angle else pushes)[nodes[1]] = part.axes[0] / np.linalg.norm(part.axes[0])
-            yield part.label, pushes, turns
+    for freedom, nodes, frame in links.freedoms:
+        moved = freedom.motor is not None or freedom.drive is not None or freedom.is_given
+        if not moved and freedom.stiffness * freedom.rest == 0.0:
+            continue
+        pushes, turns = np.zeros((n, 3)), np.zeros((n, 3))
+        (turns if freedom.shape.is_angle else pushes)[nodes[1]] = frame.axes[freedom.shape.side, freedom.shape.axis]
+        yield freedom.joint.label, pushes, turns
 
 
 def _refuse(off: Array, limit: float | Array, why: str, unpacked: Unpacked, nodes: Array | None = None) -> None:

@@ -15,8 +15,8 @@ from .dynamics import failure
 from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .interrupt import Interrupts
-from .joint_motion import check_motions
-from .kernels.joint_motion import VALUE
+from .joint_motion import check_at_rest
+from .kernels.joint_coordinates import VALUE
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
@@ -111,7 +111,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     refuse_winches("relax", model)
     check_backend(backend)
-    check_motions(model.motions, None, 1, True)
+    check_at_rest("relax", model.motions)
     check_twist(model, True)
     if model.released is not None:
         raise SceneError("relax: a support lets go (until=); leave that out for the equilibrium, or run in time")

@@ -10,6 +10,7 @@ from .arguments import Count, Flag, Listing, Names, Number, Refusal, Word, check
 from .errors import ConvergenceError, SceneError
 from .frequency_slopes import FrequencySlopes, Linearised, frequency_slopes
 from .kernels.work import State
+from .joint_motion import check_at_rest
 from .linsolve import check_backend
 from .load_times import factor_at, load_factors_at
 from .model import Model
@@ -349,6 +350,7 @@ def family_of(who: str, build: Build, values: Mapping[str, Any], scale: Mapping[
     if model.user_forces:
         raise SceneError(f"{who}: user force {model.user_forces[0]!r} is a function whose derivatives are not known; use loads, "
                          "or differences of equilibria")
+    check_at_rest(who, model.motions)
     if model.motions is not None and model.motions.holds.given.size:
         raise SceneError(f"{who}: {model.motions.labels[model.motions.holds.given[0]]} is given a value that may depend on them, "
                          "which is not known; use differences of equilibria")

@@ -9,7 +9,7 @@ import numpy as np
 from .arguments import shown
 from .connections import held_axes
 from .errors import SceneError
-from .joint_tables import Coordinate
+from .coordinates import Coordinate
 from .kernels.along import HELD, HISTORY, OFF
 from .kernels.slider import END_SLACK
 from .kernels.work import State

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .joint_tables import Coordinate
+from .coordinates import Coordinate
 from .mapping import shapes_at
 from .maps import tie_map, velocity_map
 from .model import Model
@@ -99,6 +99,8 @@ class StaticContacts:
         at = (12 * np.unique(ends)[:, None] + np.arange(12)).reshape(-1)
         # what joints are given, in their order; None: they stay
         self.given: Array | None = None
+        # which of those that friction or rigid stops may hold are free, None: none
+        self.loose: Array | None = None
         self._joint_ties, self._joint_nodes = reduced(sparse.csr_matrix(
             (np.ones(at.size), (at, at)), shape=(12 * n, 12 * n)) @ self.ties)
 
@@ -168,9 +170,10 @@ class StaticContacts:
         f = force[:s * d].reshape(s, d)
         pick = sparse.csr_matrix((force[:s * d], (np.repeat(np.arange(s), d), np.arange(s * d))), shape=(s, s * d))
         joint_gap, of_joints, bent = self._joints(q, force[s * d:])
+        idle = s * d + self._loose_forces()
         border = Border(gap, tangent, np.sum(f * tangent, axis=1), np.sum(f * second, axis=1),
                         sparse.vstack((gradient, of_joints), format="csr"), pick @ turn, joint_gap, bent,
-                        sparse.csr_matrix((force.size, s)), np.zeros(0, np.int64))
+                        sparse.csr_matrix((force.size, s)), idle)
         if self.model.sleeves is not None:
             border = self._with_sleeves(border, q, force)
         return border if slip is None else self._with_friction(border, slip, force, turn, second)
@@ -241,7 +244,7 @@ class StaticContacts:
         bent = border.bent + self.rows.T @ sum(turned) @ self.rows
         return border._replace(
             gradient=sparse.vstack(lead, format="csr"), joint_gap=np.concatenate(value), sliding=sliding, bend=bend,
-            slide=border.slide + sum(slide) @ self.rows, bent=bent.tocsr(), idle=np.array(idle, np.int64),
+            slide=border.slide + sum(slide) @ self.rows, bent=bent.tocsr(), idle=np.concatenate((border.idle, np.array(idle, np.int64))),
             turns=sparse.csr_matrix((flat, (first + np.arange(flat.size), of)), shape=(force.size, s)))
 
     def _sections(self, q: Array, force: Array) -> list[tuple[int, Section, Array, Array]]:
@@ -268,14 +271,16 @@ class StaticContacts:
         at_start = self.model.q0.reshape(-1, 4, 3)
         gaps, within = [np.zeros(0)], []
         given = iter([] if self.given is None else self.given)
+        free = {id(link) for link in self._loose_links()}
         second: list[tuple[list[int], Array]] = []
         for link, part in zip(kept, self._parts(force)):
             pair = list(link.node)
             gap = link.law.gap(x[pair], at_start[pair])
             if isinstance(link.law, Coordinate) and self.given is not None:
                 gap = np.array([link.law.misses(x[pair], next(given))])
-            gaps.append(self._within(link) @ gap)
-            within.append(self._within(link))
+            takes = self._within(link) * (id(link) not in free)
+            gaps.append(takes @ gap)
+            within.append(takes)
             if not link.law.is_vector:
                 second.append((pair, -link.law.curvature(x[pair], part)))
         lift = self._joint_ties @ self._rates(q, self._joint_nodes)
@@ -288,6 +293,23 @@ class StaticContacts:
             curved = sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
             bent = (lift.T @ curved @ lift + self.rows.T @ self._turned(x, force) @ self.rows).tocsr()
         return np.concatenate(gaps), lead, bent
+
+    def _loose_links(self) -> list[KeptLink]:
+        """Joints whose force is none: coordinates between rigid stops."""
+        if self.loose is None:
+            return []
+        rubs = [link for link in self.model.kept if isinstance(link.law, Coordinate) and not link.law.holds]
+        return [link for link, is_free in zip(rubs, self.loose) if is_free]
+
+    def _loose_forces(self) -> Array:
+        """Numbers of their forces among those of joints."""
+        free = {id(link) for link in self._loose_links()}
+        out, at = [np.zeros(0, np.int64)], 0
+        for link in self.model.kept if free else []:
+            m = len(self._within(link))
+            out += [np.arange(at, at + m)] if id(link) in free else []
+            at += m
+        return np.concatenate(out)
 
     def _within(self, link: KeptLink) -> Array:
         """What the equations take of the conditions of a joint, [m, m in space]."""

@@ -18,6 +18,7 @@ from .model import Model
 from .saddle import Saddle, factors_for
 from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
+from .static_joints import StaticJoints
 from .static_motion import assemble_moved
 from .steady import SteadyForces
 
@@ -96,6 +97,12 @@ class SlidingSolver(StaticSolver):
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:
             self.given = core.motions.given_between(self.stepper.core_state.history, core.motion_place, at_time)
+        self._gone = 0.0
+        # those that friction or rigid stops may hold
+        self.joints: StaticJoints | None = None
+        if core.motions is not None and core.motions.holds.rubs.size:
+            self.joints = StaticJoints(self)
+            self.hold_joints()
         # the slider that ran off its beam, and one at a kink of its curve
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
@@ -114,8 +121,15 @@ class SlidingSolver(StaticSolver):
         super().move_to(share)
         if self.along is not None:
             self.along.share = share
-        if self.given is not None:
-            self.contacts.given = (1.0 - share) * self.given[0] + share * self.given[1]
+        self._gone = share
+        self.hold_joints()
+
+    def hold_joints(self) -> None:
+        """Where coordinates of joints stand that are given, or that friction and rigid stops hold."""
+        given = [] if self.given is None else [(1.0 - self._gone) * self.given[0] + self._gone * self.given[1]]
+        given += [] if self.joints is None else [self.joints.values]
+        if given:
+            self.contacts.given = np.concatenate(given)
 
     @property
     def name(self) -> str:
@@ -133,6 +147,7 @@ class SlidingSolver(StaticSolver):
     def equilibrium(self, factors: Array) -> tuple[int, list[float]]:
         before = self._saved()
         at_stop = None if self.along is None else self.along.modes.at_stop.copy()
+        joints = None if self.joints is None else (self.joints.values.copy(), self.joints.at_stop.copy())
         status = NOT_CONVERGED
         try:
             status, sizes = self._equilibrium(factors)
@@ -141,9 +156,14 @@ class SlidingSolver(StaticSolver):
                 self._restore(before)
                 if self.along is not None:
                     self.along.modes.at_stop[:] = at_stop
+                if self.joints is not None:
+                    self.joints.values, self.joints.at_stop = joints
         return status, sizes
 
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
+        return self._with_sliders(factors) if self.joints is None else self.joints.settle(factors)
+
+    def _with_sliders(self, factors: Array) -> tuple[int, list[float]]:
         self._load(factors)
         self._loads[:] = self.work.f_ext
         self.longest, self.runaway, self.stuck = 0, -1, -1
@@ -176,10 +196,11 @@ class SlidingSolver(StaticSolver):
     def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
         """For the result, at the last equilibrium, that of load factors [K]: friction of all sliders, and the intervals of rest
         of those that are asked for."""
+        of_joints = {} if self.joints is None else self.joints.report()
         if self.along is None or not self.along.rubs.any():
-            return {}
+            return {"friction": of_joints} if of_joints else {}
         names = self.stepper.model.names["sliders"]
-        out = {"friction": self.along.report(names, self._border(rubs=False))}
+        out = {"friction": self.along.report(names, self._border(rubs=False)) | of_joints}
         return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
 
     def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
@@ -228,7 +249,10 @@ class SlidingSolver(StaticSolver):
         self.work.increment.control[0] = 0.0
         if self.along is not None:
             self.along.modes.sign[:] = 0
-        return self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
+        self.contacts.loose = None if self.joints is None else self.joints.loose
+        found = self._assembled(self._unhindered)[0].signs(self.has_potential(in_plane))
+        self.contacts.loose = None
+        return found
 
     @property
     def _unhindered(self) -> Array:

@@ -14,6 +14,7 @@ from .equilibrium import StaticSolver
 from .errors import ConvergenceError, Interrupted, SceneError
 from .exact_contact import ExactSolver, Observed
 from .interrupt import Interrupts
+from .joint_motion import check_at_rest
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
 from .linsolve import check_backend
@@ -163,7 +164,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     if at_time is None and model.slider_forces is not None and model.slider_forces.has_functions(~stays):
         raise SceneError("solve_static: drives have time functions; say with at_time=... where to evaluate them")
     if at_time is None and model.motions is not None and model.motions.holds.has_functions:
-        raise SceneError("solve_static: what joints are given is a function of time; say with at_time=... where to evaluate it")
+        raise SceneError("solve_static: motors, drives or given motions of joints are functions of time; say with at_time=... "
+                         "where to evaluate them")
     factors = load_factors_at("solve_static", model, at_time)
     if steady is not None:
         check_steady("solve_static", model, steady, factors)
@@ -176,6 +178,7 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     if contacts == "exact" and model.n_sliders:
         if steady is not None:
             raise SceneError("solve_static: contacts='exact' knows no steady motion; leave contacts out, or steady")
+        check_at_rest("solve_static(contacts='exact')", model.motions, drives=True)
         solver = ExactSolver(model, start, max_iterations, stays, backend, at_time or 0.0)
     elif model.n_constraints or steady is not None:
         solver = sliding = SlidingSolver(model, start, max_iterations, stays, None if steady is None else False, backend,

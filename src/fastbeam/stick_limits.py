@@ -10,6 +10,7 @@ from .arguments import Anything, Count, Name, Number, Numbers, Word, checked
 from .errors import ConvergenceError, SceneError
 from .kernels.step import OK
 from .kernels.work import State
+from .joint_motion import check_at_rest
 from .linsolve import check_backend
 from .load_times import load_path, which_times
 from .model import Model, check_model
@@ -80,6 +81,7 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     check_model("stick_interval", model)
     stays = held_sliders(model, held)
     check_slider_forces("stick_interval", model, stays, rubbing=True)
+    check_at_rest("stick_interval", model.motions)
     k = _number_of(model, slider, stays)
     check_backend(backend)
     if not within[0] <= load_factor <= within[1]:

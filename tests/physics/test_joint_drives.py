@@ -432,12 +432,12 @@ def test_runs_refuse_what_they_do_not_know() -> None:
         arm(speed=3.0)
     with pytest.raises(fb.SceneError, match="friction of revolute joint .pivot. would put energy in"):
         run(arm(friction=0.1), 0.1, 0.01, order=4)
-    with pytest.raises(fb.SceneError, match="equilibria and modes know no friction of joints"):
-        fb.solve_static(arm(friction=0.1))
+    with pytest.raises(fb.SceneError, match="solve_path knows no friction of joints"):
+        fb.solve_path(arm(friction=0.1))
     for options in ({"friction": 0.1}, {"angle": 0.0}, {"stops": fb.Stops(-1, 1, stiffness=1.0)}):
         with pytest.raises(fb.SceneError, match="use the default method"):
             run(arm(**options), 0.1, 0.01, method="midpoint")
-    for options, text in (({"friction": 0.1}, "know no friction of joints"),
+    for options, text in (({"friction": 0.1}, "knows no friction of joints"),
                           ({"angle": 0.0}, "joint 'pivot' is given as a function")):
         with pytest.raises(fb.SceneError, match=text):
             fb.relax(arm(**options))

@@ -109,29 +109,39 @@ def put_on_tied_end(ties, joints, system, k, p, j, side, column, line):
 
 
 @kernel
-def keep_direction(joints, system, share, j, k, p, i, other):
-    """Condition D_i . D_other = 0 as force p of constraint k."""
+def turn_against(joints, system, j, i, other, force):
+    """A force on the product D_i . D_other, moments on both nodes: residual and half its derivative by the end of the step."""
     work, dofs = system.work, system.dofs
     d = dim(dofs)
     n = 8 * len(dofs)
-    moment = system.state.force[system.contact.first_force[k] + p]
     a_mid = direction.call(dofs, joints, j, 0, i, work.q_mid)
     b_mid = direction.call(dofs, joints, j, 1, other, work.q_mid)
     a_end = direction.call(dofs, joints, j, 0, i, work.q_end)
     b_end = direction.call(dofs, joints, j, 1, other, work.q_end)
     turning = cross_product.call(a_mid, b_mid)
-    at_end = cross_product.call(a_end, b_end)
-    system.contact.residual[k, p] = dot(a_end, b_end)
-    add_to(work.r, 8 * joints.row[j, 0] + d, 1, -moment * turning)
-    add_to(work.r, 8 * joints.row[j, 1] + d, 1, moment * turning)
-    put_spin(system.contact, k, p, joints.spin_row[j, 0], -share * turning, 1.0 * at_end, dofs)
-    put_spin(system.contact, k, p, joints.spin_row[j, 1], share * turning, -1.0 * at_end, dofs)
+    add_to(work.r, 8 * joints.row[j, 0] + d, 1, -force * turning)
+    add_to(work.r, 8 * joints.row[j, 1] + d, 1, force * turning)
     o = 8 * d + d
-    half = 0.5 * moment
+    half = 0.5 * force
     add_double_cross.call(b_mid, a_end, -half, work.blocks, n * joints.block[j, 0] + o)
     add_double_cross.call(a_mid, b_end, half, work.blocks, n * joints.block[j, 1] + o)
     add_double_cross.call(b_mid, a_end, half, work.blocks, n * joints.block[j, 2] + o)
     add_double_cross.call(a_mid, b_end, -half, work.blocks, n * joints.block[j, 3] + o)
+
+
+@kernel
+def keep_direction(joints, system, share, j, k, p, i, other):
+    """Condition D_i . D_other = 0 as force p of constraint k."""
+    work, dofs = system.work, system.dofs
+    turn_against(joints, system, j, i, other, system.state.force[system.contact.first_force[k] + p])
+    a_end = direction.call(dofs, joints, j, 0, i, work.q_end)
+    b_end = direction.call(dofs, joints, j, 1, other, work.q_end)
+    turning = cross_product.call(direction.call(dofs, joints, j, 0, i, work.q_mid),
+                                 direction.call(dofs, joints, j, 1, other, work.q_mid))
+    at_end = cross_product.call(a_end, b_end)
+    system.contact.residual[k, p] = dot(a_end, b_end)
+    put_spin(system.contact, k, p, joints.spin_row[j, 0], -share * turning, 1.0 * at_end, dofs)
+    put_spin(system.contact, k, p, joints.spin_row[j, 1], share * turning, -1.0 * at_end, dofs)
 
 
 @kernel

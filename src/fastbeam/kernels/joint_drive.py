@@ -8,8 +8,6 @@ constraint, whose equation is
 x_n+1 of an angle is compared by the sine and cosine of what it misses, which lose no digits over many turns. Friction and rigid
 stops, which hold in the same way: joint_friction.py. Drives that do not say how a coordinate moves push it with a force of time,
 of (t, x, x'), or of a controller.
-
-Arrays: q, q_end, v [12 N], in a plane [4 N].
 """
 from __future__ import annotations
 
@@ -17,16 +15,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._generic import generic
 from .._jit import kernel
-from .algebra import cross, dot
 from .along import drive_force
-from .joint_conditions import direction, put_on_end, put_spin
+from .joint_coordinates import LINE, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, missing, push, put_entries, value_of
 from .joint_entries import begin_joint, is_closed, take_forces_of
-from .joint_motion import VALUE, WORK, JointMotion, axis_of, push_angle, push_distance, turn_of_step, value_of
-from .kinds import Plane, Space, cross_product, dim, position
+from .joint_motion import way_of
+from .kinds import dim
 from .sleeve import SETTLED
-from .terms import Conserving, account, assemble, first_guess, is_settled, put_loads, take_unknowns
+from .terms import Conserving, Equilibrium, account, assemble, first_guess, is_settled, put_loads, take_unknowns
 
 # how a coordinate is given: its value at the end of the step, or its increment
 TO, BY = range(2)
@@ -62,6 +58,7 @@ class JointControl(NamedTuple):
     given: np.ndarray      # float64 [D, 2]: the force; or value and rate that a controller follows
     clock: np.ndarray      # float64 [2]: size of the step, and time of its middle, s
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
+    share: np.ndarray      # float64 [1]: of their forces, the load factor in an equilibrium
 
 
 class ControlTimes(NamedTuple):
@@ -88,87 +85,10 @@ def put_given(term, system, k):
 
 
 @kernel
-def missing(motion, c, dofs, q, target):
-    """Coordinate c at coordinates q less `target`; of an angle the nearest of all turns."""
-    if not motion.is_angle[c]:
-        r = position(q, motion.node[c, 1], dofs) - position(q, motion.node[c, 0], dofs)
-        return (dot(r, direction.call(dofs, motion, c, 0, 0, q)) - motion.value[c]) - target
-    b = direction.call(dofs, motion, c, 1, 1, q)
-    up = dot(direction.call(dofs, motion, c, 0, 2, q), b)
-    along = dot(direction.call(dofs, motion, c, 0, 1, q), b)
-    u, w = np.cos(target), np.sin(target)
-    return np.arctan2(up * u - along * w, along * u + up * w)
-
-
-@generic
-def spin_about(dofs, motion, c, side, q, v):
-    """Spin of node a (side 0) or b (1) about the axis of coordinate c, an angle, rad/s."""
-
-
-@spin_about.register(Space)
-@kernel
-def spin_in_space(dofs, motion, c, side, q, v):
-    spin = cross(direction.call(dofs, motion, c, side, 0, q), direction.call(dofs, motion, c, side, 0, v))
-    for i in (1, 2):
-        spin += cross(direction.call(dofs, motion, c, side, i, q), direction.call(dofs, motion, c, side, i, v))
-    return 0.5 * dot(axis_of.call(dofs, motion, c, q), spin)
-
-
-@spin_about.register(Plane)
-@kernel
-def spin_in_plane(dofs, motion, c, side, q, v):
-    return axis_of.call(dofs, motion, c, q) * cross_product.call(direction.call(dofs, motion, c, side, 1, q),
-                                                                 direction.call(dofs, motion, c, side, 1, v))
-
-
-@kernel
-def rate_of(motion, c, dofs, q, v):
-    """Rate of coordinate c, m/s or rad/s."""
-    if motion.is_angle[c]:
-        return spin_about.call(dofs, motion, c, 1, q, v) - spin_about.call(dofs, motion, c, 0, q, v)
-    a, b = motion.node[c, 0], motion.node[c, 1]
-    r = position(q, b, dofs) - position(q, a, dofs)
-    rate = position(v, b, dofs) - position(v, a, dofs)
-    return dot(rate, direction.call(dofs, motion, c, 0, 0, q)) + dot(r, direction.call(dofs, motion, c, 0, 0, v))
-
-
-@kernel
-def push(motion, c, system, force, slope):
-    """A force on coordinate c, and its derivative by the coordinate at the end of the step."""
-    if motion.is_angle[c]:
-        push_angle(motion, c, system, turn_of_step.call(system.dofs, motion, c, system), force, slope)
-    else:
-        push_distance(motion, c, system, force, slope)
-
-
-@kernel
-def put_entries(term, c, system, k, p, share, by_end):
-    """Column and line of force p of constraint k, which acts on coordinate c: `share` times a force on it, and `by_end` times the
-    derivative of its value at the end; both may be zero, the rows that it touches are the same."""
-    motion, contact, work, dofs = term.motion, system.contact, system.work, system.dofs
-    rows = system.row_of
-    if motion.is_angle[c]:
-        turn = turn_of_step.call(dofs, motion, c, system)
-        lead = (share * turn.ratio) * turn.mid
-        put_spin(contact, k, p, rows[motion.spin_node[c, 0]], lead, -by_end * turn.end, dofs)
-        put_spin(contact, k, p, rows[motion.spin_node[c, 1]], -1.0 * lead, by_end * turn.end, dofs)
-    else:
-        mid = direction.call(dofs, motion, c, 0, 0, work.q_mid)
-        end = direction.call(dofs, motion, c, 0, 0, work.q_end)
-        a, b = motion.node[c, 0], motion.node[c, 1]
-        r_mid = position(work.q_mid, b, dofs) - position(work.q_mid, a, dofs)
-        r_end = position(work.q_end, b, dofs) - position(work.q_end, a, dofs)
-        put_on_end.call(term.ties, motion, system, k, p, c, 1, -share * mid, by_end * end)
-        put_on_end.call(term.ties, motion, system, k, p, c, 0, share * mid, -by_end * end)
-        put_spin(contact, k, p, rows[motion.spin_node[c, 0]], -share * cross_product.call(mid, r_mid),
-                 by_end * cross_product.call(end, r_end), dofs)
-
-
-@kernel
 def is_held(motion, c, system, k):
     """Whether the gap of coordinate c, constraint k, is closed."""
     allowed = SETTLED
-    if not motion.is_angle[c]:
+    if motion.kind[c] == LINE:
         d = dim(system.dofs)
         reach = system.length
         for i in range(d):
@@ -200,7 +120,7 @@ def assemble_drives(term, method, system, h):
         c = term.which[i]
         k = term.first[0] + i
         begin_joint(contact, k, 1)
-        push(term.motion, c, system, system.state.force[contact.first_force[k]], 0.0)
+        push(term.motion, c, system, grip_in_step(term.motion, c, system), system.state.force[contact.first_force[k]], 0.0)
         put_entries(term, c, system, k, 0, 1.0, 1.0)
         contact.residual[k, 0] = missing(term.motion, c, system.dofs, system.work.q_end, given_value(term, i))
 
@@ -254,17 +174,25 @@ def begin_control(term, system, h, c):
 @assemble.register(JointControl, Conserving)
 @kernel
 def assemble_control(term, method, system, h):
-    motion, dofs = term.motion, system.dofs
+    motion = term.motion
     for i in range(term.which.shape[0]):
         c = term.which[i]
         before = system.state.history[motion.place[c] + VALUE]
-        if motion.is_angle[c]:
-            turn = turn_of_step.call(dofs, motion, c, system)
-            found = drive_force(term, i, before, before + turn.angle)
-            push_angle(motion, c, system, turn, found.value, found.slope)
-        else:
-            found = drive_force(term, i, before, value_of(motion, c, dofs, system.work.q_end, 0.0))
-            push_distance(motion, c, system, found.value, found.slope)
+        grip = grip_in_step(motion, c, system)
+        found = drive_force(term, i, before, before + way_of(motion, c, system, grip, before))
+        push(motion, c, system, grip, found.value, found.slope)
+
+
+@assemble.register(JointControl, Equilibrium)
+@kernel
+def assemble_control_at_rest(term, method, system, h):
+    """Forces at one shape and half their derivative: the clock has a step without end, so that rates are none."""
+    motion = term.motion
+    for i in range(term.which.shape[0]):
+        c = term.which[i]
+        value = value_of(motion, c, system.dofs, system.work.q_end, system.state.history[motion.place[c] + VALUE])
+        found = drive_force(term, i, value, value)
+        push(motion, c, system, grip_at_rest(motion, c, system), term.share[0] * found.value, term.share[0] * found.slope)
 
 
 @account.register(JointControl)
@@ -282,4 +210,5 @@ def account_control(term, system, h):
 @kernel
 def push_known(term, method, system, h):
     for i in range(term.which.shape[0]):
-        push(term.motion, term.which[i], system, system.state.force[system.contact.first_force[term.first[0] + i]], 0.0)
+        force = system.state.force[system.contact.first_force[term.first[0] + i]]
+        push(term.motion, term.which[i], system, grip_in_step(term.motion, term.which[i], system), force, 0.0)

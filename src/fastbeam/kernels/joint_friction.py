@@ -20,9 +20,10 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
 from .along import JUDGED, MOST_FLIPS
-from .joint_drive import is_held, missing, push, put_entries, rate_of
+from .joint_conditions import direction
+from .joint_coordinates import LINE, VALUE, JointMotion, grip_in_step, missing, push, put_entries, rate_of
+from .joint_drive import is_held
 from .joint_entries import begin_joint, take_forces_of
-from .joint_motion import VALUE, JointMotion, axis_of
 from .kinds import Plane, Space, put, vector
 from .slider import END_SLACK
 from .terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
@@ -79,7 +80,7 @@ def across_axis(dofs, motion, c, system, force):
 @across_axis.register(Space)
 @kernel
 def across_axis_in_space(dofs, motion, c, system, force):
-    axis = axis_of.call(dofs, motion, c, system.work.q_mid)
+    axis = direction.call(dofs, motion, c, 0, 0, system.work.q_mid)
     return force - (dot(force, axis) / dot(axis, axis)) * axis
 
 
@@ -97,7 +98,7 @@ def load_pressing(term, i, system, j):
     first = contact.first_force[k]
     # of moments those across the axis come first
     n = contact.forces[k] if j == 0 else min(contact.forces[k], 2)
-    if j == 0 and motion.is_angle[c]:
+    if j == 0 and motion.kind[c] != LINE:
         put(motion.hold, 0, 1, across_axis.call(system.dofs, motion, c, system, vector(force, first, 1, system.dofs)))
     else:
         for p in range(n):
@@ -149,7 +150,7 @@ def begin_friction(term, system, h, c):
         term.flips[i] = 0
         term.judged[i] = 0
         rest = 0.5 * h * rate_of(motion, term.which[i], system.dofs, state.q, state.v)
-        left = LEFT if motion.is_angle[term.which[i]] else LEFT * system.length
+        left = LEFT * (system.length if motion.kind[term.which[i]] == LINE else 1.0)
         if term.sign[i] == 0 and (not stopped or abs(rest) <= left or term.against[i] != 0):
             rest = 0.0
         term.rest[i] = rest
@@ -221,7 +222,7 @@ def assemble_friction(term, method, system, h):
         term.factor[i] = factor
         if not sticks:
             force[f] = factor * most
-        push(motion, c, system, force[f], slope)
+        push(motion, c, system, grip_in_step(motion, c, system), force[f], slope)
         put_entries(term, c, system, k, 0, 1.0 if sticks else 0.0, 1.0 if sticks else 0.0)
         if sticks:
             contact.residual[k, 0] = way - term.rest[i]
@@ -287,7 +288,7 @@ def joints_are_within(term, system, counts_out):
     """False where a coordinate is beyond a rigid stop by more than round-off; its number, behind the sliders, goes to
     counts_out[3]."""
     for i in range(term.which.shape[0]):
-        slack = END_SLACK * (1.0 if term.motion.is_angle[term.which[i]] else system.length)
+        slack = END_SLACK * (system.length if term.motion.kind[term.which[i]] == LINE else 1.0)
         if not (term.reached[i] >= term.stops[i, 0] - slack and term.reached[i] <= term.stops[i, 1] + slack):
             counts_out[3] = system.state.s.shape[0] + i
             return False

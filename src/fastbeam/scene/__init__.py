@@ -3,13 +3,14 @@ from __future__ import annotations
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.bushing import Bushing
+from fastbeam.scene.compound_joints import CylindricalJoint, PlanarJoint, SphericalJoint, UniversalJoint
 from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import GROUND
-from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint, RevoluteJoint, UniversalJoint
+from fastbeam.scene.joints import PrismaticJoint, RevoluteJoint
 from fastbeam.scene.line_force import LineForce
 from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
@@ -34,5 +35,5 @@ __all__ = [
     "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "LineForce", "Load",
     "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
     "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",
-    "Sleeve", "Slider", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
+    "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
 ]

@@ -19,7 +19,7 @@ from fastbeam.scene.crossings import Crossing, Knot
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.follower import as_force
-from fastbeam.scene.joints import AxisJoint
+from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.links import Link
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (

@@ -1,0 +1,202 @@
+"""Friction and rigid stops of joints in equilibria (theory.md 8): which coordinates rest, and where the others come to rest.
+
+Every such coordinate x is held at a place in each equilibrium; G is the force that holds it. It rests where |G| <= G_max, or where a
+rigid stop is pushed. One that does not goes to where G = -sigma G_max, sigma the direction in which it slips: from place to place by
+Newton's method on G(x), downhill, with dG/dx from the equations of the equilibrium.
+"""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .kernels.joint_coordinates import VALUE
+from .kernels.joint_friction import AGAINST, SIGN, STICKS
+from .kernels.step import NOT_CONVERGED, OK
+
+if TYPE_CHECKING:
+    from .static_sliders import SlidingSolver
+
+Array = np.ndarray
+# a coordinate goes by less than this at once, rad or a share of the size of the scene
+LARGEST_WAY = 0.3
+# ways below which a coordinate has come to rest, and a force that is round-off of all that hold joints
+SMALL_WAY, ROUND_OFF = 1e-13, 1e-11
+# one that slips comes to rest with this share of its friction in reserve, so that round-off does not move it in a run from there
+RESERVE = 1e-5
+MOST_ROUNDS, MOST_HALVES, MOST_CHANGES = 100, 8, 4
+
+
+class StaticJoints:
+    """R coordinates of joints with friction or rigid stops in the equilibria of a solver.
+
+    Parameters
+    ----------
+    solver : SlidingSolver
+    """
+
+    def __init__(self, solver: SlidingSolver) -> None:
+        self.solver, self.model = solver, solver.stepper.model
+        self.motions = solver.core.motions
+        self.holds = holds = self.motions.holds
+        self.left = holds.left_of_rubs()
+        state = solver.stepper.core_state
+        self.values = self.motions.own(state.history, solver.core.motion_place)[holds.rubs, VALUE].copy()
+        self.stops, self.scales = holds.ends, holds.scales
+        self.values = np.clip(self.values, *self.stops.T)
+        near = np.abs(self.values[:, None] - self.stops) <= 1e-9 * self.scales[:, None]
+        # -1 or 1: at rest against the first or last stop
+        self.at_stop = np.where(near[:, 1], 1, np.where(near[:, 0], -1, 0))
+        self.has_friction = np.array([holds.parts[k].has_friction for k in holds.rubs], bool)
+        kept = solver.contacts.model.kept
+        sizes = [len(solver.contacts._within(link)) for link in kept]
+        dim = solver.core.dim
+        self._begin = dim * solver.core.n_sliders + np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+        self._first = len(kept) - holds.rubs.size
+
+    @property
+    def loose(self) -> Array:
+        """Which are free for small motions: without friction and away from stops, bool [R]."""
+        return ~self.has_friction & (self.at_stop == 0)
+
+    def forces(self) -> Array:
+        """What holds them, N or N m, [R]."""
+        out = np.zeros(self.holds.rubs.size)
+        at = self._begin[self._first:][:-1][self.left]
+        out[self.left] = self.solver.stepper.core_state.force[at]
+        return out
+
+    def most(self) -> Array:
+        """Largest friction under the present forces, [R]."""
+        out = self.holds.limits.copy()
+        force, q = self.solver.stepper.core_state.force, self.solver.state.q.reshape(-1, 4, 3)
+        kept = self.solver.contacts.model.kept
+        for i in np.flatnonzero(self.holds.shares[:, 0] > 0.0).tolist():
+            k = self.holds.rubs[i]
+            for j, number in enumerate(self.holds._press(k, kept, 0)):
+                if number < 0:
+                    continue
+                within = self.solver.contacts._within(kept[number])
+                mine = within.T @ force[self._begin[number]:self._begin[number + 1]]
+                if j == 0 and self.holds.parts[k].shape.is_angle:
+                    axis = self.motions.turn[k, 0, 0] @ q[self.motions.node[k, 0], 1:]
+                    mine = mine - (mine @ axis) * axis
+                out[i] += self.holds.shares[i, j] * float(np.linalg.norm(mine if j == 0 else mine[:2]))
+        return out
+
+    def _slopes(self, moving: Array) -> Array | None:
+        """dG/dx of the coordinates that move, [n, n]; None where the equations are singular."""
+        solver = self.solver
+        saddle, right = solver._assembled(solver.sliding)
+        at = self._begin[self._first:][:-1][moving]
+        first = right.size - solver.core.n_forces
+        out = np.zeros((moving.size, moving.size))
+        for column, row in enumerate(at.tolist()):
+            unit = np.zeros(right.size)
+            unit[first + row] = -1.0
+            found = saddle.solve(unit)
+            if found is None or not np.isfinite(found).all():
+                return None
+            out[:, column] = found[first + at]
+        return out
+
+    def settle(self, factors: Array) -> tuple[int, list[float]]:
+        """The equilibrium of load factors [K] in which all are at rest: status and sizes of increments, as of `equilibrium`."""
+        before, sign, changes = self.values.copy(), np.zeros(self.values.size, np.int64), np.zeros(self.values.size, np.int64)
+        status, sizes = self._at(self.values, factors)
+        reach = np.full(self.values.size, LARGEST_WAY)
+        last = np.zeros(self.values.size)
+        for _ in range(MOST_ROUNDS):
+            if status != OK:
+                return status, sizes
+            force, most = self.forces(), self.most()
+            size = ROUND_OFF * (float(np.max(np.abs(self.solver.stepper.core_state.force), initial=0.0)) * np.maximum(
+                self.scales, self.solver.core.length) + most)
+            rests = sign == 0
+            back = rests & (force > most + size) & (self.at_stop >= 0)
+            forth = rests & (force < -most - size) & (self.at_stop <= 0)
+            returned = (sign * (self.values - before) < -SMALL_WAY * self.scales) & (most > 0.0) & (changes < MOST_CHANGES)
+            sign[back], sign[forth], sign[returned] = -1, 1, 0
+            changes[returned] += 1
+            self.at_stop[back | forth] = 0
+            moving = np.flatnonzero(sign)
+            if returned.any():
+                self.values[returned] = before[returned]
+                status, more = self._at(self.values, factors)
+                sizes += more
+                continue
+            # without friction there is no direction
+            left = force[moving] + (1.0 - RESERVE) * sign[moving] * most[moving]
+            if not moving.size:
+                return OK, sizes
+            slopes = self._slopes(moving)
+            if slopes is None:
+                return NOT_CONVERGED, sizes
+            values, vectors = np.linalg.eigh(0.5 * (slopes + slopes.T))
+            stable = bool(np.all(values > 1e-9 * np.max(np.abs(values))))
+            if stable:
+                way = -np.linalg.solve(slopes, left)
+            else:
+                least = 1e-3 * np.max(np.abs(values), initial=1e-300)
+                way = -vectors @ ((vectors.T @ left) / np.maximum(np.abs(values), least))
+            # turned around: it went too far
+            turned = way * last[moving] < 0.0
+            reach[moving[turned]] = np.minimum(reach[moving[turned]], 0.5 * np.abs(last[moving[turned]]) / self.scales[moving[turned]]
+                                               if not stable else reach[moving[turned]])
+            way = np.clip(way, -reach[moving] * self.scales[moving], reach[moving] * self.scales[moving])
+            if stable and np.all((np.abs(way) <= SMALL_WAY * self.scales[moving]) | (np.abs(left) <= size[moving] * 1e-3)):
+                self._remember()
+                return OK, sizes
+            goal = self.values.copy()
+            goal[moving] += way
+            low, high = self.stops.T
+            met = np.where(goal >= high, 1, np.where(goal <= low, -1, 0))
+            goal = np.clip(goal, low, high)
+            status, more = self._go(goal, factors)
+            sizes += more
+            hit = (met != 0) & (sign != 0) & (self.values == goal)
+            self.at_stop[hit], sign[hit] = met[hit], 0
+            last[:] = 0.0
+            last[moving] = way
+        return NOT_CONVERGED, sizes
+
+    def _go(self, goal: Array, factors: Array) -> tuple[int, list[float]]:
+        """The equilibrium with all held at `goal`, or at a part of the way there."""
+        start, saved = self.values.copy(), self.solver._saved()
+        sizes: list[float] = []
+        status = NOT_CONVERGED
+        for _ in range(MOST_HALVES):
+            status, more = self._at(goal, factors)
+            sizes += more
+            if status == OK:
+                return status, sizes
+            self.solver._restore(saved)
+            goal = 0.5 * (start + goal)
+        return status, sizes
+
+    def _at(self, values: Array, factors: Array) -> tuple[int, list[float]]:
+        """The equilibrium with all held at these values [R]."""
+        self.values = values.copy()
+        self.solver.hold_joints()
+        status, sizes = self.solver._with_sliders(factors)
+        if status == OK:
+            self._remember()
+        return status, sizes
+
+    def _remember(self) -> None:
+        """Into the history of the state: all rest, by friction or at stops."""
+        state = self.solver.stepper.core_state
+        own = self.holds.numbers(state.history)
+        own[:, SIGN], own[:, AGAINST] = 0.0, self.at_stop
+        own[:, STICKS] = self.has_friction & (self.at_stop == 0)
+        self.motions.own(state.history, self.solver.core.motion_place)[self.holds.rubs, VALUE] = self.values
+
+    def report(self) -> dict[str, dict[str, Any]]:
+        """Of every coordinate that rubs: the force that holds it, the largest friction, and whether it sticks with some in
+        reserve."""
+        force, most = self.forces(), self.most()
+        out = {}
+        for i in np.flatnonzero(self.has_friction).tolist():
+            out[self.holds.parts[self.holds.rubs[i]].label] = {
+                "force": float(force[i]), "cone": float(most[i]), "sticks": bool(abs(force[i]) < most[i] * (1.0 - 2.0 * RESERVE))}
+        return out
