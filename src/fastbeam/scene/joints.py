@@ -164,6 +164,8 @@ class AxisJoint(Link):
             raise SceneError(f"{who}: {what}= belongs to friction by the load, coefficient=; give that too, or leave it out")
         stops = self.stops
         if stops is not None:
+            if stops.on_tracks:
+                raise SceneError(f"{who}: stops: (track, s) is a place on a Switch; give a distance, m, or an angle, rad")
             low, high = stops.between
             if not low <= 0.0 <= high:
                 raise SceneError(f"{who}: stops from {stops.start} to {stops.end} {unit} exclude its start, where the {place} is "
