@@ -149,6 +149,10 @@ class Locking:
             return float(self.model.slider_lengths[x.slider]) if at is None else s - at
         return self._nearness(x, state, t) if x.action == LAND else self._asked(x, t, s, float(rates[x.slider]))
 
+    def _at_once(self, x: Awaited) -> float:
+        """How far from the place of a lock a slider may be that is held at once, m: round-off where it has come onto a track."""
+        return TOUCHING * float(self.model.slider_lengths[x.slider]) if isinstance(x.at, tuple) else 0.0
+
     def _lock_place(self, x: Awaited, state: State) -> float | None:
         """s at which a lock waits; None where that is on another track than the one on which the slider is."""
         on, offset = self.sliders[x.slider].beam, float(self.model.along_of(state.history)[x.slider, OFFSET])
@@ -252,7 +256,7 @@ class Locking:
                 holds = dict(zip(self._watched, self._before))
                 due = [x for x in self.awaited(state) if
                        isinstance(x.when, float) and x.when <= t + slack or callable(x.when) and holds[x] >= 0.0
-                       or x.at is not None and holds[x] == 0.0]
+                       or x.at is not None and abs(holds[x]) <= self._at_once(x)]
                 if not due:
                     break
             now = due.pop(0)

@@ -9,14 +9,15 @@ import pytest
 
 import fastbeam as fb
 
-STIFF = fb.Section(EA=1e5, GA2=4e4, GA3=4e4, GJ=200, EI2=200, EI3=200, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
+SOFT = fb.Section(EA=1e4, GA2=4e3, GA3=4e3, GJ=50, EI2=50, EI3=50, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
+STIFF = fb.Section(EA=5e4, GA2=2e4, GA3=2e4, GJ=200, EI2=200, EI3=200, rhoA=1.0, rhoI2=1e-2, rhoI3=1e-2)
 BACK = 1e-12
 
 
 def line(switch: bool, planar: bool = True, at: float = 0.4, rate: float | None = 2.0, gravity: float = 0.0,
          interpolation: str = "own", **slide: Any) -> tuple[fb.Scene, Any]:
     """Three beams of 1 m in a row, in free flight, as tracks of a switch or as one path; a bead runs along."""
-    beams = [fb.Beam.straight(name, (k, 0, 0), (k + 1.0, 0, 0), section=STIFF, elements=3) for k, name in enumerate("abc")]
+    beams = [fb.Beam.straight(name, (k, 0, 0), (k + 1.0, 0, 0), section=SOFT, elements=3) for k, name in enumerate("abc")]
     on = fb.Switch("tracks", beams) if switch else fb.Path("way", beams)
     bead = fb.PointMass("bead", mass=0.5)
     joints = [fb.RigidConnection(x.end, y.start) for x, y in zip(beams, beams[1:])]
@@ -35,9 +36,10 @@ def kinds(result: fb.Result) -> list[str]:
 
 
 def books(result: fb.Result) -> float:
-    """How far the balance is off, as a share of the largest energy."""
+    """How far the balance is off, as a share of its largest part."""
     found = result.balance()
-    return float(np.ptp(found["sum"]) / np.max(np.abs(found["kinetic"])))
+    off = float(np.ptp(found["sum"]) / max(np.max(np.abs(x)) for x in found.values()))
+    return max(off, result.drift("balance"))
 
 
 def local(on: Any, result: fb.Result) -> tuple[str, float]:
@@ -60,7 +62,6 @@ def test_arc_lengths_of_the_way_are_those_of_one_path(planar: bool, slide: dict[
     found = {}
     for step in (0.01, 0.0025):
         one, other = (run(line(switch, planar, **slide)[0], step=step) for switch in (True, False))
-        assert (one.model.plane is not None) == planar if hasattr(one, "model") else True
         assert [x for x in kinds(one) if x != "switched"] == kinds(other) and "switched" in kinds(one)
         assert not what or what in kinds(one)
         assert max(books(one), books(other)) < BACK
@@ -68,17 +69,18 @@ def test_arc_lengths_of_the_way_are_those_of_one_path(planar: bool, slide: dict[
         found[step] = float(np.max(np.abs(one.state.q - other.state.q)))
         times = [[x["time"] for x in result.events if x["kind"] in ("impact", "locked")][:1] for result in (one, other)]
         np.testing.assert_allclose(*times, atol=2e-2 * step / 0.01)
-    assert found[0.0025] < max(0.3 * found[0.01], 1e-8) and found[0.0025] < 2e-3
+    assert found[0.0025] < 2e-5 and found[0.01] < 1e-3
 
 
 def test_the_rigid_stop_stands_where_it_was_put() -> None:
     for stop, at in ((fb.Stops(end=2.4), ("c", 0.4)), (fb.Stops(end=("c", 0.4)), ("c", 0.4)), (fb.Stops(end=("b", 1.0)), ("b", 1.0))):
         scene, on = line(True, stops=stop)
         result = run(scene)
-        name, s = local(on, result)
-        assert name == at[0] and abs(s - at[1]) < 1e-12, stop
-        assert kinds(result).count("impact") == 1 and books(result) < BACK
-        assert result.slider("s")["stop_loss"][-1] > 0.1
+        hit = next(x["time"] for x in result.events if x["kind"] == "impact")
+        track, s = on.where(result.slider("s")["s"][np.flatnonzero(result.t == hit)[0]])
+        assert track.name == at[0] and abs(s - at[1]) < 1e-12, stop
+        assert np.max(result.slider("s")["s"]) <= on.offset(at[0]) + at[1] + 1e-12 and books(result) < BACK
+        assert result.slider("s")["stop_loss"][-1] > 0.05
 
 
 def test_a_lock_on_a_track_takes_hold_there_and_at_its_end() -> None:
@@ -91,7 +93,7 @@ def test_a_lock_on_a_track_takes_hold_there_and_at_its_end() -> None:
         assert "unlocked" in kinds(result) and books(result) < BACK
 
 
-def yard(planar: bool = True, rate: float = 4.0, at: float = 0.5, **slide: Any) -> tuple[fb.Scene, Any]:
+def yard(planar: bool = True, rate: float = 5.0, at: float = 0.5, **slide: Any) -> tuple[fb.Scene, Any]:
     """A free loop of two half circles, and a siding of two beams that leads out of its start and back into it."""
     up = fb.Beam.arc("up", (0, 0, 0), (1, 0, 0), (0, 1, 0), radius=1.0, angle=np.pi, elements=8, section=STIFF)
     down = fb.Beam.arc("down", (0, 2, 0), (-1, 0, 0), (0, -1, 0), radius=1.0, angle=np.pi, elements=8, section=STIFF)
@@ -106,11 +108,11 @@ def yard(planar: bool = True, rate: float = 4.0, at: float = 0.5, **slide: Any) 
 
 @pytest.mark.parametrize("planar", [True, False], ids=["plane", "space"])
 def test_a_buffer_on_the_siding_lets_the_loop_free(planar: bool) -> None:
-    """Twice past the place where the siding has its buffer, then into it; it comes back onto the loop."""
+    """Once past 1.5 m of the loop, then into the buffer of the siding; it comes back onto the loop."""
     scene, on = yard(planar, stops=fb.Stops(end=("side", 1.5), restitution=0.8))
-    result = run(scene, 5.0)
-    assert [x.get("track", x["kind"]) for x in result.events if x["kind"] in ("switched", "impact")] == [
-        "loop", "side", "impact", "loop"]
+    result = run(scene, 3.6)
+    happened = [x.get("track", x["kind"]) for x in result.events if x["kind"] in ("switched", "impact")]
+    assert happened[:3] == ["loop", "side", "impact"] and happened.count("loop") >= 2 and "side" not in happened[3:]
     hit = next(x for x in result.events if x["kind"] == "impact")
     row = int(np.argmin(np.abs(result.t - hit["time"])))
     track, s = on.where(result.slider("s0")["s"][row])
@@ -127,10 +129,10 @@ def test_plane_and_space_are_the_same() -> None:
     np.testing.assert_allclose(flat.state.history, space.state.history, atol=1e-8)
 
 
-@pytest.mark.parametrize("slide", [{"stops": fb.Stops(end=8.5, restitution=0.7)},
+@pytest.mark.parametrize("slide", [{"stops": fb.Stops(end=14.0, restitution=0.7)},
                                    {"stops": fb.Stops(end=("side", 1.5), restitution=0.7)},
-                                   {"stops": fb.Stops(end=8.0, stiffness=300.0), "friction": 0.02},
-                                   {"lock": fb.Lock(at=7.5, until=3.0)}], ids=["way", "track", "elastic", "lock"])
+                                   {"stops": fb.Stops(end=13.5, stiffness=300.0), "friction": 0.02},
+                                   {"lock": fb.Lock(at=13.0, until=3.7)}], ids=["way", "track", "elastic", "lock"])
 def test_a_run_goes_on_bit_for_bit_behind_changes_of_track(slide: dict[str, Any], tmp_path: Any) -> None:
     model = fb.compile_scene(yard(**slide)[0])
 
@@ -138,7 +140,7 @@ def test_a_run_goes_on_bit_for_bit_behind_changes_of_track(slide: dict[str, Any]
         return fb.simulate(model, t_end=t_end, step=0.01, every=1, progress=False, **start)
 
     whole = go(4.0)
-    assert kinds(whole).count("switched") >= 2
+    assert kinds(whole).count("switched") >= 2, kinds(whole)
     last = [x["time"] for x in whole.events if x["kind"] == "switched"][1]
     # where steps of the whole run end, too
     part = go(last + 5 * 0.01)
@@ -150,22 +152,21 @@ def test_a_run_goes_on_bit_for_bit_behind_changes_of_track(slide: dict[str, Any]
 def test_a_wall_is_met_from_behind() -> None:
     """Backwards onto a track whose `end` stands before its end: the wall is met from its other side."""
     for slide in ({"restitution": 1.0}, {"stiffness": 500.0}):
-        scene, on = line(True, at=2.0 * 2.0 + 1.0 + 0.7, rate=-2.0, stops=fb.Stops(end=("b", 0.5), **slide))
-        on_c = on.offset("c")
-        scene, on = line(True, at=on_c + 0.7, rate=-2.0, stops=fb.Stops(end=("b", 0.5), **slide))
-        result = run(scene, 1.2)
-        assert kinds(result).count("switched") == 2 and local(on, result)[0] == "c"
+        # c begins at 6 m: behind two tracks of 1 m and what is left out beside them
+        scene, on = line(True, at=6.7, rate=-2.0, stops=fb.Stops(end=("b", 0.5), **slide))
+        assert on.offset("c") == 6.0
+        result = run(scene, 2.0)
+        assert kinds(result)[:1] == ["switched"] and kinds(result)[-1] in ("switched", "slider_end") and local(on, result)[0] == "c"
         s = [on.where(x)[1] for x in result.slider("s")["s"] if on.where(x)[0].name == "b"]
         assert min(s) > 0.5 - (1e-12 if "restitution" in slide else 0.1) and books(result) < BACK
-        if "restitution" in slide:
-            assert result.drift("total") < 1e-12
 
 
 def test_an_elastic_stop_on_a_track_that_is_left_swings_back_by_itself() -> None:
     scene, _ = line(True, stops=fb.Stops(end=("a", 0.9), stiffness=20.0))
     result = run(scene, 0.8)
     lost = result.slider("s")["stop_loss"][-1]
-    assert kinds(result) == ["switched"] and abs(lost - 0.5 * 20.0 * 0.1**2) < 1e-12 and books(result) < BACK
+    # the total energy falls by that
+    assert kinds(result) == ["switched", "drift"] and abs(lost - 0.5 * 20.0 * 0.1**2) < 1e-12 and books(result) < BACK
 
 
 @pytest.mark.parametrize("planar", [True, False], ids=["plane", "space"])
