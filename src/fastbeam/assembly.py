@@ -95,12 +95,14 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     return (*terms, *losses, *(x for x in others if x is not None))
 
 
-def put_limits(model: Model, s: Array, *all_terms: tuple[Any, ...] | None) -> None:
-    """Let sliders on switches, at arc lengths s, move on the tracks on which they are."""
+def put_limits(model: Model, state: State, *all_terms: tuple[Any, ...] | None) -> None:
+    """Let sliders on switches move on the tracks on which they are, to the stops there."""
     for terms in all_terms if model.spans else ():
         for term in terms or ():
             if isinstance(term, Sliding):
-                term.limits[:] = model.limits_at(s)
+                term.limits[:] = model.limits_at(state.s, state.history)
+                if isinstance(term.along, Along):
+                    term.along.stops[:, :2] = model.slider_forces.elastic(state.s, model.along_of(state.history))
 
 
 def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:

@@ -168,7 +168,7 @@ class Encounters:
         ways = Ways(self.stepper)
         s, (low, high) = float(ways.at(self.stepper.state)[slider]), ways.limits(self.stepper.state)[slider]
         end = "end" if abs(s - high) <= abs(s - low) else "start"
-        is_impact = self.impacts.is_rigid(slider, end == "end")
+        is_impact = self.impacts.is_rigid(self.stepper.state, slider, end == "end")
         slides = slider < self.model.n_sliders
         found = self.locking.at_end(self.stepper.state, slider, end == "end", is_impact) if slides else []
         arrives = min(abs(s - low), abs(s - high)) <= AT_STOP * float(ways.scales[slider])

@@ -72,14 +72,16 @@ class Impacts:
             raise SceneError(f"start: the checkpoint holds times of impacts of shape {self.times.shape}, scene "
                              f"{model.scene_name!r} needs {(self.count, 2)}; take a checkpoint of this model")
 
-    def is_rigid(self, k: int, at_end: bool) -> bool:
+    def is_rigid(self, state: State, k: int, at_end: bool) -> bool:
         """Whether slider k, or behind the sliders a coordinate of a joint, has a rigid stop there."""
-        return self.times is not None and self._restitution(k, at_end) is not None
+        return self.times is not None and self._restitution(state, k, at_end) is not None
 
-    def _restitution(self, k: int, at_end: bool) -> float | None:
+    def _restitution(self, state: State, k: int, at_end: bool) -> float | None:
         if k >= self.model.n_sliders:
             return self.model.motions.holds.restitution(k - self.model.n_sliders, at_end)
-        return None if self.model.slider_forces is None else self.model.slider_forces.restitution(k, at_end)
+        if self.model.slider_forces is None:
+            return None
+        return self.model.slider_forces.restitution(k, at_end, float(state.s[k]), self.model.along_of(state.history)[k])
 
     def may_go_on(self, moved: bool) -> bool:
         """Whether a run gets anywhere; moved: whether a step has led to a stop now."""
@@ -90,7 +92,7 @@ class Impacts:
         """The state after an impact of slider or coordinate k at time t, which is remembered; last: time since the one before, or
         the row. Of two within a step the second does not bounce."""
         assert self.times is not None
-        restitution = self._restitution(k, at_end) or 0.0
+        restitution = self._restitution(state, k, at_end) or 0.0
         if t - self.times[k, int(at_end)] < step:
             restitution = 0.0
         self.times[k, int(at_end)] = t

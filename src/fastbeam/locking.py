@@ -10,13 +10,13 @@ import numpy as np
 from .arguments import Refusal, real, shown
 from .errors import SceneError
 from .impacts import along, jump
-from .kernels.along import AGAINST, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, SIGN, STICKS, STOP_LOSS, TURNS
+from .kernels.along import AGAINST, CAME_BY, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, OFFSET, SIGN, STICKS, STOP_LOSS, TURNS
 from .kernels.observe import slider_motion
 from .kernels.work import State
 from .model import Model
 from .one_sided import ON_AXIS, Finder, Place, land
 from .scene.locks import END, START, STOP, truth
-from .scene.switches import chosen, span_of
+from .scene.switches import Switch, chosen, place_at, span_of
 from .starting import AT_STOP
 from .workspace import contact_of
 
@@ -39,7 +39,7 @@ class Awaited:
     slider: int
     action: str
     when: Any
-    at: float | None = None
+    at: float | tuple[str, float] | None = None
     rests: bool = False
 
     @property
@@ -144,8 +144,21 @@ class Locking:
             return self._support_asked(x, state, t)
         s = float(state.s[x.slider])
         if x.at is not None:
-            return s - x.at
+            at = self._lock_place(x, state)
+            # on another track it is far away
+            return float(self.model.slider_lengths[x.slider]) if at is None else s - at
         return self._nearness(x, state, t) if x.action == LAND else self._asked(x, t, s, float(rates[x.slider]))
+
+    def _at_once(self, x: Awaited) -> float:
+        """How far from the place of a lock a slider may be that is held at once, m: round-off where it has come onto a track."""
+        return TOUCHING * float(self.model.slider_lengths[x.slider]) if isinstance(x.at, tuple) else 0.0
+
+    def _lock_place(self, x: Awaited, state: State) -> float | None:
+        """s at which a lock waits; None where that is on another track than the one on which the slider is."""
+        on, offset = self.sliders[x.slider].beam, float(self.model.along_of(state.history)[x.slider, OFFSET])
+        if not isinstance(on, Switch):
+            return float(x.at)
+        return place_at(on, x.at, span_of(on, float(state.s[x.slider])), offset)
 
     def _place(self, state: State, t: float, k: int) -> Place:
         """Of the point of slider k in the state at time t, the one that was looked at last there."""
@@ -243,7 +256,7 @@ class Locking:
                 holds = dict(zip(self._watched, self._before))
                 due = [x for x in self.awaited(state) if
                        isinstance(x.when, float) and x.when <= t + slack or callable(x.when) and holds[x] >= 0.0
-                       or x.at is not None and holds[x] == 0.0]
+                       or x.at is not None and abs(holds[x]) <= self._at_once(x)]
                 if not due:
                     break
             now = due.pop(0)
@@ -259,7 +272,14 @@ class Locking:
         """What slider k waits for at a rigid stop, or an end of its beam."""
         if k in self.model.spans and not is_stop:
             end = END if at_end else START
-            return [Awaited(k, TRANSFER, end)] if self._options(state, k, end) else []
+            # a lock that waits at the end of a track takes hold there
+            slack = AT_STOP * float(self.model.slider_lengths[k])
+            waits = [x for x in self.awaited(state) if x.slider == k and x.action == LOCK and isinstance(x.at, tuple)]
+            at = [self._lock_place(x, state) for x in waits]
+            if any(x is not None and abs(x - state.s[k]) <= slack for x in at):
+                return waits
+            if self._options(state, k, end):
+                return [Awaited(k, TRANSFER, end)]
         words = (END if at_end else START, STOP) if is_stop else (END if at_end else START,)
         return [x for x in self.awaited(state) if x.slider == k and isinstance(x.when, str) and x.when in words
                 and (x.action == LOCK) == is_stop]
@@ -277,9 +297,16 @@ class Locking:
         track = chosen(switch, self._options(state, k, awaited.when), t, state, name)
         at_end = awaited.when == END
         target = switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)]
+        own, stored = self.model.along_of(state.history)[k], self._in_stop(state, k)
         # what is left of the way is left on the other track, too
-        state.s[k] = target + (state.s[k] - switch.spans[number, int(at_end)])
-        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]), "track": track, "loss": 0.0,
+        before = float(switch.spans[number, int(at_end)])
+        state.s[k] = target + (state.s[k] - before)
+        own[OFFSET] += before - target
+        own[CAME_BY] = 1.0 if at_end else -1.0
+        # a stop that stands on the track behind swings back by itself
+        own[STOP_LOSS] += stored - self._in_stop(state, k)
+        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]), "way": float(state.s[k] + own[OFFSET]), "track": track,
+                       "loss": 0.0,
                        "text": f"slider {name!r} goes on from {switch.tracks[number].name!r} to {track!r} at t = {t:.6g} s"}
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
@@ -301,7 +328,7 @@ class Locking:
             text = f"slider {name!r} is locked at s = {s:.6g} m from t = {t:.6g} s on, {loss:.3g} J are lost"
         elif awaited.action == UNLOCK:
             own[k, HELD] = FREE
-            self._begin_at_rest(own[k], k, s)
+            self._begin_at_rest(state, own[k], k, s)
             text = f"slider {name!r} is let go at s = {s:.6g} m at t = {t:.6g} s"
         else:
             own[k, HELD] = OFF
@@ -321,18 +348,19 @@ class Locking:
 
     def _let_go_of_stop(self, state: State, k: int) -> float:
         """What an elastic stop keeps of its energy, J, that a slider leaves as it lifts off: it swings back by itself."""
-        def stored() -> float:
-            return float(self.model.slider_forces.stop_energy(state.s)[k])
-
-        before = stored()
+        before = self._in_stop(state, k)
         state.s[k] = np.clip(state.s[k], *self._finder.ends[k])
-        return before - stored()
+        return before - self._in_stop(state, k)
 
-    def _begin_at_rest(self, own: Array, k: int, s: float) -> None:
+    def _in_stop(self, state: State, k: int) -> float:
+        """Energy that an elastic stop of slider k stores, J."""
+        return float(self.model.slider_forces.stop_energy(state.s, state.history)[k])
+
+    def _begin_at_rest(self, state: State, own: Array, k: int, s: float) -> None:
         """A slider that is let go stands still: held by friction, or against its stop, until more pulls at it."""
         slider = self.sliders[k]
         own[STICKS] = float(slider.friction is not None)
         slack = AT_STOP * float(self.model.slider_lengths[k])
-        for at_end, limit in enumerate(self.model.limits_at(self.model.s0)[k]):
-            if abs(s - limit) <= slack and self.model.slider_forces.restitution(k, bool(at_end)) is not None:
+        for at_end, limit in enumerate(self.model.limits_at(state.s, state.history)[k]):
+            if abs(s - limit) <= slack and self.model.slider_forces.restitution(k, bool(at_end), s, own) is not None:
                 own[AGAINST] = 1.0 if at_end else -1.0

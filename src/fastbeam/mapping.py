@@ -9,8 +9,9 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from .errors import SceneError
-from .kernels.along import HELD, HISTORY, OFF, STICKS, TURNS
+from .kernels.along import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
 from .kernels.curves import Curves, Paths
+from .scene.switches import Switch
 
 if TYPE_CHECKING:
     from .kernels.work import State
@@ -143,6 +144,8 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
             if slider.name not in theirs:
                 continue
             given = history[theirs.index(slider.name)] if locks else np.zeros(HISTORY)
+            if isinstance(slider.beam, Switch):
+                own[[OFFSET, CAME_BY]] = given[[OFFSET, CAME_BY]]
             leaves = slider.release is not None or slider.one_sided is not None
             if locks and locks[theirs.index(slider.name)] == len(slider.lock or ()) and (leaves or given[HELD] != OFF):
                 own[[HELD, TURNS]] = given[[HELD, TURNS]]

@@ -14,6 +14,7 @@ from .arguments import Count, checked, shown
 from .errors import SceneError
 from .history import HistoryLayout
 from .holding import Holding
+from .kernels.along import HISTORY
 from .kernels.beam import ElementTables
 from .kernels.carriers import Carriers
 from .kernels.curves import Curves, Paths
@@ -371,12 +372,23 @@ class Model(HistoryLayout):
         history[history.size - len(own):] = own
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)
 
-    def limits_at(self, s: Array) -> Array:
-        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2]."""
+    def ends_at(self, s: Array) -> Array:
+        """As `slider_ends`, on switches those of the tracks on which sliders that stand at s [S] are."""
         ends = self.slider_ends
         for k, spans in self.spans.items():
             ends[k] = spans[int(np.argmin(np.maximum(spans[:, 0] - s[k], s[k] - spans[:, 1])))]
-        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends))
+        return ends
+
+    def limits_at(self, s: Array, history: Array | None = None) -> Array:
+        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2]; history:
+        of the state, default that of the start."""
+        ends = self.ends_at(s)
+        return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends, s, self.along_of(history)))
+
+    def along_of(self, history: Array | None) -> Array:
+        """What the history of a state, or of the start, has of forces along beams, float64 [S, 11]: a view."""
+        own = self.slider_forces.initial_history if history is None else history[:self.work_place]
+        return np.asarray(own.reshape(-1, HISTORY))
 
     @property
     def track(self) -> str:

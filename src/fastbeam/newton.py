@@ -138,7 +138,7 @@ class Stepper:
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
-        put_limits(core, self.core_state.s, self.terms)
+        put_limits(core, self.core_state, self.terms)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -159,7 +159,7 @@ class Stepper:
             if memory is None:
                 start_rates(model, self.alpha, self.core_state, self._rows_at_rest)
         if self.along is not None:
-            core.slider_forces.check_start(t, self.core_state.s)
+            core.slider_forces.check_start(t, self.core_state.s, core.along_of(self.core_state.history))
         if memory is not None:
             self.memory = memory
         elif self.along is not None:
@@ -282,7 +282,7 @@ class Stepper:
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
-            put_limits(self.core, self.core_state.s, fallback.terms)
+            put_limits(self.core, self.core_state, fallback.terms)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
                                                    increment=fallback.work.increment._replace(theta=self.work.theta))
             self._fallback = fallback
@@ -306,7 +306,7 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
-        put_limits(self.core, self.core_state.s, self.terms, self._fallback and self._fallback.terms)
+        put_limits(self.core, self.core_state, self.terms, self._fallback and self._fallback.terms)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or

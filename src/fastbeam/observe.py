@@ -160,7 +160,7 @@ class Observer:
             out["gravity"] += self._weight
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             if model.slider_forces is not None:
-                out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s)))
+                out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
             out["total"] = out["kinetic"] + out["potential"]
             # the drift of a total that starts at zero is measured by the largest of its parts
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
@@ -185,7 +185,7 @@ class Observer:
         if (self.slider or self.energy) and model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY).copy()
             out |= {"friction_loss": history[:, FRICTION_LOSS], "drive_work": history[:, DRIVE_WORK],
-                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s),
+                    "stop_loss": history[:, STOP_LOSS], "stop_energy": model.slider_forces.stop_energy(state.s, state.history),
                     "lock_loss": history[:, LOCK_LOSS]}
         if self.joint:
             out |= model.motions.row(t, state, model.motion_place)
@@ -228,7 +228,7 @@ class Observer:
         if model.slider_forces is not None:
             history = state.history[:model.work_place].reshape(-1, HISTORY)
             if model.accounts_loads:
-                stored += float(np.sum(model.slider_forces.stop_energy(state.s)))
+                stored += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
             stored += float(np.sum(history[:, LOSSES])) - float(np.sum(history[:, DRIVE_WORK]))
             sizes += np.sum(np.abs(history[:, (*LOSSES, DRIVE_WORK)]), axis=0).tolist()
         stored += float(np.sum(lost)) - float(np.sum(put_in))

@@ -9,9 +9,10 @@ import numpy as np
 
 from .drive_laws import force_at, gains_of, given_to, kind_of, law_of, value_at
 from .errors import SceneError
-from .kernels.along import (AGAINST, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, NO_DRIVE, OFF, POSITION, SIGN, TURNS,
-                            Along)
+from .kernels.along import (AGAINST, CAME_BY, CONTROL, FORCE, HELD, HISTORY, INCREMENT, LAW, LOCKED, NO_DRIVE, OFF, OFFSET,
+                            POSITION, SIGN, TURNS, Along)
 from .scene import Drive, Path, Slider, Switch
+from .scene.switches import AT_END, Arrival, span_of, stops_on
 
 Array = np.ndarray
 # a prescribed position may be so far from the place of the slider at the start, of the length of the beam
@@ -51,7 +52,7 @@ class SliderForces:
         self.tables = Along(*(np.zeros(n) for _ in range(3)), np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros((n, 3)),
                             np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(3), np.zeros(n, np.int64), np.zeros(n),
                             np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n), np.zeros(n, np.int64),
-                            np.zeros(n, np.int64))
+                            np.zeros(n, np.int64), np.zeros(n))
         for k, slider in enumerate(sliders):
             self._fill(k, slider)
 
@@ -61,7 +62,7 @@ class SliderForces:
             t.friction[k], t.viscous[k], t.smoothing[k] = friction.coefficient, friction.viscous, friction.smoothing or 0.0
         t.stops[k, :2] = -np.inf, np.inf
         if stops is not None and stops.stiffness is not None:
-            t.stops[k] = *stops.between, stops.stiffness
+            t.stops[k] = *self._between(k, slider.at, np.zeros(HISTORY)), stops.stiffness
         t.drive[k] = kind_of(drive)
         if drive is None:
             return
@@ -136,7 +137,7 @@ class SliderForces:
 
     @property
     def initial_history(self) -> Array:
-        """`State.history` at the start, float64 [9 S]."""
+        """`State.history` at the start, float64 [11 S]."""
         out = np.zeros((len(self.sliders), HISTORY))
         locked = self.locked_at_start
         out[locked, HELD], out[locked, TURNS] = LOCKED, 1.0
@@ -148,7 +149,7 @@ class SliderForces:
         """What locks and releases wait for, as numbers: times and places, NaN where it is something else; float64 [*]."""
         out: list[float] = []
         for slider in self.sliders:
-            waits = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
+            waits: list[Any] = [x for lock in slider.lock or () for x in (lock.when, lock.at, lock.until)]
             waits += [] if slider.release is None else [slider.release.when]
             waits += [] if slider.one_sided is None else [*slider.one_sided.side.tolist(), slider.one_sided.restitution,
                                                               float(slider.one_sided.catch)]
@@ -157,10 +158,12 @@ class SliderForces:
 
     @property
     def choices(self) -> str:
-        """Where sliders on switches go on, as a text; functions count only by being there."""
+        """Where sliders on switches go on, and their stops and locks on tracks, as a text; functions count only by being there."""
         switches = [x.beam for x in self.sliders if isinstance(x.beam, Switch)]
         chosen = [sorted(x.choose.items()) if isinstance(x.choose, dict) else x.choose for x in switches]
-        return repr([([track.name for track in x.tracks], "function" if callable(y) else y) for x, y in zip(switches, chosen)])
+        places = [[x.stops and (x.stops.start, x.stops.end), *(lock.at for lock in x.lock or ())] for x in self.sliders]
+        return repr([places, *(([track.name for track in x.tracks], "function" if callable(y) else y)
+                               for x, y in zip(switches, chosen))])
 
     @property
     def size(self) -> int:
@@ -171,7 +174,7 @@ class SliderForces:
         """The tables with arrays of one run; mass: of the scene, kg."""
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held")})
+                                       ("stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset")})
 
     @cached_property
     def sides(self) -> list[Array]:
@@ -189,8 +192,26 @@ class SliderForces:
         """Arc lengths between which no stop acts on sliders, from their limits [S, 2]."""
         out = limits.copy()
         for k, slider in enumerate(self.sliders):
-            if slider.stops is not None:
+            if slider.stops is not None and not isinstance(slider.beam, Switch):
                 out[k] = np.clip(slider.stops.between, *limits[k])
+        return out
+
+    # --- stops, where sliders are -------------------------------------------------------------------------------------
+    def _between(self, k: int, s: float, own: Array) -> tuple[float, float]:
+        """Arc lengths between which the stops of slider k leave it at s, by its history [11]; infinite where there are none."""
+        stops, on = self.sliders[k].stops, self.sliders[k].beam
+        if stops is None:
+            return -np.inf, np.inf
+        if not isinstance(on, Switch):
+            return stops.between
+        return stops_on(on, stops, span_of(on, s), Arrival(float(own[OFFSET]), float(own[CAME_BY])))
+
+    def elastic(self, s: Array, history: Array) -> Array:
+        """Arc lengths at which elastic stops begin, float64 [S, 2]; history [S, 11]."""
+        out = self.tables.stops[:, :2].copy()
+        for k, slider in enumerate(self.sliders):
+            if isinstance(slider.beam, Switch) and self.tables.stops[k, 2] > 0.0:
+                out[k] = self._between(k, float(s[k]), history[k])
         return out
 
     def speed_given(self, k: int, t: float) -> float:
@@ -219,21 +240,33 @@ class SliderForces:
         return value_at(drive, f"slider {self.sliders[k].name!r}", what, t)
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
-    def limits(self, ends: Array) -> Array:
-        """Arc lengths between which sliders may go: `ends` [S, 2] of their beams, or rigid stops."""
+    def limits(self, ends: Array, s: Array, history: Array) -> Array:
+        """Arc lengths between which sliders at s [S] may go: `ends` [S, 2] of what they run on, or rigid stops; history [S, 11]."""
         out = ends.copy()
         for k, slider in enumerate(self.sliders):
             if slider.stops is not None and slider.stops.is_rigid:
-                out[k] = np.clip(slider.stops.between, *ends[k])
+                out[k] = np.clip(self._between(k, float(s[k]), history[k]), *ends[k])
         return out
 
     @property
     def restitutions(self) -> Array:
-        """Of the rigid stops of all sliders at both ends, -1 where there is none, float64 [S, 2]."""
-        found = [[self.restitution(k, at_end) for at_end in (False, True)] for k in range(len(self.sliders))]
+        """Of the rigid stops of all sliders at both ends, on whatever track, -1 where there is none, float64 [S, 2]."""
+        out = np.full((len(self.sliders), 2), -1.0)
+        for k, slider in enumerate(self.sliders):
+            stops = slider.stops
+            if stops is not None and stops.is_rigid:
+                there = [x is not None for x in (stops.start, stops.end)]
+                # from behind a wall on a track stands at its other side
+                out[k, any(there) if stops.on_tracks else there] = stops.restitution or 0.0
+        return out
+
+    def restitutions_at(self, s: Array, history: Array) -> Array:
+        """As `restitutions`, of the stops that sliders at s meet on their tracks; history [S, 11]."""
+        found = [[self.restitution(k, at_end, float(x), own) for at_end in (False, True)]
+                 for k, (x, own) in enumerate(zip(s, history))]
         return np.array([[-1.0 if x is None else x for x in both] for both in found])
 
-    def check_start(self, t: float, s: Array) -> None:
+    def check_start(self, t: float, s: Array, history: Array) -> None:
         """Prescribed positions at the time t where a run starts are those of its sliders.
 
         Raises
@@ -242,24 +275,32 @@ class SliderForces:
             One would jump.
         """
         for k in np.flatnonzero(self.tables.drive == POSITION).tolist():
-            slider, place = self.sliders[k], self._value(k, "position", t)
+            slider, place = self.sliders[k], self.place_given(k, t, history[k])
             if abs(place - s[k]) > JUMP * slider.beam.length:
                 raise SceneError(f"slider {slider.name!r} stands at s = {s[k]:.6g} m, its drive at t = {t:.6g} s at {place:.6g} "
                                  "m; start at the time of the state (t_start=...), or let the position begin there")
 
-    def restitution(self, k: int, at_end: bool) -> float | None:
-        """Of the rigid stop of slider k at its end or start; None where it has none there."""
-        stops = self.sliders[k].stops
-        if stops is None or not stops.is_rigid or (stops.end if at_end else stops.start) is None:
+    def restitution(self, k: int, at_end: bool, s: float, own: Array) -> float | None:
+        """Of the rigid stop of slider k, at s, at its end or start; None where it has none there. own [11]: of its history."""
+        stops, on = self.sliders[k].stops, self.sliders[k].beam
+        if stops is None or not stops.is_rigid:
             return None
+        wall = self._between(k, s, own)[int(at_end)]
+        if not np.isfinite(wall):
+            return None
+        if isinstance(on, Switch):
+            begin, end = on.spans[span_of(on, s)]
+            slack = AT_END * float(end - begin)
+            if not begin - slack <= wall <= end + slack:
+                return None
         return stops.restitution or 0.0
 
     # --- rows ---------------------------------------------------------------------------------------------------------
-    def stop_energy(self, s: Array) -> Array:
-        """Energy that elastic stops store, J, [S]."""
-        t = self.tables
-        beyond = np.maximum(t.stops[:, 0] - s, 0.0)**2 + np.maximum(s - t.stops[:, 1], 0.0)**2
-        return 0.5 * t.stops[:, 2] * np.where(t.stops[:, 2] > 0.0, beyond, 0.0)
+    def stop_energy(self, s: Array, history: Array) -> Array:
+        """Energy that elastic stops store, J, [S]; history [S, 11], or flat."""
+        stiff, (low, high) = self.tables.stops[:, 2], self.elastic(s, history[:self.size].reshape(-1, HISTORY)).T
+        beyond = np.maximum(low - s, 0.0)**2 + np.maximum(s - high, 0.0)**2
+        return np.asarray(0.5 * stiff * np.where(stiff > 0.0, beyond, 0.0))
 
     def at_row(self, t: float, s: Array, rate: Array, history: Array, tangent: Array, force: Array, push: Array,
                edges: Array, share: float | None = None) -> AtRow:
@@ -270,7 +311,7 @@ class SliderForces:
         t : float
         s, rate : float64 [S]
             Places, m, and velocities ds/dt, m/s.
-        history : float64 [S, 9]
+        history : float64 [S, 11]
             Of the state.
         tangent, force : float64 [S, 3]
             Derivatives of the curves by s; contact forces, N.
@@ -286,13 +327,14 @@ class SliderForces:
         long = np.linalg.norm(tangent, axis=1)
         across = (np.linalg.norm(force - (along / long**2)[:, None] * tangent, axis=1) + edges) * long
         along = along - push
-        stiff = table.stops[:, 2]
-        beyond = np.maximum(table.stops[:, 0] - s, 0.0) - np.maximum(s - table.stops[:, 1], 0.0)
+        stiff, (low, high), offset = table.stops[:, 2], self.elastic(s, history).T, history[:, OFFSET]
+        beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         stop = np.where(stiff > 0.0, stiff * beyond, 0.0)
         drive = np.zeros(len(s))
         prescribed = np.isin(table.drive, (POSITION, INCREMENT))
         for k in np.flatnonzero((table.drive != NO_DRIVE) & ~prescribed).tolist():
-            drive[k] = self._drive_at(k, t, s[k], rate[k]) if share is None else self.at_rest(k, t, s[k], share)
+            drive[k] = self._drive_at(k, t, s[k], rate[k], offset[k]) if share is None else self.at_rest(
+                k, t, s[k], share, offset[k])
         direction = np.where(prescribed, np.sign(rate), sign)
         smooth = table.smoothing > 0.0
         direction = np.where(smooth, np.tanh(rate / np.where(smooth, table.smoothing, 1.0)), direction)
@@ -309,21 +351,23 @@ class SliderForces:
         stop = np.where(off | locked & ~(stiff > 0.0), 0.0, stop)
         return AtRow(along, friction, drive, stop, np.where(locked, along - drive - stop, 0.0))
 
-    def _drive_at(self, k: int, t: float, s: float, rate: float) -> float:
-        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, s, rate)
+    def _drive_at(self, k: int, t: float, s: float, rate: float, offset: float) -> float:
+        # laws know s of a switch, controllers follow the way
+        way = s + offset if self.tables.drive[k] == CONTROL else s
+        return force_at(self.sliders[k].drive, f"slider {self.sliders[k].name!r}", t, way, rate)
 
-    def at_rest(self, k: int, t: float, s: float, share: float) -> float:
+    def at_rest(self, k: int, t: float, s: float, share: float, offset: float) -> float:
         """Force of a drive that does not prescribe the motion on a slider at rest at s, N, at the time t and the load factor
-        `share`, with which it grows like a load."""
+        `share`, with which it grows like a load; offset: arc length of the way less s."""
         kind, gains = self.tables.drive[k], self.tables.gains[k]
         if kind == LAW:
             return share * float(self.sliders[k].drive.force(t, s, 0.0))
         given = self._given(k, t, 0.0)[0]
-        return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - s), -gains[2], gains[2])))
+        return share * (given if kind == FORCE else float(np.clip(gains[0] * (given - offset - s), -gains[2], gains[2])))
 
-    def place_given(self, k: int, t: float) -> float:
-        """Where a drive puts slider k at time t, m."""
-        return self._value(k, "position", t)
+    def place_given(self, k: int, t: float, own: Array) -> float:
+        """Where a drive puts slider k at time t, m; own [11]: of its history."""
+        return self._value(k, "position", t) - float(own[OFFSET])
 
 
 def slider_forces_of(sliders: list[Slider]) -> SliderForces | None:

@@ -70,8 +70,7 @@ def own_state(model: Model, state: State) -> State:
     skew = float(np.max(np.abs(triads @ triads.transpose(0, 2, 1) - np.eye(3)), initial=0.0))
     if skew > 1e-6:
         raise SceneError(f"start: the directors of a node are not orthonormal (off by {skew:.3g}); start from the state of a run")
-    limits = model.limits_at(own.s)
-    ends = limits if model.spans else model.slider_ends
+    limits, ends = model.limits_at(own.s, own.history), model.ends_at(own.s)
     of_sliders = own.s, model.slider_lengths, ends, limits, model.names["sliders"]
     for s, length, (begin, end), (low, high), name in zip(*of_sliders):
         if not begin - END_SLACK * length <= s <= end + END_SLACK * length:
@@ -329,7 +328,7 @@ def _across(model: Model, q: Array, s: Array) -> tuple[Any, Array]:
         for _ in range(20):
             gap, tangent, _ = contact(model, k, s[k], q, q)
             way = float(gap @ tangent / (tangent @ tangent))
-            s[k] = np.clip(s[k] + way, *(model.limits_at(s) if k in model.spans else model.slider_ends)[k])
+            s[k] = np.clip(s[k] + way, *model.ends_at(s)[k])
             if abs(way) <= 1e-15 * model.slider_lengths[k]:
                 break
         gap, tangent, _ = contact(model, k, s[k], q, q)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .errors import SceneError
-from .kernels.along import AGAINST, HISTORY, INCREMENT, NO_DRIVE, POSITION, SIGN, STICKS
+from .kernels.along import AGAINST, HISTORY, INCREMENT, NO_DRIVE, OFFSET, POSITION, SIGN, STICKS
 from .model import Model
 from .static_contact import Border
 
@@ -48,6 +48,8 @@ class StaticAlong:
         Where sliders are at the load factor 0, m.
     held : bool [S]
         Sliders that stay at their s, with whatever force that takes.
+    history : float64
+        Of the state.
 
     Raises
     ------
@@ -55,13 +57,14 @@ class StaticAlong:
         A drive prescribes a place beyond the end of its beam, or returns no finite number.
     """
 
-    def __init__(self, model: Model, at_time: float, s: Array, held: Array) -> None:
+    def __init__(self, model: Model, at_time: float, s: Array, held: Array, history: Array) -> None:
         self.forces, self.at_time = model.slider_forces, at_time
         table = self.forces.tables
-        self.start, self.end = s.copy(), s.copy()
+        self.start, self.end, own = s.copy(), s.copy(), model.along_of(history).copy()
+        self.offset, self.elastic = own[:, OFFSET], self.forces.elastic(s, own)
         for k in np.flatnonzero(table.drive == POSITION).tolist():
-            self.end[k] = self.forces.place_given(k, at_time)
-            low, high = model.limits_at(s)[k]
+            self.end[k] = self.forces.place_given(k, at_time, own[k])
+            low, high = model.limits_at(s, history)[k]
             if not low <= self.end[k] <= high:
                 raise SceneError(f"solve_static: slider {model.names['sliders'][k]!r}: its drive prescribes s = {self.end[k]:.6g}"
                                  f" m, outside what it slides on ({low:.6g} to {high:.6g} m)")
@@ -71,8 +74,8 @@ class StaticAlong:
         # at rest smoothed friction is none
         self.friction = np.where(self.rubs, table.friction, 0.0)
         self.driven = np.flatnonzero((table.drive != NO_DRIVE) & ~self.held)
-        self.lengths, limits = model.slider_lengths, model.limits_at(s)
-        self.rigid = self.forces.restitutions >= 0.0
+        self.lengths, limits = model.slider_lengths, model.limits_at(s, history)
+        self.rigid = self.forces.restitutions_at(s, own) >= 0.0
         self.stops = np.where(self.rigid, limits, (-np.inf, np.inf))
         at_stop = (np.abs(s - self.stops[:, 1]) <= 1e-9 * self.lengths).astype(int)
         at_stop -= np.abs(s - self.stops[:, 0]) <= 1e-9 * self.lengths
@@ -105,12 +108,13 @@ class StaticAlong:
         """Drives and elastic stops at s [S]: forces on the points, N, and their derivatives by s, N/m, [S] each."""
         table = self.forces.tables
         stiff = table.stops[:, 2]
-        low, high = (np.where(stiff > 0.0, table.stops[:, i], s) for i in (0, 1))
+        low, high = (np.where(stiff > 0.0, self.elastic[:, i], s) for i in (0, 1))
         beyond = np.maximum(low - s, 0.0) - np.maximum(s - high, 0.0)
         force, slope = stiff * beyond, -stiff * (beyond != 0.0)
         for k in self.driven.tolist():
             step = 1e-6 * (1e-3 * abs(s[k]) + 1e-3 * self.lengths[k])
-            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor) for x in (-step, 0.0, step))
+            back, here, ahead = (self.forces.at_rest(k, self.at_time, float(s[k] + x), self.factor, self.offset[k])
+                                 for x in (-step, 0.0, step))
             force[k] += here
             slope[k] += (ahead - back) / (2.0 * step)
         return force, slope

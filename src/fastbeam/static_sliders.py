@@ -89,10 +89,11 @@ class SlidingSolver(StaticSolver):
         # of the first matrix of those with the same free sliders
         self._scales: dict[bytes, tuple[Array, Array]] = {}
         self.held = held
-        self.lengths, self.ends = uneliminated.slider_lengths, uneliminated.limits_at(self.stepper.core_state.s)
+        self.lengths, self.ends = uneliminated.slider_lengths, self.stepper.model.limits_at(
+            self.stepper.core_state.s, self.stepper.core_state.history)
         self.along = None
         if uneliminated.slider_forces is not None:
-            self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held)
+            self.along = StaticAlong(uneliminated, at_time, self.stepper.core_state.s, held, self.stepper.core_state.history)
         # what joints are given at the start and at the end of the load
         self.given = None
         if core.motions is not None and core.motions.holds.given.size:

@@ -152,7 +152,7 @@ class _Held:
         forces, border = solver.along.forces, solver._border(rubs=False)
         needed, s = float(border.sliding[k]), float(solver.stepper.core_state.s[k])
         if forces.tables.drive[k]:
-            needed -= forces.at_rest(k, self.t, s, solver.along.factor)
+            needed -= forces.at_rest(k, self.t, s, solver.along.factor, solver.along.offset[k])
         most = float(forces.tables.friction[k] * border.normal[k])
         return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
 

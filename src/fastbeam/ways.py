@@ -35,7 +35,7 @@ class Ways:
 
     def limits(self, state: State) -> Array:
         """Between which each may go, float64 [S + R, 2]."""
-        limits = self.model.limits_at(state.s)
+        limits = self.model.limits_at(state.s, state.history)
         return limits if self.holds is None else np.concatenate((limits, self.holds.ends))
 
     def slack(self, limits: Array) -> Array:

@@ -202,11 +202,7 @@ def test_what_is_refused() -> None:
             fb.Switch("w", tracks, choose=choose)
     on = fb.Switch("w", [a, b, c])
     assert on.options(a, "end") == ("b",) and on.options("a", "start") == () and on.options(c, "start") == ("b",)
-    for message, more in (("none of the tracks", {"at": 1.5}), ("stops", {"at": 0.5, "stops": fb.Stops(end=0.8)}),
-                          ("position=", {"at": 0.5, "drive": fb.Drive(position=lambda t: 0.5)}),
-                          ("lock at a place", {"at": 0.5, "lock": fb.Lock(at=0.7)}),
-                          ("one_sided", {"at": 0.5, "one_sided": (0, 0, 1)}),
-                          ("release at an end", {"at": 0.5, "release": fb.Release("end")})):
+    for message, more in (("none of the tracks", {"at": 1.5}), ("one_sided", {"at": 0.5, "one_sided": (0, 0, 1)})):
         with pytest.raises(fb.SceneError, match=message):
             fb.Slider("s", bead, on=on, **more)
     with pytest.raises(fb.SceneError, match="nothing joins them"):

@@ -31,9 +31,10 @@ NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
 # impacts, J; where friction holds it since how many steps, RESTS at most, else 0; FREE, LOCKED or OFF; how many times its locks
-# have taken hold or let go; energy lost where they took hold, J
-HISTORY = 9
-SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS = range(HISTORY)
+# have taken hold or let go; energy lost where they took hold, J; on switches arc length of the way less s, m, and -1 or 1 where it
+# came onto its track by the end or the start, 0 where it began
+HISTORY = 11
+SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS, OFFSET, CAME_BY = range(HISTORY)
 # a slider slides, is held where it is, or has left its beam
 FREE, LOCKED, OFF = range(3)
 # a part of the contact force across the beam that is round-off of the force
@@ -67,6 +68,7 @@ class Along(NamedTuple):
     needed: np.ndarray      # float64 [S]: force that friction has to give, N, in the last iteration
     against: np.ndarray     # int64 [S]: -1 or 1 where the slider rests against a rigid stop at the start or the end, else 0
     held: np.ndarray        # int64 [S]: FREE, LOCKED or OFF
+    offset: np.ndarray      # float64 [S]: arc length of the way less s, m: on switches, else 0
 
 
 class DriveSchedule(NamedTuple):
@@ -133,7 +135,7 @@ def drive_force(along, k, s0, s1):
                  - call_law(along.law[k], t, middle - 0.5 * step, rate - step / h)) / (2.0 * step)
         return Force(call_law(along.law[k], t, middle, rate), slope)
     if kind == CONTROL:
-        force = (along.gains[k, 0] * (along.given[k, 0] - 0.5 * (s0 + s1))
+        force = (along.gains[k, 0] * (along.given[k, 0] - along.offset[k] - 0.5 * (s0 + s1))
                  + along.gains[k, 1] * (along.given[k, 1] - (s1 - s0) / h))
         limit = along.gains[k, 2]
         if abs(force) > limit:
@@ -187,7 +189,7 @@ def prescribed_end(along, k, s0):
     """s at the end of the step of a slider whose motion is prescribed, or that is locked."""
     if along.held[k] != FREE:
         return s0
-    return along.given[k, 0] if along.drive[k] == POSITION else s0 + along.given[k, 0]
+    return along.given[k, 0] - along.offset[k] if along.drive[k] == POSITION else s0 + along.given[k, 0]
 
 
 @inlined
@@ -321,6 +323,7 @@ def begin_forces(along, term, system, h):
     along.clock[0] = h
     for k in range(state.s.shape[0]):
         along.held[k] = int(state.history[HISTORY * k + HELD])
+        along.offset[k] = state.history[HISTORY * k + OFFSET]
         if is_prescribed(along, k):
             system.work.s_end[k] = prescribed_end(along, k, state.s[k])
             continue

@@ -170,6 +170,8 @@ class Freedom:
             raise SceneError(f"{who}: a drive that says how it moves, whatever that takes, is {place}= or speed= of the joint; "
                              "drive= is for a force, or a controller with stiffness=, damping= and limit=")
         if self.stops is not None:
+            if self.stops.on_tracks:
+                raise SceneError(f"{who}: stops: (track, s) is a place on a Switch; give a distance, m, or an angle, rad")
             low, high = self.stops.between
             if not low <= 0.0 <= high:
                 raise SceneError(f"{who}: stops from {self.stops.start} to {self.stops.end} {unit} exclude its start, where the "

@@ -2,16 +2,19 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from fastbeam.arguments import Flag, Number, Refusal, Vector, checked, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import ArrayField, Condition, WhenLike, called_with, noun
-from fastbeam.scene.sliding import Stops, needed_arguments
+from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called_with, noun
+from fastbeam.scene.sliding import Place, Stops, needed_arguments
 
-TIME, PLACE = Number(unit="s"), Number(unit="m")
+if TYPE_CHECKING:
+    from fastbeam.scene.sliding import PlaceLike
+
+TIME = Number(unit="s")
 START, END, STOP = "start", "end", "stop"
 
 
@@ -58,7 +61,7 @@ def truth(function: Any, t: float, s: float, rate: float) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-@checked(when=When((STOP, START, END)), at=PLACE, until=When())
+@checked(when=When((STOP, START, END)), at=Place(), until=When())
 @dataclass(frozen=True)
 class Lock:
     """Holds a slider where it is on its beam: a latch, a clamp, a brake. `Slider(..., lock=fb.Lock(...))`.
@@ -67,7 +70,8 @@ class Lock:
     Lock(until=1.0)               from the start, let go at t = 1 s
     Lock(2.0, until=3.0)          from 2 s to 3 s
     Lock("stop")                  where it meets one of its rigid stops: it latches there; "start", "end": that one alone
-    Lock(at=1.5)                  where it passes s = 1.5 m
+    Lock(at=1.5)                  where it passes s = 1.5 m, on a Switch this arc length of the way, which begins with `at`
+    Lock(at=("siding", 1.5))      on a Switch where it passes s = 1.5 m of this track
     Lock(lambda t, s, rate: rate - 3.0)       as soon as the function is not negative (or returns True): above 3 m/s
 
     Locking a slider that moves is a plastic impact: velocities jump, momenta stay, and the energy that is lost is in
@@ -77,8 +81,8 @@ class Lock:
     ----------
     when : float, str or callable
         Time, s; 'stop', 'start', 'end'; or a function of (t, s, ds/dt), which is asked after every step.
-    at : float
-        Arc length, m, in the place of `when`.
+    at : float or tuple
+        Arc length, m, in the place of `when`; on a `Switch` also (track, s) with a track or its name.
     until : float or callable
         Time, s, or function, with which it is let go; None: for good.
 
@@ -93,7 +97,7 @@ class Lock:
 
     when: WhenLike | None = None
     _: KW_ONLY
-    at: float | None = None
+    at: Takes[PlaceLike | None, float | tuple[str, float] | None] = None
     until: float | Condition | None = None
 
     def __post_init__(self) -> None:
@@ -114,7 +118,8 @@ class Release:
     """Lets a slider go of its beam for good; its point flies on by itself. `Slider(..., release=fb.Release(...))`.
 
     Release(1.0)                  at t = 1 s
-    Release("end")                at the end of its beam or path, instead of ending the run there; "start": at the start
+    Release("end")                at the end of its beam or path, instead of ending the run there; "start": at the start. On a
+                                  Switch at the end of a track from which none leads on
     Release(lambda t, s, rate: s - 2.0)       as soon as the function is not negative (or returns True)
 
     Neither momenta nor the energy change (theory.md 5.9). `result.slider(name)["gap"]` tells how far the point is from where it
@@ -227,7 +232,7 @@ def check_locks(who: str, locks: tuple[Lock, ...], stops: Stops | None, ends: tu
             there = [] if stops is None or not stops.is_rigid else [w for w in (START, END) if getattr(stops, w) is not None]
             if lock.when not in (*there, STOP) or not there:
                 raise SceneError(f"{who}: lock: {lock.when!r} needs a rigid stop there, as in stops=fb.Stops(end=2.0)")
-        if lock.at is not None and not ends[0] <= lock.at <= ends[1]:
+        if isinstance(lock.at, float) and not ends[0] <= lock.at <= ends[1]:
             raise SceneError(f"{who}: lock: at={lock.at:.6g} m lies beyond its beam ({ends[0]:.6g} to {ends[1]:.6g} m)")
 
 

@@ -17,7 +17,7 @@ from fastbeam.scene.locks import AOneSided, ARelease, Lock, OneSided, Release, S
 from fastbeam.scene.parts import Node, PointMass
 from fastbeam.scene.paths import ATrack, Path
 from fastbeam.scene.sliding import ADrive, AFriction, Drive, Friction, SomeStops, Stops, initial_rate
-from fastbeam.scene.switches import Switch, span_of
+from fastbeam.scene.switches import Switch, check_places, span_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -142,26 +142,30 @@ class Slider:
         return self.beam.reference(self.at)[0][0]
 
     def _on_a_track(self, who: str, switch: Switch, at: float) -> float:
-        """The place on a switch; what counts arc lengths across its tracks does not go together with it."""
+        """The place on a switch."""
         begin, end = switch.spans[span_of(switch, at)]
         if not begin - 1e-9 * switch.length <= at <= end + 1e-9 * switch.length:
             tracks = ", ".join(f"{x.name!r} {a:.6g} to {b:.6g} m" for x, (a, b) in zip(switch.tracks, switch.spans))
             raise SceneError(f"{who}: at={at:.6g} m lies on none of the tracks of {switch.label} ({tracks}); use "
                              "at=switch.offset(track) + s")
-        for what, given in (("stops", self.stops), ("one_sided", self.one_sided),
-                            ("release at an end", self.release is not None and isinstance(self.release.when, str) or None),
-                            ("lock at a place", any(x.at is not None for x in self.lock or ()) or None),
-                            ("a drive with position=", self.drive is not None and self.drive.position is not None or None)):
-            if given:
-                raise SceneError(f"{who}: {what} does not go together with {switch.label}, on which arc lengths begin anew with "
-                                 "every track; leave it out, or use functions of (t, s, rate) and switch.where(s)")
-        return float(min(max(at, begin), end))
+        if self.one_sided is not None:
+            raise SceneError(f"{who}: one_sided does not go together with {switch.label}, on which arc lengths begin anew with "
+                             "every track; leave it out, or slide on a Path")
+        at = float(min(max(at, begin), end))
+        check_places(who, switch, at, self.stops, self.lock or (), self.release)
+        return at
 
     def _check_forces(self, who: str) -> None:
         """Forces along the beam fit each other and the beam; a prescribed motion is that of the start."""
         stops, drive = self.stops, self.drive
-        low, high = (-np.inf, np.inf) if self.is_endless else (0.0, self.beam.length)
-        if stops is not None:
+        on_switch = isinstance(self.beam, Switch)
+        low, high = (-np.inf, np.inf) if self.is_endless or on_switch else (0.0, self.beam.length)
+        places = [*((f"stops: {x}", getattr(stops, x, None)) for x in ("start", "end")), *(("lock: at", x.at) for x in self.lock or ())]
+        for what, place in places:
+            if isinstance(place, tuple) and not on_switch:
+                raise SceneError(f"{who}: {what}={place} is a place on a track of a Switch, and it slides on {self.beam.label}; "
+                                 "give an arc length, m")
+        if stops is not None and not on_switch:
             for what, end in (("start", stops.start), ("end", stops.end)):
                 if end is not None and not 0.0 <= end <= high:
                     raise SceneError(f"{who}: stops: {what}={end:.6g} m lies beyond {self.beam.label} (0 to "
@@ -179,7 +183,7 @@ class Slider:
                 raise SceneError(f"{who}: it is locked from the start, but its point is away from {self.beam.label}; give "
                                  "the lock a time or a condition")
         if self.release is not None:
-            check_release(who, self.release, stops, self.is_endless)
+            check_release(who, self.release, None if on_switch else stops, self.is_endless)
         if self.lock is not None:
             check_locks(who, self.lock, stops, (low, high))
             if self.lock[0].from_start:

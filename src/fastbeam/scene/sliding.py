@@ -4,15 +4,21 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from fastbeam.arguments import Number, Refusal, checked, numbers, real, shown
 from fastbeam.errors import SceneError
-from fastbeam.scene.checks import Factor, OfTimeLike, called, called_with
+from fastbeam.scene.checks import Factor, OfTimeLike, Takes, called, called_with
 
-NOT_NEGATIVE = Number(least=0.0)
+if TYPE_CHECKING:
+    from fastbeam.scene.beams import Beam
+    from fastbeam.scene.paths import Path
+
+    PlaceLike = float | tuple[Beam | Path | str, float]
+
+NOT_NEGATIVE, LENGTH = Number(least=0.0), Number()
 # derivative from values at steps of SHORT s from now on, of fourth order
 SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
 
@@ -189,7 +195,23 @@ def rate_at_start(value: Any, what: str, who: str, fades: float = 0.0) -> float:
     return rate if abs(rate) > max(noise, fades * follows) else 0.0
 
 
-@checked(start=Number(), end=Number(), stiffness=Number(above=0.0),
+@dataclass(frozen=True)
+class Place:
+    """An arc length, or one on a track of a Switch: (track, s) with the track or its name, kept as (name, s)."""
+
+    def __call__(self, value: Any) -> float | tuple[str, float]:
+        if not isinstance(value, (tuple, list)):
+            return LENGTH(value)
+        name = getattr(value[0], "name", value[0]) if len(value) == 2 else None
+        if not isinstance(name, str):
+            raise Refusal(f"must be an arc length, m, or (track, s) on a Switch with a track or its name, got {shown(value)}")
+        try:
+            return name, LENGTH(value[1])
+        except Refusal as refusal:
+            raise Refusal(f"of (track, s): s {refusal}") from None
+
+
+@checked(start=Place(), end=Place(), stiffness=Number(above=0.0),
          restitution=Number(least=0.0, most=1.0))
 @dataclass(frozen=True)
 class Stops:
@@ -199,10 +221,14 @@ class Stops:
     is met, and the velocity along the beam, or of the joint, jumps to -restitution times what it was; the loss is in the balance.
     What comes to rest against a stop stays there until something pulls it away.
 
+    On a `Switch` a number is an arc length of the way, which begins with `at` of the slider and goes on from track to track. A
+    place on a track, (track, s), is a wall there: what came onto the track on its other side meets it from there.
+
     Parameters
     ----------
-    start, end : float or None
-        Arc lengths, m; of joints distances, m, or angles, rad, which may be negative. None: no stop there.
+    start, end : float, tuple or None
+        Arc lengths, m; of joints distances, m, or angles, rad, which may be negative; on a `Switch` also (track, s) with a track
+        or its name. None: no stop there.
     stiffness : float, optional
         N/m, of angles N m/rad, > 0.
     restitution : float, optional
@@ -217,8 +243,8 @@ class Stops:
     kind: ClassVar[str] = "stops"
     __repr__ = called_with
 
-    start: float | None = None
-    end: float | None = None
+    start: Takes[PlaceLike | None, float | tuple[str, float] | None] = None
+    end: Takes[PlaceLike | None, float | tuple[str, float] | None] = None
     _: KW_ONLY
     stiffness: float | None = None
     restitution: float | None = None
@@ -230,16 +256,22 @@ class Stops:
 
     @property
     def between(self) -> tuple[float, float]:
-        """Both arc lengths; infinite where there is none."""
-        return -np.inf if self.start is None else self.start, np.inf if self.end is None else self.end
+        """Both arc lengths; infinite where there is none, or one on a track."""
+        return self.start if isinstance(self.start, float) else -np.inf, self.end if isinstance(self.end, float) else np.inf
+
+    @property
+    def on_tracks(self) -> bool:
+        """Whether a stop stands on a track of a switch."""
+        return isinstance(self.start, tuple) or isinstance(self.end, tuple)
 
     def __post_init__(self) -> None:
         if self.stiffness is not None and self.restitution is not None:
             raise SceneError("stops: give stiffness= for elastic stops or restitution= for rigid ones, not both")
         if self.start is None and self.end is None:
             raise SceneError("stops: give start=, end= or both, arc lengths in m")
-        if self.start is not None and self.end is not None and not self.start < self.end:
-            raise SceneError(f"stops: start must lie before end, got {self.start:.6g} and {self.end:.6g} m")
+        (on, start), (by, end) = (x if isinstance(x, tuple) else ("", x) for x in (self.start, self.end))
+        if start is not None and end is not None and on == by and not start < end:
+            raise SceneError(f"stops: start must lie before end, got {start:.6g} and {end:.6g} m")
 
 
 @dataclass(frozen=True)

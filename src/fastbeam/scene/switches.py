@@ -4,7 +4,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from fastbeam.scene.sliding import needed_arguments
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from fastbeam.kernels.work import State
+    from fastbeam.scene.locks import Lock, Release
     from fastbeam.scene.sliders import Slider
+    from fastbeam.scene.sliding import Stops
 
 Track = Beam | Path
 # a function that names the next track, and what else may stand in its place
@@ -29,6 +31,8 @@ Chosen = Choosing | dict[str, str] | list[tuple[float, str]]
 START, END = "start", "end"
 # ends of tracks that meet lie so close together, as a share of the length of all
 MEET = 1e-9
+# stops within this share of a track of its end stand there
+AT_END = 1e-12
 
 
 @dataclass(frozen=True)
@@ -248,6 +252,60 @@ def span_of(switch: Switch, s: float) -> int:
     """Number of the track at arc length s, the nearest."""
     off = np.maximum(np.maximum(switch.spans[:, 0] - s, s - switch.spans[:, 1]), 0.0)
     return int(np.argmin(off))
+
+
+class Arrival(NamedTuple):
+    """How a slider came to where it is on a switch."""
+
+    offset: float = 0.0     # arc length of the way less s, m
+    came_by: float = 0.0    # -1 or 1 where it came onto its track by the end or the start, 0 where it began
+
+
+def place_at(switch: Switch, at: float | tuple[str, float], track: int, offset: float) -> float | None:
+    """Arc length of the switch of a place: one of the way, or on a track; None where that is not the one of this number."""
+    if not isinstance(at, tuple):
+        return at - offset
+    return float(switch.spans[track, 0]) + at[1] if switch.tracks[track].name == at[0] else None
+
+
+def stops_on(switch: Switch, stops: Stops, track: int, by: Arrival) -> tuple[float, float]:
+    """Arc lengths of the switch between which stops leave a slider that came onto a track like this; infinite where there is none.
+    A wall on a track is one for those, too, that come from behind it."""
+    low, high = (None if at is None else place_at(switch, at, track, by.offset) for at in (stops.start, stops.end))
+    begin, end = switch.spans[track]
+    slack = AT_END * float(end - begin)
+    if by.came_by > 0.0 and isinstance(stops.start, tuple) and low is not None and low > begin + slack:
+        low, high = None, low
+    elif by.came_by < 0.0 and isinstance(stops.end, tuple) and high is not None and high < end - slack:
+        low, high = high, None
+    return -np.inf if low is None else low, np.inf if high is None else high
+
+
+def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks: Sequence[Lock],
+                 release: Release | None) -> None:
+    """Stops, locks and a release of a slider that starts at arc length `at` of a switch.
+
+    Raises
+    ------
+    SceneError
+        A place lies on none of its tracks, stops exclude the start, or no track has an end to leave it.
+    """
+    for what, place in (*((f"stops: {x}", getattr(stops, x, None)) for x in (START, END)), *(("lock: at", x.at) for x in locks)):
+        if isinstance(place, tuple):
+            track = next((x for x in switch.tracks if x.name == place[0]), None)
+            if track is None:
+                raise SceneError(f"{who}: {what}: {place[0]!r} is none of the tracks of {switch.label}, "
+                                 f"{', '.join(x.name for x in switch.tracks)}")
+            if not 0.0 <= place[1] <= track.length:
+                raise SceneError(f"{who}: {what}={place[1]:.6g} m lies beyond {track.label} (0 to {track.length:.6g} m)")
+    if stops is not None:
+        low, high = stops_on(switch, stops, span_of(switch, at), Arrival())
+        if not low <= at <= high:
+            raise SceneError(f"{who}: stops from {low:.6g} to {high:.6g} m of {switch.label} exclude its place at={at:.6g} m; "
+                             "start between them")
+    if release is not None and isinstance(release.when, str) and all(switch.options(x, release.when) for x in switch.tracks):
+        raise SceneError(f"{who}: release: from the {release.when} of every track of {switch.label} another leads on; give a time "
+                         "or a condition")
 
 
 def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
