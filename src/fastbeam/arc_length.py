@@ -15,6 +15,7 @@ from .load_times import LawPath
 from .model import Model
 from .saddle import Saddle, factors_for
 from .static_sliders import Increment, SlidingSolver
+from .static_strains import StrainPath
 
 Array = np.ndarray
 # longest correction, in sizes of the scene and rad
@@ -52,12 +53,15 @@ class PathSolver(SlidingSolver):
         Load factor of the start.
     laws : LawPath
         Of forces by laws.
+    strains : StrainPath, optional
+        Of prestrains that change.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
-                 factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0)) -> None:
-        super().__init__(model, start, max_iterations, held, flat, backend)
-        self._laws = laws
+                 factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0),
+                 strains: StrainPath | None = None) -> None:
+        super().__init__(model if strains is None else strains.model, start, max_iterations, held, flat, backend)
+        self._laws, self._strains = laws, strains
         self._turning = [(term, term.share.copy()) for term in self.stepper.terms
                          if isinstance(term, (UserForces, PlanarFollowers))]
         self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
@@ -121,6 +125,8 @@ class PathSolver(SlidingSolver):
     def _at(self, factor: float) -> None:
         """Loads, supports that move, and forces of a steady motion of a load factor."""
         self._loads[:] = self._first_loads + factor * self._unit_loads
+        if self._strains is not None:
+            self._strains.put(factor)
         laws = self._laws
         self.set_time(laws.time, laws.first + factor * laws.change)
         for term, share in self._turning if laws.shares is not None else ():
