@@ -31,7 +31,8 @@ def test_a_bar_between_walls_has_the_force_of_its_prestrain(strain: str, planar:
     path = fb.solve_path(model, prestrains={hot: 0.05}, start=start.state, stop={("cold", "N"): 20.0}, **kwargs)
     for row, factor in enumerate(path.series["load_factor"]):
         # the same scene with that prestrain from the start
-        warm = fb.Beam.straight("hot", (0, 0, 0), (1, 0, 0), section=section(), elements=3, strain=strain, prestrain=0.05 * factor)
+        warm = fb.Beam.straight("hot", (0, 0, 0), (1, 0, 0), section=section(), elements=3, strain=strain,
+                                prestrain=0.05 * factor)
         rest = fb.Beam.straight("cold", (1, 0, 0), (2, 0, 0), section=section(), elements=2, strain=strain, prestrain=0.01)
         scene = fb.Scene(warm, rest, fb.RigidConnection(warm.end, rest.start), fb.Clamp(warm.start), fb.Clamp(rest.end))
         other = fb.solve_static(fb.compile_scene(scene, planar=planar), points={"hot": (warm, 0.3), "cold": (rest, 0.3)},
