@@ -11,7 +11,7 @@ from .kernels.step import has_converged, next_increment
 from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.work import State
-from .load_times import LawPath
+from .law_path import LawPath
 from .model import Model
 from .saddle import Saddle, factors_for
 from .static_sliders import Increment, SlidingSolver

@@ -12,7 +12,8 @@ from .arguments import Anything, Count, Number, Refusal, Vector, Word, checked, 
 from .errors import SceneError
 from .kernels.work import State
 from .linsolve import check_backend
-from .load_times import law_path, load_factors_at, load_path, which_times
+from .law_path import law_path
+from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
 from .result import Result
@@ -145,12 +146,12 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                          "supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: -0.01}")
     shifts = {} if moves is None else _shifts(model, moves)
     strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
+    laws = law_path("solve_path", model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
-        factors = load_path("solve_path", model, at_time)
+        factors = load_path("solve_path", model, at_time, bool(model.user_forces) and laws.moves)
     else:
         stay = load_factors_at("solve_path", model, at_time)
         factors = stay, np.zeros_like(stay)
-    laws = law_path("solve_path", model, at_time, stays_put)
     if start is None and (np.any(factors[0]) and np.any(model.loads) or model.user_forces and laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
