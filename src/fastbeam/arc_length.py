@@ -73,6 +73,15 @@ class PathSolver(SlidingSolver):
         self._first_loads, self._unit_loads = loads
         self._of_time = factors
         self.factor = factor
+        self._by_laws = bool(model.user_forces)
+        # the equations of the last state; their derivative by the load factor where it is the same everywhere
+        self._known: tuple[Array, tuple[Saddle, Array, Array]] | None = None
+        self._push: Array | None = None
+        # structure of the matrix with border, and scales of the first one
+        self._structure: tuple[Array, Array, Array, Array] | None = None
+        self._measured: tuple[Array, Array] | None = None
+        self._rows = np.zeros(0, np.int64)
+        self._left = 0
         # largest stiffness in the metric of the steps
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
@@ -114,13 +123,28 @@ class PathSolver(SlidingSolver):
         return np.concatenate((nodes.reshape(-1), state.s / size, [self.factor]))
 
     def equations(self) -> tuple[Saddle, Array, Array]:
-        """Tangent, forces and gaps that are left, and their derivative by the load factor."""
+        """Tangent, forces and gaps that are left, and their derivative by the load factor; kept until the state changes."""
+        state = self.stepper.core_state
+        now = np.concatenate((state.q, state.s, state.force, [self.factor, float(self.sliding.sum())]))
+        if self._known is None or not np.array_equal(self._known[0], now):
+            self._known = now, self._equations()
+        return self._known[1]
+
+    def _equations(self) -> tuple[Saddle, Array, Array]:
+        """The same, computed."""
+        if self._push is not None:
+            self._at(self.factor)
+            return *self._assembled(self.sliding), self._push
         # both from the same shape, the present factor last
         self._at(self.factor + 1.0)
         _, more = self._assembled(self.sliding)
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
-        return saddle, right, more - right
+        push = more - right
+        if self.motion is None and self._strains is None and not self._by_laws and self.core.ties is None:
+            # of dead loads it is the same everywhere
+            self._push = push
+        return saddle, right, push
 
     def _at(self, factor: float) -> None:
         """Loads, supports that move, and forces of a steady motion of a load factor."""
@@ -137,9 +161,26 @@ class PathSolver(SlidingSolver):
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
         """Solution of [K, -column; row, corner]."""
         from scipy import sparse
-        matrix = sparse.bmat([[saddle.matrix, -sparse.csr_matrix(column[:, None])],
-                              [sparse.csr_matrix(row[None]), sparse.csr_matrix([[corner]])]], format="csr")
-        x = Saddle(matrix, np.append(saddle.multiplier, True), self._of_path).solve(np.append(right, last))
+        inner, n = saddle.matrix, column.size
+        known = self._structure
+        if known is None or known[0].size != inner.indptr.size or known[1].size != inner.indices.size or not (
+                np.array_equal(known[0], inner.indptr) and np.array_equal(known[1], inner.indices)):
+            # all of the last column and row, zeros too, so that the structure stays
+            rows = np.repeat(np.arange(n), np.diff(inner.indptr)) + np.arange(inner.indices.size)
+            indptr = np.append(inner.indptr + np.arange(n + 1), inner.indices.size + 2 * n + 1).astype(np.int32)
+            indices = np.full(indptr[-1], n, np.int32)
+            indices[rows], indices[-n - 1:] = inner.indices, np.arange(n + 1)
+            self._structure = known = inner.indptr.copy(), inner.indices.copy(), indptr, indices
+            self._measured, self._rows = None, rows
+        data = np.empty(known[3].size)
+        data[self._rows], data[known[2][1:-1] - 1], data[-n - 1:-1], data[-1] = inner.data, -column, row, corner
+        matrix = sparse.csr_matrix((data, known[3], known[2]), shape=(n + 1, n + 1))
+        if self._of_path is not None and self._of_path.refused > self._left:
+            self._measured, self._left = None, self._of_path.refused
+        bordered = Saddle(matrix, np.append(saddle.multiplier, True), self._of_path, self._measured)
+        if self._measured is None and self._of_path is not None:
+            self._measured = bordered.measured_in = bordered.scales
+        x = bordered.solve(np.append(right, last))
         return x if x is not None and np.isfinite(x).all() else None
 
     def product(self, a: Direction, b: Direction) -> float:
