@@ -77,11 +77,9 @@ class PathSolver(SlidingSolver):
         # the equations of the last state; their derivative by the load factor where it is the same everywhere
         self._known: tuple[Array, tuple[Saddle, Array, Array]] | None = None
         self._push: Array | None = None
-        # structure of the matrix with border, and scales of the first one
-        self._structure: tuple[Array, Array, Array, Array] | None = None
-        self._measured: tuple[Array, Array] | None = None
-        self._rows = np.zeros(0, np.int64)
-        self._left = 0
+        # structure of the matrix with border
+        self._structure: tuple[Array, ...] | None = None
+        self._places: tuple[Array, ...] = ()
         # largest stiffness in the metric of the steps
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
@@ -142,8 +140,11 @@ class PathSolver(SlidingSolver):
         saddle, right = self._assembled(self.sliding)
         push = more - right
         if self.motion is None and self._strains is None and not self._by_laws and self.core.ties is None:
-            # of dead loads it is the same everywhere
-            self._push = push
+            # of dead loads it is the same everywhere: the loads themselves, without round-off, where nothing is held
+            size, n = len(self.core.dofs), self.core.pattern.n
+            self._push = push = np.where(push == 0.0, 0.0, push)
+            loads = self._unit_loads[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
+            push[:loads.size] = np.where(push[:loads.size] == 0.0, 0.0, loads)
         return saddle, right, push
 
     def _at(self, factor: float) -> None:
@@ -162,25 +163,16 @@ class PathSolver(SlidingSolver):
         """Solution of [K, -column; row, corner]."""
         from scipy import sparse
         inner, n = saddle.matrix, column.size
-        known = self._structure
-        if known is None or known[0].size != inner.indptr.size or known[1].size != inner.indices.size or not (
-                np.array_equal(known[0], inner.indptr) and np.array_equal(known[1], inner.indices)):
-            # all of the last column and row, zeros too, so that the structure stays
-            rows = np.repeat(np.arange(n), np.diff(inner.indptr)) + np.arange(inner.indices.size)
-            indptr = np.append(inner.indptr + np.arange(n + 1), inner.indices.size + 2 * n + 1).astype(np.int32)
-            indices = np.full(indptr[-1], n, np.int32)
-            indices[rows], indices[-n - 1:] = inner.indices, np.arange(n + 1)
-            self._structure = known = inner.indptr.copy(), inner.indices.copy(), indptr, indices
-            self._measured, self._rows = None, rows
-        data = np.empty(known[3].size)
-        data[self._rows], data[known[2][1:-1] - 1], data[-n - 1:-1], data[-1] = inner.data, -column, row, corner
-        matrix = sparse.csr_matrix((data, known[3], known[2]), shape=(n + 1, n + 1))
-        if self._of_path is not None and self._of_path.refused > self._left:
-            self._measured, self._left = None, self._of_path.refused
-        bordered = Saddle(matrix, np.append(saddle.multiplier, True), self._of_path, self._measured)
-        if self._measured is None and self._of_path is not None:
-            self._measured = bordered.measured_in = bordered.scales
-        x = bordered.solve(np.append(right, last))
+        kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
+        if self._structure is None or not all(np.array_equal(x, y) for x, y in zip(self._structure, kind)):
+            self._structure = tuple(x.copy() for x in kind)
+            self._places = _bordered_places(*kind)
+        indptr, indices, of_inner, of_column = self._places
+        data = np.empty(indices.size)
+        data[of_inner], data[of_column] = inner.data, -column[kind[2]]
+        data[indptr[n]:-1], data[-1] = row[kind[3]], corner
+        matrix = sparse.csr_matrix((data, indices, indptr), shape=(n + 1, n + 1))
+        x = Saddle(matrix, np.append(saddle.multiplier, True), self._of_path).solve(np.append(right, last))
         return x if x is not None and np.isfinite(x).all() else None
 
     def product(self, a: Direction, b: Direction) -> float:
@@ -354,6 +346,19 @@ class PathSolver(SlidingSolver):
         count = int(np.sum(real & (np.real(near[0]) < 0.0)))
         # pairs of complex ones leave the sign of the determinant
         return count if (count % 2 == 1) == (sign < 0) else None
+
+
+def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, row: Array
+                     ) -> tuple[Array, Array, Array, Array]:
+    """Structure by rows of a matrix [n, n] with one more column and row, of whose entries these masks [n] tell, and a corner: ends
+    of rows, columns, and where entries of the matrix and of the column stand."""
+    n = column.size
+    more = np.concatenate(([0], np.cumsum(column)))
+    indptr = np.append(inner_indptr + more, inner_indices.size + more[-1] + np.sum(row) + 1).astype(np.int32)
+    of_inner = np.arange(inner_indices.size) + np.repeat(more[:-1], np.diff(inner_indptr))
+    indices = np.full(indptr[-1], n, np.int32)
+    indices[of_inner], indices[indptr[n]:-1] = inner_indices, np.flatnonzero(row)
+    return indptr, indices, of_inner, indptr[1:-1][column] - 1
 
 
 def root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float | None:
