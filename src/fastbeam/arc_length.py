@@ -11,10 +11,11 @@ from .kernels.step import has_converged, next_increment
 from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.work import State
-from .load_times import LawPath
+from .law_path import LawPath
 from .model import Model
 from .saddle import Saddle, factors_for
 from .static_sliders import Increment, SlidingSolver
+from .static_strains import StrainPath
 
 Array = np.ndarray
 # longest correction, in sizes of the scene and rad
@@ -52,12 +53,15 @@ class PathSolver(SlidingSolver):
         Load factor of the start.
     laws : LawPath
         Of forces by laws.
+    strains : StrainPath, optional
+        Of prestrains that change.
     """
 
     def __init__(self, model: Model, start: State | None, max_iterations: int, held: Array, flat: bool | None, backend: str,
-                 factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0)) -> None:
-        super().__init__(model, start, max_iterations, held, flat, backend)
-        self._laws = laws
+                 factors: tuple[Array, Array], factor: float, laws: LawPath = LawPath(0.0, 0.0, 1.0),
+                 strains: StrainPath | None = None) -> None:
+        super().__init__(model if strains is None else strains.model, start, max_iterations, held, flat, backend)
+        self._laws, self._strains = laws, strains
         self._turning = [(term, term.share.copy()) for term in self.stepper.terms
                          if isinstance(term, (UserForces, PlanarFollowers))]
         self.is_unsymmetric = not self.has_potential(self.stepper.plane is not None)
@@ -69,6 +73,13 @@ class PathSolver(SlidingSolver):
         self._first_loads, self._unit_loads = loads
         self._of_time = factors
         self.factor = factor
+        self._by_laws = bool(model.user_forces)
+        # the equations of the last state; their derivative by the load factor where it is the same everywhere
+        self._known: tuple[Array, tuple[Saddle, Array, Array]] | None = None
+        self._push: Array | None = None
+        # structure of the matrix with border
+        self._structure: tuple[Array, ...] | None = None
+        self._places: tuple[Array, ...] = ()
         # largest stiffness in the metric of the steps
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
@@ -110,17 +121,37 @@ class PathSolver(SlidingSolver):
         return np.concatenate((nodes.reshape(-1), state.s / size, [self.factor]))
 
     def equations(self) -> tuple[Saddle, Array, Array]:
-        """Tangent, forces and gaps that are left, and their derivative by the load factor."""
+        """Tangent, forces and gaps that are left, and their derivative by the load factor; kept until the state changes."""
+        state = self.stepper.core_state
+        now = np.concatenate((state.q, state.s, state.force, [self.factor, float(self.sliding.sum())]))
+        if self._known is None or not np.array_equal(self._known[0], now):
+            self._known = now, self._equations()
+        return self._known[1]
+
+    def _equations(self) -> tuple[Saddle, Array, Array]:
+        """The same, computed."""
+        if self._push is not None:
+            self._at(self.factor)
+            return *self._assembled(self.sliding), self._push
         # both from the same shape, the present factor last
         self._at(self.factor + 1.0)
         _, more = self._assembled(self.sliding)
         self._at(self.factor)
         saddle, right = self._assembled(self.sliding)
-        return saddle, right, more - right
+        push = more - right
+        if self.motion is None and self._strains is None and not self._by_laws and self.core.ties is None:
+            # of dead loads it is the same everywhere: the loads themselves, without round-off, where nothing is held
+            size, n = len(self.core.dofs), self.core.pattern.n
+            self._push = push = np.where(push == 0.0, 0.0, push)
+            loads = self._unit_loads[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
+            push[:loads.size] = np.where(push[:loads.size] == 0.0, 0.0, loads)
+        return saddle, right, push
 
     def _at(self, factor: float) -> None:
         """Loads, supports that move, and forces of a steady motion of a load factor."""
         self._loads[:] = self._first_loads + factor * self._unit_loads
+        if self._strains is not None:
+            self._strains.put(factor)
         laws = self._laws
         self.set_time(laws.time, laws.first + factor * laws.change)
         for term, share in self._turning if laws.shares is not None else ():
@@ -131,8 +162,16 @@ class PathSolver(SlidingSolver):
     def _bordered(self, saddle: Saddle, column: Array, row: Array, corner: float, right: Array, last: float) -> Array | None:
         """Solution of [K, -column; row, corner]."""
         from scipy import sparse
-        matrix = sparse.bmat([[saddle.matrix, -sparse.csr_matrix(column[:, None])],
-                              [sparse.csr_matrix(row[None]), sparse.csr_matrix([[corner]])]], format="csr")
+        inner, n = saddle.matrix, column.size
+        kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
+        if self._structure is None or not all(np.array_equal(x, y) for x, y in zip(self._structure, kind)):
+            self._structure = tuple(x.copy() for x in kind)
+            self._places = _bordered_places(*kind)
+        indptr, indices, of_inner, of_column = self._places
+        data = np.empty(indices.size)
+        data[of_inner], data[of_column] = inner.data, -column[kind[2]]
+        data[indptr[n]:-1], data[-1] = row[kind[3]], corner
+        matrix = sparse.csr_matrix((data, indices, indptr), shape=(n + 1, n + 1))
         x = Saddle(matrix, np.append(saddle.multiplier, True), self._of_path).solve(np.append(right, last))
         return x if x is not None and np.isfinite(x).all() else None
 
@@ -307,6 +346,19 @@ class PathSolver(SlidingSolver):
         count = int(np.sum(real & (np.real(near[0]) < 0.0)))
         # pairs of complex ones leave the sign of the determinant
         return count if (count % 2 == 1) == (sign < 0) else None
+
+
+def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, row: Array
+                     ) -> tuple[Array, Array, Array, Array]:
+    """Structure by rows of a matrix [n, n] with one more column and row, of whose entries these masks [n] tell, and a corner: ends
+    of rows, columns, and where entries of the matrix and of the column stand."""
+    n = column.size
+    more = np.concatenate(([0], np.cumsum(column)))
+    indptr = np.append(inner_indptr + more, inner_indices.size + more[-1] + np.sum(row) + 1).astype(np.int32)
+    of_inner = np.arange(inner_indices.size) + np.repeat(more[:-1], np.diff(inner_indptr))
+    indices = np.full(indptr[-1], n, np.int32)
+    indices[of_inner], indices[indptr[n]:-1] = inner_indices, np.flatnonzero(row)
+    return indptr, indices, of_inner, indptr[1:-1][column] - 1
 
 
 def root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float | None:

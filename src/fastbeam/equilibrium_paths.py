@@ -13,16 +13,18 @@ from .errors import SceneError
 from .joint_motion import check_at_rest
 from .kernels.work import State
 from .linsolve import check_backend
-from .load_times import law_path, load_factors_at, load_path, which_times
+from .law_path import law_path
+from .load_times import load_factors_at, load_path, which_times
 from .model import Model, check_model
 from .observe import OBSERVED, POINTS
 from .result import Result
-from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .scene import Beam, Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
 from .scene.checks import Place
 from .path_stops import wanted_of
 from .path_walk import PathWalk
 from .starting import check_start
 from .static_motion import StaticShift
+from .static_strains import StrainPath, prestrains_of
 from .statics import START, check_slider_forces, held_sliders, which_sliders
 from .supports import check_supports, standing_supports, supported
 from .winches import refuse_winches
@@ -50,14 +52,14 @@ def which_branch(value: Any) -> int:
 @checked(model=Anything(), to=Number(), start=START, load_factor=Number(), step=STEP, largest_step=STEP, smallest_step=STEP,
          most_points=Count(most=1_000_000), at_time=which_times, points=POINTS, observe=OBSERVED, held=which_sliders,
          max_iterations=Count(most=10_000), backend=Word(), stop_at=Word(KINDS), side=which_branch, branch=Count(0),
-         moves=Anything(), stop=Anything())
+         moves=Anything(), stop=Anything(), prestrains=Anything())
 def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, load_factor: float = 0.0, step: float = 0.05,
                largest_step: float = 0.1, smallest_step: float = 1e-7, most_points: int = 500,
                at_time: float | tuple[float, float] | None = None,
                points: Mapping[str, Place] | None = None, observe: Sequence[str] = (), held: bool | str | Sequence[str] = False,
                max_iterations: int = 15, backend: str = "auto", stop_at: str | None = None, side: int | None = None,
                branch: int | None = None, moves: Mapping[Support, ArrayLike] | None = None,
-               stop: Mapping[Quantity, float] | None = None) -> Result:
+               stop: Mapping[Quantity, float] | None = None, prestrains: Mapping[Beam, float] | None = None) -> Result:
     """The path of equilibria under dead loads and gravity times a load factor that grows and falls as the path asks for (arc
     length), through limit points and snap-back, until the factor is `to`; limit points and bifurcations are located on the way.
 
@@ -102,6 +104,9 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         which they are shifted from the start, straight, without turning, times the load factor less that of the start. Loads and
         gravity stay as they are, in full, but for those with time functions between two times.
 
+    prestrains : mapping, optional
+        Beams -> change of their prestrain (theory.md (2.8)) until load factor 1: unstressed lengths, -alpha dT of a temperature.
+        Loads and gravity stay, as with `moves`. The start is an equilibrium with the prestrains of `load_factor`.
     stop : mapping, optional
         Quantities -> values at which the path ends, the first that is met, located to round-off, with an event "wanted": ("tip",
         "z") is a coordinate (m) of a point of `points`, ("tip", "N") one of N, Q2, Q3, T, M2, M3 of the beam there, the name of a
@@ -136,16 +141,18 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
                          f"{largest_step:g}")
     if to == load_factor:
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
-    if moves is None and not np.any(model.loads) and not model.user_forces:
-        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, or move "
-                         "supports, moves={clamp: (0, 0, -0.1)}")
+    stays_put = moves is None and prestrains is None
+    if stays_put and not np.any(model.loads) and not model.user_forces:
+        raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, move "
+                         "supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: -0.01}")
     shifts = {} if moves is None else _shifts(model, moves)
-    if moves is None or isinstance(at_time, tuple):
-        factors = load_path("solve_path", model, at_time)
+    strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
+    laws = law_path("solve_path", model, at_time, stays_put)
+    if stays_put or isinstance(at_time, tuple):
+        factors = load_path("solve_path", model, at_time, bool(model.user_forces) and laws.moves)
     else:
         stay = load_factors_at("solve_path", model, at_time)
         factors = stay, np.zeros_like(stay)
-    laws = law_path("solve_path", model, at_time, moves is None)
     if start is None and (np.any(factors[0]) and np.any(model.loads) or model.user_forces and laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
@@ -160,15 +167,18 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
         raise SceneError("side: needs a start on a bifurcation, solve_path(model, stop_at='bifurcation').state, and its "
                          "load_factor=")
     check_at_rest("solve_path", model.motions)
-    solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor, laws)
+    solver = PathSolver(model, start, max_iterations, stays, None, backend, factors, load_factor, laws, strains)
     check_supports(model, solver.stepper.plane is not None)
     if model.motions is not None:
         for t in np.atleast_1d(0.0 if at_time is None else at_time).tolist():
             model.motions.check_stays("solve_path", solver.state, model.motion_place, t)
     if shifts:
         solver.motion = StaticShift(solver.stepper.model, shifts, solver.state.q, load_factor)
-    path = PathWalk(model, solver, points, step, largest_step, smallest_step, most_points, observe,
-                    wanted_of(model, stop, points))
+    wanted = wanted_of(model, stop, points)
+    path = PathWalk(model if strains is None else strains.model, solver, points, step, largest_step, smallest_step, most_points,
+                    observe, wanted)
+    if strains is not None:
+        strains.watch([*path.observer.sections, *(x.section for x in wanted)])
     return path.to(to, stop_at, branch if side is None else (1 - side) // 2)
 
 

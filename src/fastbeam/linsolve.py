@@ -11,6 +11,7 @@ import glob
 import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -51,21 +52,32 @@ def check_backend(backend: str) -> None:
 
 def load_mkl() -> Any | None:
     """The MKL runtime, or None where it is not installed."""
-    if os.environ.get("FASTBEAM_NO_MKL"):
-        return None
+    return None if os.environ.get("FASTBEAM_NO_MKL") else _found_mkl()
+
+
+@cache
+def _found_mkl() -> Any | None:
+    """The same, looked for once."""
     names = ["libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll"]
     folders = [os.path.join(sys.prefix, "lib"), os.path.join(sys.prefix, "Library", "bin"), os.path.join(sys.base_prefix, "lib")]
     found = [path for folder in folders for name in names for path in sorted(glob.glob(os.path.join(folder, name)), key=len)]
+    for path in found:
+        if (library := _loaded(path)) is not None:
+            return library
+    # asks compilers and linkers, which takes a tenth of a second
     system = ctypes.util.find_library("mkl_rt")
-    for path in [*found, *([system] if system else [])]:
-        try:
-            library = ctypes.CDLL(path)
-        except OSError:
-            continue
-        # compiled code finds the symbol `pardiso` by name
-        link_library(path)
-        return library
-    return None
+    return _loaded(system) if system else None
+
+
+def _loaded(path: str) -> Any | None:
+    """A library, None where it cannot be loaded."""
+    try:
+        library = ctypes.CDLL(path)
+    except OSError:
+        return None
+    # compiled code finds the symbol `pardiso` by name
+    link_library(path)
+    return library
 
 
 class Pardiso:

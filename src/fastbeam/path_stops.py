@@ -25,6 +25,7 @@ class Wanted(NamedTuple):
     label: str
     of: Callable[[State], float]
     value: float
+    section: Any = None    # where that is one of a beam
 
     def off(self, state: State) -> float:
         """The quantity less its value."""
@@ -49,13 +50,13 @@ def wanted_of(model: Model, stop: Any, points: Mapping[str, Place] | None) -> li
         number = real(value)
         if number is None or not abs(number) <= LARGEST:
             raise SceneError(f"solve_path, stop: the value of {shown(what)} must be a finite number, got {shown(value)}")
-        label, of = _quantity(model, what, points or {})
-        out.append(Wanted(label, of, number))
+        label, of, section = _quantity(model, what, points or {})
+        out.append(Wanted(label, of, number, section))
     return out
 
 
-def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str, Callable[[State], float]]:
-    """Name and function of a quantity.
+def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str, Callable[[State], float], Any]:
+    """Name and function of a quantity, and its section.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str
     """
     if callable(what):
         name = getattr(what, "__name__", "function")
-        return name, lambda state: _number(name, what(state))
+        return name, lambda state: _number(name, what(state)), None
     sliders = model.names["sliders"]
     if isinstance(what, str):
         if what not in sliders:
@@ -71,7 +72,7 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str
             raise SceneError(f"solve_path, stop: scene {model.scene_name!r} has no slider {what!r}; {there}. Quantities are "
                              f"{WHAT}")
         number = sliders.index(what)
-        return f"s of slider {what!r}", lambda state: float(state.s[number])
+        return f"s of slider {what!r}", lambda state: float(state.s[number]), None
     if not (isinstance(what, tuple) and len(what) == 2 and all(isinstance(x, str) for x in what)):
         raise SceneError(f"solve_path, stop: {shown(what)} is no quantity; take {WHAT}")
     name, part = what
@@ -85,7 +86,8 @@ def _quantity(model: Model, what: Any, points: Mapping[str, Place]) -> tuple[str
     places = ("points", AXES), ("section_force", FORCES), ("section_moment", MOMENTS)
     series, names = next((series, names) for series, names in places if part in names)
     at = names.index(part)
-    return f"{part} at {name!r}", lambda state: float(observer.row(0.0, state)[series][0, at])
+    return f"{part} at {name!r}", lambda state: float(observer.row(0.0, state)[series][0, at]), (
+        observer.sections[0] if observer.sections else None)
 
 
 def _number(name: str, value: Any) -> float:

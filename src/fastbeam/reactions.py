@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ._records import Record, record_of
-from .assembly import system_of, terms_of
+from .assembly import LAWS, system_of, terms_of
 from .connections import held_axes
 from .equilibrium import StaticSolver
 from .errors import SceneError
@@ -46,9 +46,9 @@ class Reactions:
         left_out = {id(core.ties), id(core.static_held if static else core.held)}
         of = self.own if static else stepper
         terms = terms_of(core, None, static, of.along, law_work=of.law_work, motion=self.own.motion, known=True)
-        # the air is that of the run
-        air = {Drag: term for term in of.terms if isinstance(term, Drag)}
-        known = with_known_twist(tuple(air.get(type(term), term) for term in terms), of.terms)
+        # the air, and shares of loads by laws, are those of the run
+        own_terms = {type(term): term for term in of.terms if isinstance(term, (Drag, *LAWS))}
+        known = with_known_twist(tuple(own_terms.get(type(term), term) for term in terms), of.terms)
         self.terms = Record(tuple(term for term in known if id(term) not in left_out))
         self.ties = None if core.ties is None else Record((core.ties,))
         self._system: Record | None = None

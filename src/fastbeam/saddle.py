@@ -339,16 +339,16 @@ class Saddle:
 
         A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
-        from scipy import sparse
-        skew = (self.matrix - self.matrix.T).tocoo()
         # the same factor for a row and its column
         row, column = self._measure
         factor = np.sqrt(np.abs(row * column))
-        small = np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8
-        scale = sparse.diags(factor)
-        whole = (scale @ (0.5 * (self.matrix + self.matrix.T)) @ scale).tocsr()
+        whole = (self.matrix + self.matrix.T).tocsr()
+        whole.data *= 0.5 * np.repeat(factor, np.diff(whole.indptr)) * factor[whole.indices]
         found = signs_between(whole, self.multiplier)
-        if symmetric or small or found == (0, 0):
+        if symmetric or found == (0, 0):
+            return found
+        skew = (self.matrix - self.matrix.T).tocoo()
+        if np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8:
             return found
         return (1, 0) if self.determinant_sign() < 0 else None
 
@@ -443,6 +443,8 @@ def _signs(a: Any, b: Any) -> tuple[int, int] | None:
 def signs_between(matrix: Any, multiplier: Array) -> tuple[int, int] | None:
     """Numbers of negative and of zero directions of a symmetric matrix [n, n] among the motions that its constraints, the rows of
     multipliers [n], allow; None where they are not found."""
+    if not multiplier.any():
+        return _inertia(matrix.tocsc())
     return _signs(matrix[~multiplier][:, ~multiplier].tocsc(), matrix[multiplier][:, ~multiplier].tocsc())
 
 

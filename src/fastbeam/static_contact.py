@@ -436,6 +436,9 @@ class SaddleMatrix:
         """
         from scipy import sparse
         m, s = self.nodes, self.sliders
+        if self.n == m and not self._known.size and not border.bent.nnz:
+            # nodes alone
+            return sparse.csr_matrix((2.0 * blocks[self._source], self._indices, self._indptr), shape=(m, m))
         free = sliding.astype(float)
         gradient, slide, bent, turns = (x.tocoo() for x in (border.gradient, border.slide, border.bent, border.turns))
         dim = border.tangent.shape[1]

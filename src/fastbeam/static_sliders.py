@@ -108,6 +108,7 @@ class SlidingSolver(StaticSolver):
         self.runaway = self.stuck = -1
         self.last_s = np.zeros(held.size)
         self._loads = self.work.f_ext.copy()
+        self._no_border: Border | None = None
         # forces of inertia of a steady motion
         self.steady: SteadyForces | None = None
 
@@ -272,6 +273,8 @@ class SlidingSolver(StaticSolver):
     def _border(self, rubs: bool = True) -> Border:
         """Equations of the sliders at the present shape, with friction of those that slip or without; their residuals are kept
         for messages."""
+        if self._no_border is not None:
+            return self._no_border
         state, contact = self.stepper.core_state, self.stepper.contact
         self._weights = self.contacts.weights(state.s)
         along = self.along
@@ -283,6 +286,8 @@ class SlidingSolver(StaticSolver):
         dim = self.core.dim
         sliders = self.sliding.size
         if contact is None:
+            # without constraints there is nothing that depends on a shape
+            self._no_border = border
             return border
         contact.residual[:sliders, :dim] = border.gap
         contact.residual[:sliders, dim] = np.where(self.sliding, border.sliding, 0.0)
@@ -290,13 +295,20 @@ class SlidingSolver(StaticSolver):
         contact.residual[sliders:][of_joints] = border.joint_gap
         return border
 
+    def _shape(self) -> Array:
+        """Coordinates in space [12 N]; nothing where no equation asks for them."""
+        needed = self._no_border is None or self.steady is not None or self.motion is not None
+        return self.state.q if needed else np.zeros(0)
+
     # --- Newton's method ----------------------------------------------------------------------------------------------
     def _assembled(self, sliding: Array, drag: float = 0.0) -> tuple[Saddle, Array]:
         """Tangent and right-hand side with these sliders [S] free; drag: stiffness against their increments, N/m."""
         model, work, state = self.core, self.work, self.stepper.core_state
         size, n = len(model.dofs), model.pattern.n
-        border, q = self._border(), self.state.q
-        work.f_ext[:] = self._loads + self.contacts.loads(self._weights, q, state.force)
+        border, q = self._border(), self._shape()
+        work.f_ext[:] = self._loads
+        if self._no_border is None:
+            work.f_ext[:] += self.contacts.loads(self._weights, q, state.force)
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(q)
             border = border._replace(bent=border.bent + self.steady.stiffness(q))

@@ -149,8 +149,13 @@ def test_a_load_that_follows_from_one_time_to_another() -> None:
     grows = fb.Load("grows", rod.end, force=(0, 0, 2.0), follower=True, time=lambda t: t - 1.0)
     model = fb.compile_scene(fb.Scene(*parts, grows))
     begin = fb.solve_static(model, at_time=1.5)
-    path = fb.solve_path(model, start=begin.state, at_time=(1.5, 3.0))
-    whole = fb.solve_static(model, at_time=3.0)
+    path = fb.solve_path(model, start=begin.state, at_time=(1.5, 3.0), observe=("reaction",))
+    whole = fb.solve_static(model, at_time=3.0, observe=("reaction",))
+    clamp = "clamp of beam 'rod' node 0"
+    for part in ("force", "moment"):
+        np.testing.assert_allclose(path.reaction(clamp)[part][-1], whole.reaction(clamp)[part][-1], atol=1e-9)
+        np.testing.assert_allclose(path.reaction(clamp)[part][0], fb.solve_static(
+            model, at_time=1.5, observe=("reaction",)).reaction(clamp)[part][-1], atol=1e-9)
     np.testing.assert_allclose(path.state.q, whole.state.q, atol=1e-11)
     part = fb.solve_path(model, at_time=3.0, to=0.5)
     levels = fb.solve_static(model, at_time=3.0, levels=(0.5,), points={"tip": rod.end})
@@ -160,3 +165,15 @@ def test_a_load_that_follows_from_one_time_to_another() -> None:
         fb.solve_path(model, at_time=(1.5, 3.0))
     with pytest.raises(fb.SceneError, match="say with at_time="):
         fb.solve_path(model)
+
+
+def test_a_law_of_ones_own_grows_along_a_path() -> None:
+    def pull(t: float, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+        force[1] = t * parameters[0] * position[0]
+
+    rod = fb.Beam.straight("rod", (0, 0, 0), (1, 0, 0), section=section(1e4, 1e4), elements=4)
+    model = fb.compile_scene(fb.Scene(rod, fb.Clamp(rod.start), fb.UserForce("law", rod.end, pull, parameters=(2.0,))))
+    path = fb.solve_path(model, at_time=1.5)
+    np.testing.assert_allclose(path.state.q, fb.solve_static(model, at_time=1.5).state.q, atol=1e-11)
+    with pytest.raises(fb.SceneError, match="user force 'law' is a law of its own"):
+        fb.solve_path(model, at_time=(0.0, 1.0))

@@ -422,7 +422,8 @@ def calls(folder: Path) -> dict[str, Call]:
             model=one_of(Model), to=is_real, start=one_of(State), load_factor=is_real, step=is_real, largest_step=is_real,
             smallest_step=is_real, most_points=is_count, at_time=either(is_real, is_array(2)), points=one_of(Mapping),
             held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text, stop_at=is_text,
-            side=among(1, -1), branch=is_count, observe=is_list_of(is_text), moves=one_of(Mapping))),
+            side=among(1, -1), branch=is_count, observe=is_list_of(is_text), moves=one_of(Mapping), stop=one_of(Mapping),
+            prestrains=one_of(Mapping))),
         "stick_interval": Call(fb.stick_interval, dict(model=rubbing(), slider="s"), dict(
             model=one_of(Model), slider=is_text, load_factor=is_real, within=is_array(2), at_time=either(is_real, is_array(2)),
             start=one_of(State), held=either(is_flag, is_text, is_list_of(is_text)), max_iterations=is_count, backend=is_text)),
