@@ -1,4 +1,4 @@
-"""Springs, dampers, motors, given motions, friction and stops of joints with several free coordinates: exact answers, integrators."""
+"""Springs, dampers, motors, given motions, friction, stops in joints with several coordinates: exact answers, integrators."""
 from __future__ import annotations
 
 from typing import Any
@@ -34,7 +34,8 @@ def joined(joint: Any, planar: Any = False, gravity: Any = (0, 0, 0), **motion: 
 # ------------------------------------------------------------------------------------------------ two bodies in free flight
 SPRINGS = {"stiffness": (3.0, 20.0), "damping": (0.05, 0.3), "rest": (0.2, -0.1)}
 KINDS: dict[str, tuple[Any, dict[str, Any], int]] = {
-    "cylindrical": (fb.CylindricalJoint, {"axis": AXIS}, 2), "universal": (fb.UniversalJoint, {"axis_a": AXIS, "axis_b": SIDE}, 2),
+    "cylindrical": (fb.CylindricalJoint, {"axis": AXIS}, 2),
+    "universal": (fb.UniversalJoint, {"axis_a": AXIS, "axis_b": SIDE}, 2),
     "planar": (fb.PlanarJoint, {"normal": AXIS, "along": SIDE}, 3), "spherical": (fb.SphericalJoint, {"axis": AXIS}, 2)}
 ACTIONS: dict[str, Any] = {
     "springs": lambda n: {"stiffness": (3.0, 2.0, 1.0)[:n], "rest": (0.2, -0.1, 0.3)[:n]},
@@ -42,7 +43,7 @@ ACTIONS: dict[str, Any] = {
     "stops": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, stiffness=300.0) for _ in range(n))},
     "rigid": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, restitution=0.5) for _ in range(n))},
     "friction": lambda n: {"friction": (0.02, 0.05, 0.03)[:n]},
-    "drives": lambda n: {"drive": tuple(fb.Drive(position=lambda t: 0.3 * np.sin(t), stiffness=4.0, damping=0.1) for _ in range(n))},
+    "drives": lambda n: {"drive": (fb.Drive(position=lambda t: 0.3 * np.sin(t), stiffness=4.0, damping=0.1),) * n},
     "speeds": lambda n: {"speed": tuple([lambda t: 0.4 * np.cos(3.0 * t)] * n)}}
 
 
@@ -101,7 +102,7 @@ def test_springs_are_of_fourth_order_and_goes_on_from_a_checkpoint_bit_for_bit(k
 
 # ------------------------------------------------------------------------------------------------ independent integrators
 def rotations(scene: str, t: Array, rates: Array, moment: Any) -> Array:
-    """Rotations of a body about a fixed point with moments (triad, spin in the body) in the body, by quaternions and rtol 1e-11."""
+    """Rotations of a body about a fixed point with moments (rotation, spin) in the body, by quaternions and rtol 1e-11."""
     inertia = np.array(INERTIA)
 
     def f(time: float, y: Array) -> Array:
@@ -163,7 +164,8 @@ def test_what_damps_the_swing_resists_the_turning_of_the_axis_alone() -> None:
 
     errors = []
     for step in (0.01, 0.005):
-        result = run(joined(lambda x: fb.SphericalJoint(fb.GROUND, x, "ball", axis=AXIS, damping=(c, 0.0)), spin=spin), 1.0, step)
+        model = joined(lambda x: fb.SphericalJoint(fb.GROUND, x, "ball", axis=AXIS, damping=(c, 0.0)), spin=spin)
+        result = run(model, 1.0, step)
         exact = swing_twist(Rotation.from_quat(rotations("ball", result.t, spin, moment)[-1, :4]))
         joint = result.joint("ball")
         errors.append(np.max(np.abs([joint["swing"][-1] - exact[0], np.sin(joint["twist"][-1] - exact[1])])))
