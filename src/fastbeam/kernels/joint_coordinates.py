@@ -237,7 +237,7 @@ def add_products(motion, c, system, left, right, factor):
 
 @kernel
 def push_parts(motion, c, system, by_y, by_z, slopes):
-    """Forces `by_y` and `by_z` on the sums of coordinate c; slopes: their derivatives by both at the end, yy, yz, zy, zz."""
+    """Forces `by_y` and `by_z` on the sums of coordinate c; slopes [4]: their derivatives by both at the end, yy, yz, zy, zz."""
     work, dofs = system.work, system.dofs
     for i in range(64):
         motion.hold[i] = 0.0

@@ -70,7 +70,7 @@ def swing_slope(w0, w1):
 
 @kernel
 def push_swing(motion, c, system, q0, q1):
-    """The spring of coordinate c, a swing, from coordinates q0 to q1 [12 N]."""
+    """The spring of coordinate c, a swing, from one shape to another, q0, q1 [12 N]."""
     k = motion.stiffness[c]
     z0, z1 = parts_of(motion, c, system.dofs, q0).z, parts_of(motion, c, system.dofs, q1).z
     if max(1.0 - z0, 1.0 - z1) < SMALL_SWING:
