@@ -1,6 +1,8 @@
 """Springs, dampers, motors, given motions, friction, stops in joints with several coordinates: exact answers, integrators."""
 from __future__ import annotations
 
+import textwrap
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -310,3 +312,33 @@ def test_a_cross_in_its_plane_moves_as_in_space(about: int) -> None:
         ends.append(result.joint("cross")["angle"])
     np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-12)
     assert np.all(ends[0][:, 1 - about] == ends[0][0, 1 - about])
+
+
+# ------------------------------------------------------------------------------------------------ how-to.md, refusals
+def test_the_recipe_runs() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    recipe = page.split("A shaft that a motor turns through a cross with dampers")[1].split("\n\n")[1]
+    found: dict[str, Any] = {"fb": fb}
+    exec(textwrap.dedent(recipe), found)
+    shaken = found["shaken"]
+    assert shaken.drift("balance") < 1e-12 and np.max(shaken.joint("cross")["angle"][:, 0]) > 0.7
+    np.testing.assert_allclose(np.max(shaken.joint("shoulder")["swing"]), 1.2, rtol=0.0, atol=1e-9)
+    assert shaken.joint("shoulder")["stop_loss"][-1] > 0.0
+
+
+BODY = body("block", (0, 0, 0))
+
+
+@pytest.mark.parametrize(("call", "text"), [
+    (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), stiffness=3.0), "must be two numbers >= 0, one for the angle"),
+    (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), angle=1.0), "angle must be two of them"),
+    (lambda: fb.PlanarJoint(fb.GROUND, BODY, "c", normal=(0, 0, 1), along=(1, 0, 1)), "does not lie in the plane"),
+    (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), angle=1.0, friction=(1.0, 0.0)),
+     "angle of cylindrical joint 'c': angle= says how it moves, whatever that takes, so friction="),
+    (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), stops=(None, fb.Stops(0.1, 0.2))),
+     "second angle of universal joint 'c': stops from 0.1 to 0.2 rad exclude its start"),
+    (lambda: fb.SphericalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), cone=fb.Stops(-0.1, 0.2)), "write fb.Stops.end="),
+    (lambda: fb.SphericalJoint(fb.GROUND, fb.PointMass("m", mass=1.0, position=(0, 0, 0)), axis=(0, 0, 1)), "has no rotation")])
+def test_what_makes_no_sense_is_refused(call: Any, text: str) -> None:
+    with pytest.raises(fb.SceneError, match=text):
+        call()
