@@ -18,10 +18,10 @@ def kind_of(shape: Any) -> int:
 
 
 class Coordinate:
-    """What a joint leaves free, as a function x of the coordinates of both nodes; where a force of its own holds it a `Law`: given
-    as a function of time, or by friction and rigid stops.
+    """What a joint leaves free, as a function x of the coordinates of both nodes; a `Law` where a force of its own holds it:
+    given as a function of time, or by friction and rigid stops.
 
-    It is the y of a LINE less that at t = 0, the atan2(y, z) of an ANGLE, or the acos(z) of a SWING; y and z are sums of products.
+    It is y less that at t = 0 of a LINE, atan2(y, z) of an ANGLE, acos(z) of a SWING; y and z are sums of products.
 
     Parameters
     ----------

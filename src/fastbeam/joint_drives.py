@@ -160,7 +160,7 @@ class Holds:
         return np.array([[-1.0 if x is None else x for x in both] for both in found]).reshape(-1, 2)
 
     def loose(self, history: Array) -> Array:
-        """Which of `rubs` are free for small motions about a state at rest: without friction, and not against a stop; bool [R]."""
+        """Which of `rubs` are free for small motions about a state at rest: without friction and off stops; bool [R]."""
         rubs = np.array([self.parts[k].has_friction for k in self.rubs], bool)
         return np.asarray(~rubs & (self.numbers(history)[:, AGAINST] == 0.0))
 

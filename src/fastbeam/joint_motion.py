@@ -309,8 +309,8 @@ def check_at_rest(who: str, motions: Motions | None, drives: bool = False) -> No
     holds = motions.holds
     if not drives and motions.driven:
         driven = [k for k, motor in enumerate(motions.motors) if motor is not None] + holds.driven.tolist()
-        raise SceneError(f"{motions.labels[driven[0]]}: {who} takes no motors and drives of joints; leave it out, or hold the joint "
-                         "by a stiff spring with rest=")
+        raise SceneError(f"{motions.labels[driven[0]]}: {who} takes no motors and drives of joints; leave it out, or hold the "
+                         "joint by a stiff spring with rest=")
     if holds.rubs.size:
         part = holds.parts[holds.rubs[0]]
         what = "friction of joints, which leaves a range of them" if part.has_friction else "rigid stops of joints"

@@ -42,7 +42,7 @@ class Now:
         return float(self._of("sliders", "slider", name, "s_slide")[0])
 
     def joint(self, name: str) -> tuple[float, float]:
-        """Angle or distance that a joint leaves free, rad or m, and its rate."""
+        """Angle or distance that a joint leaves free, rad or m, and its rate; the first of several."""
         value, rate = self._of("joints", "joint", name, "joint_value", "joint_rate")
         return float(value), float(rate)
 

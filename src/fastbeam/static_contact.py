@@ -244,7 +244,8 @@ class StaticContacts:
         bent = border.bent + self.rows.T @ sum(turned) @ self.rows
         return border._replace(
             gradient=sparse.vstack(lead, format="csr"), joint_gap=np.concatenate(value), sliding=sliding, bend=bend,
-            slide=border.slide + sum(slide) @ self.rows, bent=bent.tocsr(), idle=np.concatenate((border.idle, np.array(idle, np.int64))),
+            slide=border.slide + sum(slide) @ self.rows, bent=bent.tocsr(),
+            idle=np.concatenate((border.idle, np.array(idle, np.int64))),
             turns=sparse.csr_matrix((flat, (first + np.arange(flat.size), of)), shape=(force.size, s)))
 
     def _sections(self, q: Array, force: Array) -> list[tuple[int, Section, Array, Array]]:

@@ -1,8 +1,8 @@
 """Friction and rigid stops of joints in equilibria (theory.md 8): which coordinates rest, and where the others come to rest.
 
-Every such coordinate x is held at a place in each equilibrium; G is the force that holds it. It rests where |G| <= G_max, or where a
-rigid stop is pushed. One that does not goes to where G = -sigma G_max, sigma the direction in which it slips: from place to place by
-Newton's method on G(x), downhill, with dG/dx from the equations of the equilibrium.
+Every such coordinate x is held at a place in each equilibrium; G is the force that holds it. It rests where |G| <= G_max, or
+where a rigid stop is pushed. One that does not goes to where G = -sigma G_max, (8.5), sigma the direction in which it slips: from
+place to place by Newton's method on G(x), downhill, with dG/dx from the equations of the equilibrium.
 """
 from __future__ import annotations
 
@@ -140,9 +140,9 @@ class StaticJoints:
                 least = 1e-3 * np.max(np.abs(values), initial=1e-300)
                 way = -vectors @ ((vectors.T @ left) / np.maximum(np.abs(values), least))
             # turned around: it went too far
-            turned = way * last[moving] < 0.0
-            reach[moving[turned]] = np.minimum(reach[moving[turned]], 0.5 * np.abs(last[moving[turned]]) / self.scales[moving[turned]]
-                                               if not stable else reach[moving[turned]])
+            turned = moving[way * last[moving] < 0.0]
+            if not stable:
+                reach[turned] = np.minimum(reach[turned], 0.5 * np.abs(last[turned]) / self.scales[turned])
             way = np.clip(way, -reach[moving] * self.scales[moving], reach[moving] * self.scales[moving])
             if stable and np.all((np.abs(way) <= SMALL_WAY * self.scales[moving]) | (np.abs(left) <= size[moving] * 1e-3)):
                 self._remember()

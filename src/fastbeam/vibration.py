@@ -150,8 +150,8 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if about.stepper.motion is not None:
         if at_time is None and model.motions.holds.has_functions:
-            raise SceneError(f"{who}: motors, drives or given motions of joints are functions of time; say with at_time=... where "
-                             "to evaluate them")
+            raise SceneError(f"{who}: motors, drives or given motions of joints are functions of time; say with at_time=... "
+                             "where to evaluate them")
         about.core.motions.at_rest(about.stepper.motion, at_time or 0.0, load_factor)
     if not np.any(about.mass.diagonal() > 0.0):
         raise SceneError(f"{who}: nothing that may move has a mass; give sections rhoA, or bodies")

@@ -1,6 +1,8 @@
-"""Springs, dampers, motors, given motions, friction and stops of joints with several free coordinates: exact answers, integrators."""
+"""Springs, dampers, motors, given motions, friction, stops in joints with several coordinates: exact answers, integrators."""
 from __future__ import annotations
 
+import textwrap
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,7 +36,8 @@ def joined(joint: Any, planar: Any = False, gravity: Any = (0, 0, 0), **motion: 
 # ------------------------------------------------------------------------------------------------ two bodies in free flight
 SPRINGS = {"stiffness": (3.0, 20.0), "damping": (0.05, 0.3), "rest": (0.2, -0.1)}
 KINDS: dict[str, tuple[Any, dict[str, Any], int]] = {
-    "cylindrical": (fb.CylindricalJoint, {"axis": AXIS}, 2), "universal": (fb.UniversalJoint, {"axis_a": AXIS, "axis_b": SIDE}, 2),
+    "cylindrical": (fb.CylindricalJoint, {"axis": AXIS}, 2),
+    "universal": (fb.UniversalJoint, {"axis_a": AXIS, "axis_b": SIDE}, 2),
     "planar": (fb.PlanarJoint, {"normal": AXIS, "along": SIDE}, 3), "spherical": (fb.SphericalJoint, {"axis": AXIS}, 2)}
 ACTIONS: dict[str, Any] = {
     "springs": lambda n: {"stiffness": (3.0, 2.0, 1.0)[:n], "rest": (0.2, -0.1, 0.3)[:n]},
@@ -42,7 +45,7 @@ ACTIONS: dict[str, Any] = {
     "stops": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, stiffness=300.0) for _ in range(n))},
     "rigid": lambda n: {"stops": tuple(fb.Stops(-0.05, 0.04, restitution=0.5) for _ in range(n))},
     "friction": lambda n: {"friction": (0.02, 0.05, 0.03)[:n]},
-    "drives": lambda n: {"drive": tuple(fb.Drive(position=lambda t: 0.3 * np.sin(t), stiffness=4.0, damping=0.1) for _ in range(n))},
+    "drives": lambda n: {"drive": (fb.Drive(position=lambda t: 0.3 * np.sin(t), stiffness=4.0, damping=0.1),) * n},
     "speeds": lambda n: {"speed": tuple([lambda t: 0.4 * np.cos(3.0 * t)] * n)}}
 
 
@@ -101,7 +104,7 @@ def test_springs_are_of_fourth_order_and_goes_on_from_a_checkpoint_bit_for_bit(k
 
 # ------------------------------------------------------------------------------------------------ independent integrators
 def rotations(scene: str, t: Array, rates: Array, moment: Any) -> Array:
-    """Rotations of a body about a fixed point with moments (triad, spin in the body) in the body, by quaternions and rtol 1e-11."""
+    """Rotations of a body about a fixed point with moments (rotation, spin) in the body, by quaternions and rtol 1e-11."""
     inertia = np.array(INERTIA)
 
     def f(time: float, y: Array) -> Array:
@@ -163,11 +166,13 @@ def test_what_damps_the_swing_resists_the_turning_of_the_axis_alone() -> None:
 
     errors = []
     for step in (0.01, 0.005):
-        result = run(joined(lambda x: fb.SphericalJoint(fb.GROUND, x, "ball", axis=AXIS, damping=(c, 0.0)), spin=spin), 1.0, step)
+        model = joined(lambda x: fb.SphericalJoint(fb.GROUND, x, "ball", axis=AXIS, damping=(c, 0.0)), spin=spin)
+        result = run(model, 1.0, step)
         exact = swing_twist(Rotation.from_quat(rotations("ball", result.t, spin, moment)[-1, :4]))
         joint = result.joint("ball")
         errors.append(np.max(np.abs([joint["swing"][-1] - exact[0], np.sin(joint["twist"][-1] - exact[1])])))
-        assert result.drift("balance") < 1e-13 and set(joint) == {"swing", "swing_rate", "twist", "spin", "energy", "loss", "work"}
+        assert result.drift("balance") < 1e-13
+        assert set(joint) == {"swing", "swing_rate", "twist", "spin", "energy", "loss", "work"}
     assert errors[1] < 2e-4 and np.log2(errors[0] / errors[1]) > 1.9
 
 
@@ -307,3 +312,33 @@ def test_a_cross_in_its_plane_moves_as_in_space(about: int) -> None:
         ends.append(result.joint("cross")["angle"])
     np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=1e-12)
     assert np.all(ends[0][:, 1 - about] == ends[0][0, 1 - about])
+
+
+# ------------------------------------------------------------------------------------------------ how-to.md, refusals
+def test_the_recipe_runs() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "how-to.md").read_text(encoding="utf-8")
+    recipe = page.split("A shaft that a motor turns through a cross with dampers")[1].split("\n\n")[1]
+    found: dict[str, Any] = {"fb": fb}
+    exec(textwrap.dedent(recipe), found)
+    shaken = found["shaken"]
+    assert shaken.drift("balance") < 1e-12 and np.max(shaken.joint("cross")["angle"][:, 0]) > 0.7
+    np.testing.assert_allclose(np.max(shaken.joint("shoulder")["swing"]), 1.2, rtol=0.0, atol=1e-9)
+    assert shaken.joint("shoulder")["stop_loss"][-1] > 0.0
+
+
+BODY = body("block", (0, 0, 0))
+
+
+@pytest.mark.parametrize(("call", "text"), [
+    (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), stiffness=3.0), "must be two numbers >= 0, one for the angle"),
+    (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), angle=1.0), "angle must be two of them"),
+    (lambda: fb.PlanarJoint(fb.GROUND, BODY, "c", normal=(0, 0, 1), along=(1, 0, 1)), "does not lie in the plane"),
+    (lambda: fb.CylindricalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), angle=1.0, friction=(1.0, 0.0)),
+     "angle of cylindrical joint 'c': angle= says how it moves, whatever that takes, so friction="),
+    (lambda: fb.UniversalJoint(fb.GROUND, BODY, "c", axis_a=(1, 0, 0), axis_b=(0, 1, 0), stops=(None, fb.Stops(0.1, 0.2))),
+     "second angle of universal joint 'c': stops from 0.1 to 0.2 rad exclude its start"),
+    (lambda: fb.SphericalJoint(fb.GROUND, BODY, "c", axis=(0, 0, 1), cone=fb.Stops(-0.1, 0.2)), "write fb.Stops.end="),
+    (lambda: fb.SphericalJoint(fb.GROUND, fb.PointMass("m", mass=1.0, position=(0, 0, 0)), axis=(0, 0, 1)), "has no rotation")])
+def test_what_makes_no_sense_is_refused(call: Any, text: str) -> None:
+    with pytest.raises(fb.SceneError, match=text):
+        call()

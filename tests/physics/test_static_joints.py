@@ -146,12 +146,14 @@ def test_two_arms_that_rub_and_stop_at_once(planar: Any) -> None:
     """The upper one slips against a spring, the lower one falls on its stop."""
     upper, lower = body("upper", (0.5, 0, 0)), body("lower", (1.5, 0, 0))
     scene = fb.Scene(upper, lower,
-                     fb.RevoluteJoint(fb.GROUND, upper.point((-0.5, 0, 0)), "shoulder", axis=(0, 1, 0), friction=3.0, stiffness=25.0),
+                     fb.RevoluteJoint(fb.GROUND, upper.point((-0.5, 0, 0)), "shoulder", axis=(0, 1, 0), friction=3.0,
+                                      stiffness=25.0),
                      fb.RevoluteJoint(upper.point((0.5, 0, 0)), lower.point((-0.5, 0, 0)), "elbow", axis=(0, 1, 0),
                                       stops=fb.Stops(-0.2, 0.25)), gravity=(0, 0, -G))
     model = fb.compile_scene(scene, planar=planar)
     result = fb.solve_static(model)
-    exact = brentq(lambda x: 25.0 * x + 3.0 * (1.0 - 1e-5) - 1.5 * G * np.cos(x) - 0.5 * G * np.cos(x + 0.25), 0.0, 1.5, xtol=1e-15)
+    exact = brentq(lambda x: 25.0 * x + 3.0 * (1.0 - 1e-5) - 1.5 * G * np.cos(x) - 0.5 * G * np.cos(x + 0.25), 0.0, 1.5,
+                   xtol=1e-15)
     np.testing.assert_allclose(angle(result), exact, rtol=0.0, atol=1e-11)
     d = result.state.q.reshape(-1, 4, 3)[1, 1]
     np.testing.assert_allclose(np.arctan2(-d[2], d[0]) - exact, 0.25, rtol=0.0, atol=1e-11)

@@ -260,6 +260,10 @@ class Call:
     takes: dict[str, Callable[[Any], bool]]
 
 
+NOTHING = among(None)
+SOME_OF_TIME = is_list_of(either(NOTHING, OF_TIME))
+IN_EACH = dict(stiffness=VECTOR, damping=VECTOR, rest=VECTOR, friction=VECTOR, speed=SOME_OF_TIME,
+               drive=is_list_of(either(NOTHING, is_a(fb.Drive))), stops=is_list_of(either(NOTHING, is_a(fb.Stops))))
 SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text, prestrain=is_real, prestress=is_real)
@@ -340,9 +344,15 @@ def calls(folder: Path) -> dict[str, Call]:
                ("RevoluteJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("torque", "angle"), OF_TIME)
                 | {"radius": is_real}),
                ("PrismaticJoint", dict(axis=(0, 1, 0)), IN_JOINT | dict.fromkeys(("force", "distance"), OF_TIME)),
-               ("CylindricalJoint", dict(axis=(0, 1, 0)), dict.fromkeys(("stiffness", "damping", "rest"), VECTOR)),
-               ("PlanarJoint", dict(normal=(0, 1, 0)), {}),
-               ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), {}))},
+               ("CylindricalJoint", dict(axis=(0, 1, 0)), IN_EACH
+                | dict.fromkeys(("torque", "force", "angle", "distance"), OF_TIME)),
+               ("PlanarJoint", dict(normal=(0, 1, 0)), IN_EACH | dict(along=VECTOR) | dict.fromkeys(("torque", "angle"), OF_TIME)
+                | dict.fromkeys(("force", "distance"), SOME_OF_TIME)),
+               ("UniversalJoint", dict(axis_a=(0, 1, 0), axis_b=(0, 0, 1)), IN_EACH
+                | dict.fromkeys(("torque", "angle"), SOME_OF_TIME)),
+               ("SphericalJoint", dict(axis=(0, 1, 0)), dict.fromkeys(("stiffness", "damping"), VECTOR)
+                | dict.fromkeys(("torque", "twist", "speed"), OF_TIME)
+                | dict(friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), cone=is_a(fb.Stops))))},
         "GROUND.point": Call(fb.GROUND.point, dict(position=(0, 0, 1)), dict(position=VECTOR)),
         "Load": Call(fb.Load, dict(name="l", at=BEAM.end),
                      dict(name=is_text, at=NODE, force=VECTOR, moment=VECTOR, time=is_function, follower=is_flag)),

@@ -1,5 +1,4 @@
-"""Compiled forces on coordinates of joints: their work is that of the energies, their tangent that of differences; coordinates and
-rates in NumPy."""
+"""Compiled forces on coordinates of joints: their work is that of energies, their tangent that of differences; and in NumPy."""
 from __future__ import annotations
 
 from typing import Any
@@ -22,14 +21,15 @@ Array = np.ndarray
 AXIS, ACROSS = np.array((1, 2, 3)) / np.sqrt(14.0), np.array((3, 0, -1)) / np.sqrt(10.0)
 STOPS = fb.Stops(-0.1, 0.08, stiffness=50.0)
 JOINTS: dict[str, Any] = {
-    "angle": lambda a, b: fb.RevoluteJoint(a, b, "joint", axis=AXIS, stiffness=3.0, damping=0.4, rest=0.3, torque=0.7, stops=STOPS),
-    "distance": lambda a, b: fb.PrismaticJoint(a, b, "joint", axis=AXIS, stiffness=3.0, damping=0.4, rest=0.3, force=0.7, stops=STOPS),
-    "cross": lambda a, b: fb.UniversalJoint(a, b, "joint", axis_a=AXIS, axis_b=ACROSS, stiffness=(3.0, 2.0), damping=(0.4, 0.2),
-                                            rest=(0.3, 0.1), torque=(0.7, -0.3), stops=(STOPS, STOPS)),
-    "plate": lambda a, b: fb.PlanarJoint(a, b, "joint", normal=AXIS, along=ACROSS, stiffness=(3.0, 2.0, 1.0), damping=(0.4, 0.2, 0.1),
-                                         force=(0.3, 0.2), stops=(STOPS, None, STOPS)),
-    "ball": lambda a, b: fb.SphericalJoint(a, b, "joint", axis=AXIS, stiffness=(3.0, 2.0), damping=(0.4, 0.2), torque=0.4, stops=STOPS,
-                                           cone=fb.Stops(end=0.05, stiffness=50.0))}
+    "angle": lambda *ab: fb.RevoluteJoint(*ab, "joint", axis=AXIS, stiffness=3.0, damping=0.4, rest=0.3, torque=0.7, stops=STOPS),
+    "distance": lambda *ab: fb.PrismaticJoint(*ab, "joint", axis=AXIS, stiffness=3.0, damping=0.4, rest=0.3, force=0.7,
+                                            stops=STOPS),
+    "cross": lambda *ab: fb.UniversalJoint(*ab, "joint", axis_a=AXIS, axis_b=ACROSS, stiffness=(3.0, 2.0), damping=(0.4, 0.2),
+                                           rest=(0.3, 0.1), torque=(0.7, -0.3), stops=(STOPS, STOPS)),
+    "plate": lambda *ab: fb.PlanarJoint(*ab, "joint", normal=AXIS, along=ACROSS, stiffness=(3.0, 2.0, 1.0),
+                                        damping=(0.4, 0.2, 0.1), force=(0.3, 0.2), stops=(STOPS, None, STOPS)),
+    "ball": lambda *ab: fb.SphericalJoint(*ab, "joint", axis=AXIS, stiffness=(3.0, 2.0), damping=(0.4, 0.2), torque=0.4,
+                                          stops=STOPS, cone=fb.Stops(end=0.05, stiffness=50.0))}
 
 
 def turned(triads: Array, w: Array) -> Array:

@@ -6,15 +6,15 @@ Products are D_i . E_j of directions of a and b, or r . D_i. Each belongs to one
     ANGLE    x = atan2(y, z)        an angle, counted over turns
     SWING    x = acos(z)            the angle between two axes
 
-A force G on x does the work G Dx where it acts as forces G g_y on y and G g_z on z with Dx = g_y Dy + g_z Dz (`Grip`); these act on
-the nodes at the mean shape as in joint_conditions.py. Everything that acts on coordinates goes through `grip_of`, `push_parts` and
-`put_entries`, so that a new kind of coordinate is one more entry there.
+A force G on x does the work G Dx where it acts as forces G g_y on y and G g_z on z with Dx = g_y Dy + g_z Dz (`Grip`); these act
+on the nodes at the mean shape as in joint_conditions.py. Everything that acts on coordinates goes through `grip_of`, `push_parts`
+and `put_entries`, so that a new kind of coordinate is one more entry there.
 
 Arrays: q, q0, q1, v [12 N], in a plane [4 N].
 """
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -133,8 +133,8 @@ def angle_over(p, q):
 
 @kernel
 def grip_of(motion, c, dofs, q0, q1):
-    """`Grip` of coordinate c from coordinates q0 to q1. Where both are the same its derivatives are half of those of the slopes of x,
-    as equilibria need them."""
+    """`Grip` of coordinate c from coordinates q0 to q1. Where both are the same its derivatives are half of those of the slopes
+    of x, as equilibria need them."""
     before = parts_of(motion, c, dofs, q0)
     after = parts_of(motion, c, dofs, q1)
     y0, z0, y1, z1 = before.y, before.z, after.y, after.z
@@ -237,7 +237,7 @@ def add_products(motion, c, system, left, right, factor):
 
 @kernel
 def push_parts(motion, c, system, by_y, by_z, slopes):
-    """Forces `by_y` and `by_z` on the sums of coordinate c; slopes: their derivatives by both at the end, yy, yz, zy, zz."""
+    """Forces `by_y` and `by_z` on the sums of coordinate c; slopes [4]: their derivatives by both at the end, yy, yz, zy, zz."""
     work, dofs = system.work, system.dofs
     for i in range(64):
         motion.hold[i] = 0.0

@@ -4,10 +4,10 @@ x is a coordinate of joint_coordinates.py, zero at t = 0. A spring, a damper and
 
     G = -k ((x_n + x_n+1)/2 - x_rest) - c Dx/h + F,     F the mean of a force of time over the step                      (4.14)
 
-on it, whose work is G Dx, so that the energy changes by exactly that. Elastic stops add minus the divided difference of their energy
-to G. The spring of a swing x between two axes has the energy k x^2/2 = k u(w), w = 1 - cos x: its force is the divided difference of
-that, from the series of u where axes are close. Forces that are unknowns, of given coordinates and of friction, stand in
-joint_drive.py.
+on it, whose work is G Dx, so that the energy changes by exactly that. Elastic stops add minus the divided difference of their
+energy to G. The spring of a swing x between two axes has the energy k x^2/2 = k u(w), w = 1 - cos x: its force is the divided
+difference of that, (4.32), from the series of u where axes are close. Forces that are unknowns, of given coordinates and of
+friction, stand in joint_drive.py.
 """
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import numpy as np
 
 from .._jit import kernel
 from .along import stop_force
-from .joint_coordinates import (LINE, LOSS, SWING, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, grip_of, parts_of, push, push_parts,
-                                value_of)
+from .joint_coordinates import (LINE, LOSS, SWING, VALUE, WORK, JointMotion, grip_at_rest, grip_in_step, grip_of, parts_of, push,
+                                push_parts, value_of)
 from .terms import Conserving, Equilibrium, account, assemble, put_loads, spread_nodes
 
 # 1 - cos x of a swing up to which its spring is taken from the series, and its terms: 2^n/(n^2 (2n over n))
@@ -70,7 +70,7 @@ def swing_slope(w0, w1):
 
 @kernel
 def push_swing(motion, c, system, q0, q1):
-    """The spring of coordinate c, a swing, from coordinates q0 to q1 [12 N]."""
+    """The spring of coordinate c, a swing, from one shape to another, q0, q1 [12 N]."""
     k = motion.stiffness[c]
     z0, z1 = parts_of(motion, c, system.dofs, q0).z, parts_of(motion, c, system.dofs, q1).z
     if max(1.0 - z0, 1.0 - z1) < SMALL_SWING:
@@ -94,7 +94,8 @@ def assemble_joint_forces(term, method, system, h):
         slope = -0.5 * motion.stiffness[c] - motion.damping[c] / h
         before = system.state.history[motion.place[c] + VALUE]
         grip = grip_in_step(motion, c, system)
-        force = motion.given[c] - motion.stiffness[c] * (before - motion.rest[c]) + slope * way_of(motion, c, system, grip, before)
+        force = motion.given[c] - motion.stiffness[c] * (before - motion.rest[c])
+        force += slope * way_of(motion, c, system, grip, before)
         push(motion, c, system, grip, force, slope)
 
 

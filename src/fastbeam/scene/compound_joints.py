@@ -235,10 +235,10 @@ class UniversalJoint(AxisJoint):
          twist=OfTime("rad"), speed=OfTime("rad/s"), friction=Number(least=0.0, unit="N m"), drive=ADrive(), stops=SomeStops())
 @noun
 class SphericalJoint(OneAxisJoint):
-    """A ball in a socket: two points stay together, as of `BallJoint`, and what turns is told by an axis that both parts carry.
+    """A ball in a socket: two points stay together, as of `BallJoint`, and an axis that both parts carry tells how they turn.
 
-    `result.joint(name)` has the swing, the angle from the axis of a to that of b, from 0 to pi, and the twist of b about the axis:
-    the rotation of b against a is the twist, followed by the swing about a direction across. Both are zero at t = 0.
+    `result.joint(name)` has the swing, the angle from the axis of a to that of b, 0 to pi, and the twist of b about the axis: the
+    rotation of b against a is the twist, followed by the swing about a direction across. Both are zero at t = 0.
 
     Parameters
     ----------

@@ -224,7 +224,7 @@ class SomeOf:
 
     def __call__(self, value: Any) -> tuple[Any, ...]:
         need = f"must be {_COUNTS[self.count]} of them, {self.what}, each {self.noun} or None"
-        if not isinstance(value, (tuple, list, np.ndarray)) or len(value) != self.count:
+        if not isinstance(value, (tuple, list)) or len(value) != self.count:
             raise Refusal(f"{need}, got {shown(value)}")
         return tuple(None if x is None else self.of(x) for x in value)
 
