@@ -175,7 +175,8 @@ class SliderForces:
         """The tables with arrays of one run; mass: of the scene, kg."""
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset")})
+                                       ("stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against",
+                                        "held", "offset")})
 
     @cached_property
     def sides(self) -> list[Array]:

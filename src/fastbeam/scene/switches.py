@@ -307,8 +307,8 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
                              "start between them")
     if release is not None and isinstance(release.when, str) and all(
             switch.options(x, release.when) for x in switch.tracks):
-        raise SceneError(f"{who}: release: from the {release.when} of every track of {switch.label} another leads on; give a time "
-                         "or a condition")
+        raise SceneError(f"{who}: release: from the {release.when} of every track of {switch.label} another leads on; give a "
+                         "time or a condition")
 
 
 def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
