@@ -21,8 +21,10 @@ from .mapping import follow
 from .model import Model
 from .observe import Observer
 from .reactions import StaticReactions
-from .static_contact import reduced
-from .static_sliders import TO_END, Increment, SlidingSolver
+from .scene import Sleeve
+from .static_along import RESERVE
+from .static_contact import ALONG_ONLY, Border, reduced
+from .static_sliders import ROUNDS, TO_END, Increment, SlidingSolver
 
 Array = np.ndarray
 # Newton's method on the places ends with increments below this share of a beam; the next one would be its square
@@ -54,6 +56,7 @@ class Found(NamedTuple):
     slope: Array  # float64 [S], N: derivatives of the energy by s; NaN where it has none
     bend: Array   # float64 [F, F], N/m: second ones with all nodes in equilibrium, by the s of the contacts that are free
     ahead: list[Increment]  # how nodes and forces follow the s of each of these
+    stretch: Array  # float64 [S]: length of the derivative of the axis by s, mean of both sides; NaN where there is no slope
 
 
 class ExactSolver(SlidingSolver):
@@ -75,11 +78,11 @@ class ExactSolver(SlidingSolver):
         self.why_stuck = ""
         refuse(self.scene)
         if self.along is not None:
-            along = self.along
-            for k in np.flatnonzero(along.rubs | np.any(np.isfinite(along.stops), axis=1) & ~along.held).tolist():
-                name, what = model.names["sliders"][k], "friction" if along.rubs[k] else "rigid stops"
-                raise SceneError(f"solve_static: contacts='exact': slider {name!r} has {what}, which only contacts='mesh' knows; "
-                                 f"hold it where it stands with held=({name!r},), or leave contacts= out")
+            for k in np.flatnonzero(self.along.rubs).tolist():
+                if isinstance(self.scene.sliders[k], Sleeve):
+                    name = model.names["sliders"][k]
+                    raise SceneError(f"solve_static: contacts='exact': sleeve {name!r} has friction, which only contacts='mesh' "
+                                     f"knows; hold it where it stands with held=({name!r},), or leave contacts= out")
 
     # --- the equilibrium ----------------------------------------------------------------------------------------------
     def _equilibrium(self, factors: Array) -> tuple[int, list[float]]:
@@ -93,47 +96,102 @@ class ExactSolver(SlidingSolver):
         # on the given mesh, held where the contacts are
         assert self.found is not None
         self._take(self.shown)
+        if self.along is not None:
+            self.along.remember(self.stepper.core_state.history)
         status, more = self._newton(np.zeros(self.held.size, bool))
         self.longest = max(self.longest, len(more))
         return status, sizes + more
 
     def _sharpened(self, factors: Array) -> tuple[int, list[float]]:
-        """The equilibrium with cut beams."""
-        free = np.flatnonzero(self.sliding)
+        """The equilibrium with cut beams, and which contacts stick, slip and rest at stops in it."""
         at = self.state
         cut = self.found.cut if self.found is not None and np.array_equal(at.s, self.found.cut.s) else Cut(self.scene, at.s)
         solver = self._open(cut, at)
         status, sizes = solver.equilibrium(factors)
         if status != OK:
             return status, sizes
-        found = self._looked_at(cut, solver, factors, free)
-        share = 1.0
-        for _ in range(MOST if free.size else 0):
+        found = self._looked_at(cut, solver, factors, np.flatnonzero(self.sliding))
+        if found is None:
+            return NOT_CONVERGED, sizes
+        for _ in range(ROUNDS * (self.held.size + 1)):
+            status, found = self._slid(found, factors)
+            if status != OK or self.along is None:
+                break
+            changed, s = self.along.judge(self._exact_border(found), found.cut.s)
+            if self.along.in_circles:
+                return NOT_CONVERGED, sizes
+            if not changed:
+                break
+            free = np.flatnonzero(self.sliding)
+            way = s - found.cut.s
+            moved = self._moved(found._replace(ahead=[]), s, np.zeros(0), factors, free) if np.any(way) else (
+                self._looked_at(found.cut, found.solver, factors, free))
+            if moved is None:
+                return NOT_CONVERGED, sizes
+            found = moved
+        else:
+            return NOT_CONVERGED, sizes
+        if status == OK:
+            self.found = found
+        return status, sizes
+
+    def _slid(self, found: Found, factors: Array) -> tuple[int, Found]:
+        """From an equilibrium to one in which the contacts that are free neither push nor rub less than they can."""
+        free, cut, share = np.flatnonzero(self.sliding), found.cut, 1.0
+        for _ in range(MOST):
+            if not free.size:
+                return OK, found
             self.interrupts.serve()
-            if found is None or np.isnan(self._push(found, free)).any():
-                return (NOT_CONVERGED if found is None else self._no_slope(cut, free)), sizes
             push = self._push(found, free)
+            if np.isnan(push).any():
+                return self._no_slope(cut, free), found
             way = self._way(found, free, push)
             if way is None:
-                return SLIDER_END, sizes
+                return SLIDER_END, found
             close = float(np.max(np.abs(way) / self.lengths[free])) < CLOSE
-            s = cut.s.copy()
+            s, met = cut.s.copy(), np.zeros(cut.s.size, np.int64)
             s[free] += share * way
+            if self.along is not None:
+                every = s - cut.s
+                met = self.along.meets(cut.s, every, every)
             after = self._moved(found, s, share * way, factors, free)
             if after is not None and (close or self._push(after, free) @ way <= 0.9 * abs(push @ way)):
                 found, share = after, min(1.0, 2.0 * share)
                 cut = found.cut
+                if met.any():
+                    assert self.along is not None
+                    self.along.meet(met, cut.s)
+                    free = np.flatnonzero(self.sliding)
+                    looked = self._looked_at(cut, found.solver, factors, free)
+                    if looked is None:
+                        return NOT_CONVERGED, found
+                    found = looked
+                    continue
                 if close:
-                    break
+                    return OK, found
                 continue
             share *= 0.25
             if share < LEAST_SHARE:
-                return NOT_CONVERGED, sizes
-        else:
-            if free.size:
-                return NOT_CONVERGED, sizes
-        self.found = found
-        return OK, sizes
+                return NOT_CONVERGED, found
+        return NOT_CONVERGED, found
+
+    # --- friction -----------------------------------------------------------------------------------------------------
+    def _normal(self, found: Found) -> tuple[Array, Array]:
+        """What presses contacts on their beams times the length of the derivative of the axis, N, and the contact forces, [S, d].
+        The part along the beam is what drives the contact there: the axis has a kink, and no tangent."""
+        core = found.solver.core
+        force = found.solver.stepper.core_state.force[:core.dim * self.held.size].reshape(-1, core.dim)
+        size = found.stretch * np.linalg.norm(force, axis=1)
+        return np.sqrt(np.maximum(size**2 - found.slope**2, (ALONG_ONLY * size)**2)), force
+
+    def _exact_border(self, found: Found) -> Border:
+        """What friction and stops are compared with; that of the elements where a contact has no slope of its own."""
+        assert self.along is not None
+        border, normal = found.solver._border(rubs=False), self._normal(found)[0]
+        known, has = self.along.known(found.cut.s)[0], np.isfinite(found.slope)
+        # in the cut scene all are held: drives and stops are in none of its equations
+        own = border.sliding + found.solver.along.known(found.cut.s)[0] - known  # type: ignore[union-attr]
+        return border._replace(sliding=np.where(has, found.slope - known, own), normal=np.where(has, normal, border.normal))
 
     def _no_slope(self, cut: Cut, free: Array) -> int:
         """A contact came to a node that other parts refer to, to another contact or to an end."""
@@ -150,9 +208,21 @@ class ExactSolver(SlidingSolver):
         return SLIDER_END
 
     def _push(self, found: Found, free: Array) -> Array:
-        """What moves contacts back along their beams, N: slopes of the energy less forces of drives and elastic stops."""
+        """What moves contacts back along their beams, N: slopes of the energy less drives, elastic stops and friction."""
         push = found.slope[free]
-        return push if self.along is None else push - self.along.known(found.cut.s)[0][free]
+        if self.along is None:
+            return push
+        slip = self.along.slip[free]
+        rub = np.where(slip != 0.0, slip * self._normal(found)[0][free], 0.0)
+        return np.asarray(push - self.along.known(found.cut.s)[0][free] + rub)
+
+    def _newton_way(self, found: Found, free: Array, push: Array, bend: Array) -> Array:
+        """Newton's increments of the free s [F] where some slip with friction; bend: without it."""
+        assert self.along is not None
+        slip, (normal, force) = self.along.slip[free], self._normal(found)
+        ahead = np.array([x.force[:force.size].reshape(force.shape)[free] for x in found.ahead])
+        change = found.stretch[free, None]**2 * np.einsum("fd,jfd->fj", force[free], ahead) - found.slope[free, None] * found.bend
+        return np.linalg.solve(bend + slip[:, None] * change / normal[free, None], -push)
 
     def _way(self, found: Found, free: Array, push: Array) -> Array | None:
         """Increments of the free s [F], downhill; None where a contact runs off its beam."""
@@ -163,19 +233,26 @@ class ExactSolver(SlidingSolver):
         force = float(np.max(np.abs(found.solver.state.force), initial=0.0))
         least = max(FLAT * float(np.max(np.abs(size))), NOISE * force / float(np.max(self.lengths)), 1e-300)
         way = -axes @ np.where(np.abs(along) <= NOISE * force, 0.0, along / np.maximum(np.abs(size), least))
+        rigid = np.zeros(free.size, bool)
+        if self.along is not None:
+            if np.any(self.along.slip[free] != 0.0):
+                way = self._newton_way(found, free, push, bend)
+            every = np.zeros(self.held.size)
+            every[free] = way
+            rigid = self.along.is_rigid(every)[free]
         s, ends = found.cut.s[free], self.ends[free]
         to_end = np.where(way > 0.0, ends[:, 1] - s, s - ends[:, 0])
-        if np.any((to_end <= CLOSE * self.lengths[free]) & (np.abs(way) > to_end)):
-            self.runaway = int(free[np.argmax(np.abs(way) - to_end)])
+        if np.any((to_end <= CLOSE * self.lengths[free]) & (np.abs(way) > to_end) & ~rigid):
+            self.runaway = int(free[np.argmax(np.where(rigid, -np.inf, np.abs(way) - to_end))])
             return None
-        most = np.minimum(REACH * self.lengths[free], TO_END * to_end)
+        most = np.minimum(REACH * self.lengths[free], np.where(rigid, 1.0, TO_END) * to_end)
         return np.asarray(way * min(1.0, float(np.min(most / np.maximum(np.abs(way), 1e-300)))))
 
     def _moved(self, found: Found, s: Array, way: Array, factors: Array, free: Array) -> Found | None:
         """The equilibrium with contacts at s [S]; None where there is none near."""
         cut = Cut(self.scene, s, found.cut)
         before = found.solver
-        if cut.same_mesh:
+        if cut.same_mesh and way.size:
             # nodes go with the contacts
             nodes, force = (sum(w * x for w, x in zip(way, y)) for y in ([a.nodes for a in found.ahead],
                                                                          [a.force for a in found.ahead]))
@@ -186,7 +263,7 @@ class ExactSolver(SlidingSolver):
         else:
             at = self._given(found)
         at.s[:] = s
-        solver = self._open(cut, at, cut.same_mesh)
+        solver = self._open(cut, at, cut.same_mesh and way.size > 0)
         try:
             status, _ = solver.equilibrium(factors)
         except FloatingPointError:
@@ -226,8 +303,9 @@ class ExactSolver(SlidingSolver):
         acting = self._acting(cut, factors)
         along = energy_along(cut, model.numbers, acting, q.reshape(-1, 4, 3))
         self._less_contact_forces(solver, along)
+        stretch = np.where(np.isfinite(along.slope), np.linalg.norm(along.way[:, 0], axis=1), np.nan)
         if not free.size:
-            return Found(cut, solver, along.slope, np.zeros((0, 0)), [])
+            return Found(cut, solver, along.slope, np.zeros((0, 0)), [], stretch)
         saddle, right = solver._assembled(np.zeros(self.held.size, bool))
         by = self._by_unknowns(solver, along, free)
         n, bend, ahead = by.shape[1], along.bend[np.ix_(free, free)], []
@@ -242,7 +320,7 @@ class ExactSolver(SlidingSolver):
         for i, k in enumerate(free):
             if along.node[k] >= 0:
                 bend[i, i] = self._bend(cut, solver, acting, int(k), ahead[i])
-        return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead)
+        return Found(cut, solver, along.slope, 0.5 * (bend + bend.T), ahead, stretch)
 
     def _bend(self, cut: Cut, solver: SlidingSolver, acting: dict[int, Acting], k: int, ahead: Increment) -> float:
         """Derivative of the slope of contact k by its place, with all nodes in equilibrium: a difference along the way that they
@@ -316,7 +394,11 @@ class ExactSolver(SlidingSolver):
             return counted
         bend = found.bend
         if self.along is not None:
-            bend = bend - np.diag(self.along.known(found.cut.s)[1][self.sliding])
+            # where friction holds a contact, it stays
+            moves = self._unhindered[self.sliding]
+            bend = (bend - np.diag(self.along.known(found.cut.s)[1][self.sliding]))[np.ix_(moves, moves)]
+            if not bend.size:
+                return counted
         size = np.linalg.eigvalsh(bend)
         least = FLAT * float(np.max(np.abs(size)))
         return counted[0] + int(np.sum(size < -least)), counted[1] + int(np.sum(np.abs(size) <= least))
@@ -339,7 +421,55 @@ class ExactSolver(SlidingSolver):
             given = np.isin(table.drive, (POSITION, INCREMENT))
             row["drive_force"] = row["drive_force"] + np.where(given, more, 0.0)
             row["lock_force"] = row["lock_force"] + np.where(given, 0.0, np.where(self.held, more, 0.0))
+            if self.along is not None:
+                self._share_out(row, found)
         return row
+
+    def _share_out(self, row: dict[str, Any], found: Found) -> None:
+        """Friction and rigid stops share what drives and elastic stops leave of the force along the beam."""
+        assert self.along is not None
+        at_stop, border = self.along.modes.at_stop != 0, self._exact_border(found)
+        most = self.along.friction * border.normal
+        friction = np.where(at_stop, np.clip(border.sliding, -most, most), border.sliding)
+        row["friction_force"] = np.where(self.along.rubs, friction, row["friction_force"])
+        stop = border.sliding - np.where(self.along.rubs, friction, 0.0)
+        row["stop_force"] = np.where(at_stop, stop, row["stop_force"])
+
+    def at_rest(self, asked: list[int], factors: Array) -> dict[str, Any]:
+        if self.along is None or not self.along.rubs.any():
+            return {}
+        assert self.found is not None
+        names = self.stepper.model.names["sliders"]
+        out = {"friction": self.along.report(names, self._exact_border(self.found))}
+        return out | ({"rest_intervals": {names[k]: self._rest_interval(k, factors) for k in asked}} if asked else {})
+
+    def _rest_interval(self, k: int, factors: Array) -> tuple[float, float]:
+        along, kept, ends, on_mesh = self.along, self.found, [], super()._rest_interval(k, factors)
+        assert along is not None and kept is not None
+        modes = [x.copy() for x in along.modes]
+        along.reserve = 0.0
+        for sign, end in zip((1, -1), on_mesh):
+            if not np.isfinite(end) or end == self.ends[k, int(sign < 0)]:
+                # it does not slip before the end of its beam
+                ends.append(end)
+                continue
+            along.modes.sign[:] = 0
+            along.modes.sign[k], along.modes.at_stop[k] = sign, 0
+            self.runaway = -1
+            try:
+                s, free = kept.cut.s.copy(), np.flatnonzero(self.sliding)
+                s[k] = end
+                looked = self._moved(kept._replace(ahead=[]), s, np.zeros(0), factors, free)
+                if looked is None:
+                    looked = self._looked_at(kept.cut, kept.solver, factors, free)
+                status, found = (NOT_CONVERGED, kept) if looked is None else self._slid(looked, factors)
+                runs_off = status == SLIDER_END and self.runaway == k
+                ends.append(float(self.ends[k, int(sign < 0)] if runs_off else found.cut.s[k] if status == OK else np.nan))
+            finally:
+                for x, was in zip(along.modes, modes):
+                    x[:] = was
+        along.reserve = RESERVE
+        return ends[0], ends[1]
 
     def forces_along(self) -> dict[str, float]:
         """What holds every slider where it is along its beam, N."""

@@ -305,8 +305,8 @@ class Locking:
         own[CAME_BY] = 1.0 if at_end else -1.0
         # a stop that stands on the track behind swings back by itself
         own[STOP_LOSS] += stored - self._in_stop(state, k)
-        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]), "way": float(state.s[k] + own[OFFSET]), "track": track,
-                       "loss": 0.0,
+        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]),
+                       "way": float(state.s[k] + own[OFFSET]), "track": track, "loss": 0.0,
                        "text": f"slider {name!r} goes on from {switch.tracks[number].name!r} to {track!r} at t = {t:.6g} s"}
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:

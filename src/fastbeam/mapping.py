@@ -11,7 +11,6 @@ from numpy.polynomial import legendre
 from .errors import SceneError
 from .kernels.along import CAME_BY, HELD, HISTORY, OFF, OFFSET, STICKS, TURNS
 from .kernels.curves import Curves, Paths
-from .scene.switches import Switch
 
 if TYPE_CHECKING:
     from .kernels.work import State
@@ -140,11 +139,12 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
     if model.slider_forces is not None:
         locks, theirs = names.get("locks", []), names.get("sliders", [])
         history = state.history[:HISTORY * len(locks)].reshape(-1, HISTORY)
-        for own, slider in zip(fresh.history[:model.work_place].reshape(-1, HISTORY), model.slider_forces.sliders):
+        every = fresh.history[:model.work_place].reshape(-1, HISTORY)
+        for k, (own, slider) in enumerate(zip(every, model.slider_forces.sliders)):
             if slider.name not in theirs:
                 continue
             given = history[theirs.index(slider.name)] if locks else np.zeros(HISTORY)
-            if isinstance(slider.beam, Switch):
+            if k in model.spans:
                 own[[OFFSET, CAME_BY]] = given[[OFFSET, CAME_BY]]
             leaves = slider.release is not None or slider.one_sided is not None
             if locks and locks[theirs.index(slider.name)] == len(slider.lock or ()) and (leaves or given[HELD] != OFF):

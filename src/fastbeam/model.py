@@ -380,8 +380,8 @@ class Model(HistoryLayout):
         return ends
 
     def limits_at(self, s: Array, history: Array | None = None) -> Array:
-        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2]; history:
-        of the state, default that of the start."""
+        """Arc lengths between which sliders that stand at s [S] may go, of their tracks or of rigid stops, float64 [S, 2];
+        history: of the state, default that of the start."""
         ends = self.ends_at(s)
         return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends, s, self.along_of(history)))
 

@@ -158,10 +158,11 @@ class SliderForces:
 
     @property
     def choices(self) -> str:
-        """Where sliders on switches go on, and their stops and locks on tracks, as a text; functions count only by being there."""
+        """Where sliders on switches go on, their stops and locks, as a text; functions count only by being there."""
         switches = [x.beam for x in self.sliders if isinstance(x.beam, Switch)]
         chosen = [sorted(x.choose.items()) if isinstance(x.choose, dict) else x.choose for x in switches]
-        places = [[x.stops and (x.stops.start, x.stops.end), *(lock.at for lock in x.lock or ())] for x in self.sliders]
+        places = [[x.stops and (x.stops.start, x.stops.end), *(lock.at for lock in x.lock or ())] for x in self.sliders
+                  if isinstance(x.beam, Switch)]
         return repr([places, *(([track.name for track in x.tracks], "function" if callable(y) else y)
                                for x, y in zip(switches, chosen))])
 
@@ -174,7 +175,8 @@ class SliderForces:
         """The tables with arrays of one run; mass: of the scene, kg."""
         self.tables.clock[2] = mass if mass > 0.0 else 1.0
         return self.tables._replace(**{name: getattr(self.tables, name).copy() for name in
-                                       ("stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against", "held", "offset")})
+                                       ("stops", "given", "clock", "sign", "rest", "flips", "judged", "needed", "against",
+                                        "held", "offset")})
 
     @cached_property
     def sides(self) -> list[Array]:
@@ -241,7 +243,7 @@ class SliderForces:
 
     # --- rigid stops --------------------------------------------------------------------------------------------------
     def limits(self, ends: Array, s: Array, history: Array) -> Array:
-        """Arc lengths between which sliders at s [S] may go: `ends` [S, 2] of what they run on, or rigid stops; history [S, 11]."""
+        """Arc lengths between which sliders at s [S] may go: `ends` [S, 2] of their tracks, or rigid stops; history [S, 11]."""
         out = ends.copy()
         for k, slider in enumerate(self.sliders):
             if slider.stops is not None and slider.stops.is_rigid:

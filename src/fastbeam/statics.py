@@ -116,8 +116,8 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         prescribed places of sliders, have gone; for a `start` that is in equilibrium with the loads.
     contacts : {'mesh', 'exact'}
         Whether the force along the beam of sliders and sleeves is that of the elements in which they stand, or exact: beams are
-        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points. Without friction and
-        rigid stops of sliders that are free; on beams with Lagrange elements that are no part of a net.
+        cut at their contacts, and rows have that equilibrium (theory.md (8.3)). Sleeves count as points, and may not rub; on
+        beams with Lagrange elements that are no part of a net.
     steady : Spin or Travel, optional
         The equilibrium in a steady motion, under its forces of inertia, which grow with the load factor (theory.md 17): in the
         frame that spins, or beside which beams travel, supports stand still. Unstable directions are not counted: `modes(model,

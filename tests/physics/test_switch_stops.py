@@ -73,8 +73,8 @@ def test_arc_lengths_of_the_way_are_those_of_one_path(planar: bool, slide: dict[
 
 
 def test_the_rigid_stop_stands_where_it_was_put() -> None:
-    for stop, at in ((fb.Stops(end=2.4), ("c", 0.4)), (fb.Stops(end=("c", 0.4)), ("c", 0.4)), (fb.Stops(end=("b", 1.0)), ("b", 1.0))):
-        scene, on = line(True, stops=stop)
+    for stop, at in ((2.4, ("c", 0.4)), (("c", 0.4), ("c", 0.4)), (("b", 1.0), ("b", 1.0))):
+        scene, on = line(True, stops=fb.Stops(end=stop))
         result = run(scene)
         hit = next(x["time"] for x in result.events if x["kind"] == "impact")
         track, s = on.where(result.slider("s")["s"][np.flatnonzero(result.t == hit)[0]])
@@ -156,7 +156,8 @@ def test_a_wall_is_met_from_behind() -> None:
         scene, on = line(True, at=6.7, rate=-2.0, stops=fb.Stops(end=("b", 0.5), **slide))
         assert on.offset("c") == 6.0
         result = run(scene, 2.0)
-        assert kinds(result)[:1] == ["switched"] and kinds(result)[-1] in ("switched", "slider_end") and local(on, result)[0] == "c"
+        assert kinds(result)[0] == "switched" and kinds(result)[-1] in ("switched", "slider_end")
+        assert local(on, result)[0] == "c"
         s = [on.where(x)[1] for x in result.slider("s")["s"] if on.where(x)[0].name == "b"]
         assert min(s) > 0.5 - (1e-12 if "restitution" in slide else 0.1) and books(result) < BACK
 
@@ -207,15 +208,16 @@ def test_what_is_refused() -> None:
                           ("needs a rigid stop", {"lock": fb.Lock("end")}),
                           ("begins at position", {"drive": fb.Drive(position=lambda t: 0.2)})):
         with pytest.raises(fb.SceneError, match=message):
-            fb.compile_scene(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), bead, fb.Slider("s", bead, on=on, at=0.5, **more)))
-    for message, more in (("place on a track", {"stops": fb.Stops(end=("a", 0.8))}), ("place on a track", {"lock": fb.Lock(at=(a, 0.8))})):
-        with pytest.raises(fb.SceneError, match=message):
+            slide = fb.Slider("s", bead, on=on, at=0.5, **more)
+            fb.compile_scene(fb.Scene(a, b, fb.RigidConnection(a.end, b.start), bead, slide))
+    for more in ({"stops": fb.Stops(end=("a", 0.8))}, {"lock": fb.Lock(at=(a, 0.8))}):
+        with pytest.raises(fb.SceneError, match="place on a track"):
             fb.Slider("s", bead, a, at=0.5, **more)
     with pytest.raises(fb.SceneError, match="track, s"):
         fb.Stops(end=(1.0, 2.0))
     with pytest.raises(fb.SceneError, match="start must lie before end"):
         fb.Stops(start=(a, 0.5), end=("a", 0.2))
-    ring = [fb.Beam.arc(name, (0, 2.0 * k, 0), (1 - 2 * k, 0, 0), (0, 1 - 2 * k, 0), radius=1.0, angle=np.pi, elements=4, section=STIFF)
-            for k, name in enumerate("ud")]
+    ring = [fb.Beam.arc(name, (0, 2.0 * k, 0), (1 - 2 * k, 0, 0), (0, 1 - 2 * k, 0), radius=1.0, angle=np.pi, elements=4,
+                        section=STIFF) for k, name in enumerate("ud")]
     with pytest.raises(fb.SceneError, match="another leads on"):
         fb.Slider("s", bead, on=fb.Switch("r", ring), at=0.5, release=fb.Release("end"))

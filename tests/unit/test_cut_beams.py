@@ -112,8 +112,6 @@ def refused(*more: Any, on: str = "lagrange", **slider: Any) -> str:
 
 def test_what_cannot_be_exact_is_refused_by_name() -> None:
     assert "slider 'run' is on beam 'rod' with interpolation 'bspline'" in refused(on="bspline")
-    assert "slider 'run' has friction, which only contacts='mesh' knows; hold it" in refused(friction=0.1)
-    assert "slider 'run' has rigid stops" in refused(stops=fb.Stops(0.1, 0.9, restitution=0.5))
     text = refused(lambda beam: fb.DistributedLoad("twist", beam, moment=(1, 0, 0)))
     assert "distributed load 'twist' acts" in text and "leave contacts= out" in text
     net = fb.Net("net", nodes=[(0, 0, 0), (1, 0, 0), (2, 0, 0)], edges=[(0, 1), (1, 2)], section=SOFT, elements=2, pins=[0, 2])

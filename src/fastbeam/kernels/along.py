@@ -31,8 +31,8 @@ NO_DRIVE, POSITION, INCREMENT, FORCE, LAW, CONTROL = range(6)
 # numbers of a slider in `State.history`: -1, 0 or 1, the sign of its velocity with Coulomb friction; energy that friction took
 # away; work of its drive, J; -1 or 1 where it rests against a rigid stop at the start or the end, else 0; energy lost in
 # impacts, J; where friction holds it since how many steps, RESTS at most, else 0; FREE, LOCKED or OFF; how many times its locks
-# have taken hold or let go; energy lost where they took hold, J; on switches arc length of the way less s, m, and -1 or 1 where it
-# came onto its track by the end or the start, 0 where it began
+# have taken hold or let go; energy lost where they took hold, J; on switches arc length of the way less s, m, and -1 or 1 where
+# it came onto its track by the end or the start, 0 where it began
 HISTORY = 11
 SIGN, FRICTION_LOSS, DRIVE_WORK, AGAINST, STOP_LOSS, STICKS, HELD, TURNS, LOCK_LOSS, OFFSET, CAME_BY = range(HISTORY)
 # a slider slides, is held where it is, or has left its beam

@@ -160,7 +160,8 @@ class Slider:
         stops, drive = self.stops, self.drive
         on_switch = isinstance(self.beam, Switch)
         low, high = (-np.inf, np.inf) if self.is_endless or on_switch else (0.0, self.beam.length)
-        places = [*((f"stops: {x}", getattr(stops, x, None)) for x in ("start", "end")), *(("lock: at", x.at) for x in self.lock or ())]
+        places = [(f"stops: {x}", getattr(stops, x, None)) for x in ("start", "end")]
+        places += [("lock: at", x.at) for x in self.lock or ()]
         for what, place in places:
             if isinstance(place, tuple) and not on_switch:
                 raise SceneError(f"{who}: {what}={place} is a place on a track of a Switch, and it slides on {self.beam.label}; "

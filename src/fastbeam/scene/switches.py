@@ -112,7 +112,8 @@ class Switch(Path):
     `Slider(name, point, on=switch, at=s)`.
 
     Arc lengths: s of a slider counts along its track from `offset(track)` on, which is 0 for the first; `where(s)` tells the
-    track and the arc length on it.
+    track and the arc length on it. Stops, locks and drives by place count along the way instead, which begins with `at` of the
+    slider and goes on from track to track, or name a track, (track, s).
 
     Parameters
     ----------
@@ -269,8 +270,8 @@ def place_at(switch: Switch, at: float | tuple[str, float], track: int, offset: 
 
 
 def stops_on(switch: Switch, stops: Stops, track: int, by: Arrival) -> tuple[float, float]:
-    """Arc lengths of the switch between which stops leave a slider that came onto a track like this; infinite where there is none.
-    A wall on a track is one for those, too, that come from behind it."""
+    """Arc lengths of the switch between which stops leave a slider that came onto a track like this; infinite where there are
+    none. A wall on a track is one for those, too, that come from behind it."""
     low, high = (None if at is None else place_at(switch, at, track, by.offset) for at in (stops.start, stops.end))
     begin, end = switch.spans[track]
     slack = AT_END * float(end - begin)
@@ -290,7 +291,8 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
     SceneError
         A place lies on none of its tracks, stops exclude the start, or no track has an end to leave it.
     """
-    for what, place in (*((f"stops: {x}", getattr(stops, x, None)) for x in (START, END)), *(("lock: at", x.at) for x in locks)):
+    places = [(f"stops: {x}", getattr(stops, x, None)) for x in (START, END)]
+    for what, place in (*places, *(("lock: at", x.at) for x in locks)):
         if isinstance(place, tuple):
             track = next((x for x in switch.tracks if x.name == place[0]), None)
             if track is None:
@@ -303,9 +305,10 @@ def check_places(who: str, switch: Switch, at: float, stops: Stops | None, locks
         if not low <= at <= high:
             raise SceneError(f"{who}: stops from {low:.6g} to {high:.6g} m of {switch.label} exclude its place at={at:.6g} m; "
                              "start between them")
-    if release is not None and isinstance(release.when, str) and all(switch.options(x, release.when) for x in switch.tracks):
-        raise SceneError(f"{who}: release: from the {release.when} of every track of {switch.label} another leads on; give a time "
-                         "or a condition")
+    if release is not None and isinstance(release.when, str) and all(
+            switch.options(x, release.when) for x in switch.tracks):
+        raise SceneError(f"{who}: release: from the {release.when} of every track of {switch.label} another leads on; give a "
+                         "time or a condition")
 
 
 def chosen(switch: Switch, options: tuple[str, ...], t: float, state: State, slider: str) -> str:
