@@ -34,7 +34,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/python -m ruff check .
 
 docs: $(VENV)/.installed
-	$(BIN)/python -m pip install --disable-pip-version-check -q "mkdocs>=1.6"
+	$(BIN)/python -m pip install --disable-pip-version-check -q -e ".[docs]"
 	$(BIN)/python -m mkdocs build --quiet --strict --site-dir $(abspath $(OUT))/site
 
 pictures: $(VENV)/.installed
