@@ -42,7 +42,7 @@ def found(name: str) -> Any:
 
 def shown(name: str, thing: Any) -> str:
     """A name with its arguments and their defaults, without types."""
-    if not callable(thing):
+    if not callable(thing) or isinstance(thing, type) and issubclass(thing, BaseException):
         return name
     signature = inspect.signature(thing)
     bare = [p.replace(annotation=inspect.Parameter.empty) for p in signature.parameters.values() if p.name not in ("self", "cls")]
