@@ -39,7 +39,7 @@ api: $(VENV)/.installed
 
 docs: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -q -e ".[docs]"
-	$(BIN)/python -m mkdocs build --quiet --strict --site-dir $(abspath $(OUT))/site
+	$(BIN)/python -m mkdocs build --strict --site-dir $(abspath $(OUT))/site
 
 pictures: $(VENV)/.installed
 	$(BIN)/python docs/pages.py
