@@ -5,13 +5,14 @@ OUT ?= out
 BIN := $(VENV)/bin
 RECENT := import sys; sys.exit(sys.version_info < (3, 11))
 
-.PHONY: help demo test test-slow lint docs pictures study peers perf perf-compare perf-limits clean
+.PHONY: help demo test test-slow lint api docs pictures study peers perf perf-compare perf-limits clean
 
 help:
 	@echo "make demo       install into $(VENV) and run the example ring_on_cable (pictures in $(OUT)/)"
 	@echo "make test       install into $(VENV) and run the tests, without the long ones"
 	@echo "make test-slow  the long physics runs"
 	@echo "make lint       ruff, as the tests run it"
+	@echo "make api        write the list of public names and arguments anew (tests/public_api.txt)"
 	@echo "make docs       the pages of docs/ as a site in $(OUT)/site"
 	@echo "make pictures   run all tutorials and examples of the gallery, and draw their pictures anew"
 	@echo "make study      compare methods of time integration, and error against run time (docs/study.md, docs/work-precision.md)"
@@ -33,9 +34,12 @@ test-slow: $(VENV)/.installed-dev
 lint: $(VENV)/.installed-dev
 	$(BIN)/python -m ruff check .
 
+api: $(VENV)/.installed
+	$(BIN)/python tests/house/test_public_api.py
+
 docs: $(VENV)/.installed
-	$(BIN)/python -m pip install --disable-pip-version-check -q "mkdocs>=1.6"
-	$(BIN)/python -m mkdocs build --quiet --strict --site-dir $(abspath $(OUT))/site
+	$(BIN)/python -m pip install --disable-pip-version-check -q -e ".[docs]"
+	$(BIN)/python -m mkdocs build --strict --site-dir $(abspath $(OUT))/site
 
 pictures: $(VENV)/.installed
 	$(BIN)/python docs/pages.py

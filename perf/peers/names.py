@@ -2,7 +2,8 @@
 
 It runs in Exudyn's environment (`python perf/peers/environments.py exudyn`): every name in the column of the page is looked
 up, and the program that the page shows is run as it stands there. The other three programs are on no registry that pip reads
-(MBDyn, cardillo), or under their name stands something else (pychrono); their names are those of their documentation.
+(MBDyn, cardillo), or under their name stands something else (pychrono); their names were looked up in public copies of their
+sources.
 """
 from __future__ import annotations
 

@@ -88,9 +88,12 @@ if TYPE_CHECKING:
 if not TYPE_CHECKING:
     def __getattr__(name: str) -> Any:
         # modules load when first used: the import itself needs neither numba nor matplotlib nor h5py
-        if name not in _HOME:
-            raise AttributeError(f"module 'fastbeam' has no attribute {name!r}")
         from importlib import import_module
+        if name not in _HOME:
+            new = None if name.startswith("_") else import_module(".deprecation", __name__).new_name(name)
+            if new is None:
+                raise AttributeError(f"module 'fastbeam' has no attribute {name!r}")
+            return getattr(import_module(__name__), new)
         value = getattr(import_module(f".{_HOME[name]}", __name__), name)
         globals()[name] = value
         return value

@@ -60,8 +60,8 @@ class Checkpoint:
     next_step : float or None
         Step size that the step control proposes.
     mean_force : float64 [F] or None
-        Forces of all constraints, those of sliders first, in the last step, half of what the next row records; None before the
-        first step.
+        Forces of all constraints, those of sliders first, in the last step, half of what the next row records; with
+        `observe=("reaction",)` followed by forces and moments of supports and joints. None before the first step.
     scene, fingerprint : str
         Name and hash of the model.
     last_step : float or None
@@ -156,7 +156,9 @@ def _parse(path: Path, first: bytes, line: bytes, body: bytes, size: int) -> Che
         raise refuse(f"damaged header ({type(error).__name__}: {error})") from error
     if min(sizes) < 0 or 8 * sum(sizes) != len(body) - DIGEST:
         raise refuse(f"damaged, arrays of {sizes} numbers do not fit {len(body) - DIGEST} bytes")
-    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[5] not in (0, sizes[3]) or sizes[0] % 12 \
+    # mean forces may be followed by forces and moments of supports and joints
+    if sizes[0] != sizes[1] or sizes[3] < 3 * sizes[2] or sizes[0] % 12 \
+            or sizes[5] and (sizes[5] < sizes[3] or (sizes[5] - sizes[3]) % 6) \
             or sizes[7] and (sizes[7] % 2 or sizes[7] < 2 * sizes[2]):
         raise refuse(f"damaged, arrays of {sizes} numbers are no state")
     if not times["step"] > 0.0 or steps < 0 or not all(x is None or x > 0.0 for x in (next_step, last_step)):

@@ -40,6 +40,8 @@ class ContactForces:
         self.timed = any(time is not None for time in stepper.model.load_times) or (forces is not None and forces.timed)
         motions = stepper.model.motions
         self.timed = self.timed or (motions is not None and motions.holds.given.size > 0)
+        # at the first row, of what a checkpoint does not know
+        self.ahead = np.zeros(0)
 
     @property
     def unknown(self) -> Array:
@@ -50,13 +52,31 @@ class ContactForces:
         """The force at the first row [F]; None where the run goes on from a checkpoint and the next step will tell."""
         size = clock.before_size
         if clock.before is not None and size is not None and (self.controlled or is_equal(size, clock.step, ALIKE)):
+            self._fit(clock)
             return None
         clock.before = None
         return self._at(clock.now, clock.size)
 
+    def _fit(self, clock: Clock) -> None:
+        """Leave out forces of supports and joints of a checkpoint where this run does not record them; where only this run does,
+        steps ahead tell those of the first row."""
+        before, width = clock.before, self.stepper.recorded
+        assert before is not None
+        if before.size < width:
+            self.ahead = self._at(clock.now, clock.size)[before.size:]
+            clock.before = np.append(before, np.full(width - before.size, np.nan))
+        elif before.size > width:
+            clock.before = before[:width].copy()
+
     def between(self, clock: Clock, t: float, size: float, after: Array, steps: int) -> Array:
         """The force [F] at the last row; size, after: of the steps that followed, mean forces of the first [F]; t: the
         present time, their end."""
+        found = self._between(clock, t, size, after, steps)
+        found[found.size - self.ahead.size:] = self.ahead
+        self.ahead = np.zeros(0)
+        return found
+
+    def _between(self, clock: Clock, t: float, size: float, after: Array, steps: int) -> Array:
         before, step = clock.before, clock.before_size
         assert before is not None and step is not None
         if is_equal(step, size):

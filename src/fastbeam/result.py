@@ -284,7 +284,7 @@ class Result(Readings, Exports):
     def deviation(self, name: str) -> np.ndarray:
         """Relative deviation of a series from its first row [n]: |x - x0| / scale.
 
-        The scale is info['scale'][name] where the run stored one, else the largest |x| over time. A gap should vanish:
+        The scale is `info['scale'][name]` where the run stored one, else the largest |x| over time. A gap should vanish:
         its deviation is the largest |gap| of all sliders, in m unless info['scale'] holds a length for it.
         """
         x = np.asarray(self._series(name), dtype=np.float64)

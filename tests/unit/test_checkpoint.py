@@ -110,6 +110,42 @@ def test_other_settings_may_go_on_from_a_checkpoint(changes: dict[str, Any]) -> 
     assert rest.drift("total") <= 1e-12
 
 
+def ring_on_a_clamped_beam() -> fb.Scene:
+    beam, ring = straight("beam", (0, 0, 0), (3, 0, 0)), fb.PointMass("ring", mass=1.0)
+    return fb.Scene(beam, ring, fb.Clamp(beam.start, name="wall"), fb.Slider("slides", ring, beam, at=1.0, rate=0.3),
+                    fb.Load("tip", beam.end, force=(0, 0, 20), time=lambda t: 1.0 + np.sin(5.0 * t)), gravity=(0, 0, -9.81))
+
+
+@pytest.mark.parametrize("control", [{}, {"tolerance": 1e-5}], ids=["fixed", "control"])
+@pytest.mark.parametrize("after", [("energy", "slider"), ("energy", "slider", "reaction")], ids=["without", "with reactions"])
+@pytest.mark.parametrize("before", [("energy", "slider"), ("energy", "slider", "reaction")], ids=["without", "with reactions"])
+def test_a_run_that_records_other_forces_goes_on_from_a_checkpoint(before: tuple[str, ...], after: tuple[str, ...],
+                                                                   control: dict[str, float], tmp_path: Path) -> None:
+    model = fb.compile_scene(ring_on_a_clamped_beam())
+    settings: dict[str, Any] = {"step": H, "t_end": 0.6, **(control or {"every": 3})}
+    whole = fb.simulate(model, observe=after, **settings)
+    first = fb.simulate(model, observe=before, callback=stop_at(0.3), checkpoint=tmp_path / "run.checkpoint", **settings)
+    kept = fb.load_checkpoint(tmp_path / "run.checkpoint")
+    for start in (first.checkpoint, kept):
+        rest = fb.simulate(model, observe=after, start=start, **settings)
+        assert_same_state(rest.state, whole.state)
+        n = len(rest.t)
+        assert 1 < n < len(whole.t)
+        np.testing.assert_array_equal(rest.series["contact_force"], whole.series["contact_force"][-n:])
+        if "reaction" in after:
+            force, exact = rest.reaction("wall")["force"], whole.reaction("wall")["force"][-n:]
+            np.testing.assert_array_equal(force[1:], exact[1:])
+            if "reaction" in before:
+                np.testing.assert_array_equal(force[0], exact[0])
+            else:
+                # the step before this row did not tell them: short steps ahead do, as at the start of any run
+                fresh = fb.simulate(model, observe=after, start=start.state, t_start=start.t,
+                                    **{**settings, "step": start.next_step or H})
+                scale = np.abs(exact).max()
+                np.testing.assert_allclose(force[0], fresh.reaction("wall")["force"][0], rtol=0.0, atol=1e-6 * scale)
+                assert np.abs(force[0] - exact[0]).max() < 0.1 * scale
+
+
 def test_failed_run_leaves_the_last_good_state(tmp_path: Path) -> None:
     beam = straight("beam", (0, 0, 0), (3, 0, 0))
     blow = fb.Load("blow", beam.end, force=(0, 0, 300.0), time=lambda t: float(t > 0.05))

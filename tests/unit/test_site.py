@@ -4,6 +4,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import os
 import re
 import subprocess
 import sys
@@ -69,17 +70,27 @@ QUESTIONS = (
     ("rotation angles of a node", ("questions.html#what-is-a-director",), "Rotation.from_matrix"),
     ("change a parameter and run again", ("questions.html#how-do-i-change", "questions.html#how-do-i-run-100"), "sweep("),
     ("how do I use several cores", ("questions.html#how-do-i-use",), "threads="),
-    ("how do I cite", ("questions.html#how-do-i-cite",), "CITATION"))
+    ("how do I cite", ("questions.html#how-do-i-cite",), "CITATION"),
+    # names lead to their entries
+    ("Slider", ("api/sliding.html#fastbeam.Slider",), "point"),
+    ("Beam", ("api/beams.html#fastbeam.Beam",), "section"),
+    ("Result", ("api/results.html#fastbeam.Result",), "series"),
+    ("Winch", ("api/joints.html#fastbeam.Winch",), "drum"),
+    ("Result.slider", ("api/results.html#fastbeam.Result.slider",), "gap"),
+    ("simulate", ("api/running.html#fastbeam.simulate",), "t_end"),
+    ("section_forces", ("api/results.html#fastbeam.section_forces",), "beam"))
 
 
 @pytest.fixture(scope="module")
 def sections(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
     """What the search of the built site knows: sections by their address."""
     pytest.importorskip("mkdocs")
+    pytest.importorskip("mkdocstrings_handlers.python")
     place = tmp_path_factory.mktemp("site")
-    done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(place)], cwd=ROOT,
-                          capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    # --quiet would hide warnings from --strict; signatures are those of these sources
+    done = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(place)], cwd=ROOT,
+                          env=os.environ | {"PYTHONPATH": str(ROOT / "src")}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "WARNING" not in done.stdout + done.stderr, done.stdout + done.stderr
     return {found["location"]: found for found in json.loads((place / "search" / "search_index.json").read_text())["docs"]}
 
 
@@ -98,6 +109,17 @@ def test_a_question_is_answered_in_the_first_three_hits(query: str, answers: tup
     assert found, hits
     # and the section does answer: it says what to write
     assert any(names in sections[hit]["text"] for hit in found), found
+
+
+def test_entries_of_the_reference_show_arguments_defaults_and_errors(sections: dict[str, dict[str, str]]) -> None:
+    """Of a part of a scene, whose constructor is made of its fields, of a function and of a method."""
+    shown = {name: sections[f"api/{page}.html#fastbeam.{name}"]["text"] for page, name in
+             (("sliding", "Slider"), ("running", "simulate"), ("results", "Result.slider"))}
+    assert "one_sided = None" in shown["Slider"] and "When it leaves the beam." in shown["Slider"]
+    assert "Parameters: " in shown["simulate"] and "Raises: " in shown["simulate"] and "Returns: " in shown["simulate"]
+    assert all(x in shown["simulate"] for x in ("rho_inf = None", "checkpoint_every", "ConvergenceError", "ResultFileError"))
+    assert shown["Result.slider"].startswith("slider ( name )")
+    assert sections["api/results.html#fastbeam.Result.slider"]["title"] == "Result.slider"
 
 
 def test_answers_name_what_is_there() -> None:
