@@ -10,6 +10,7 @@ from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
+from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.sleeve import Rubbing, Sleeves
@@ -81,7 +82,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
-    links = [x._replace(work=law_work) if isinstance(x, (*LAWS, LineForces, Winches)) else x for x in model.links]
+    links = [x._replace(work=law_work) if isinstance(x, (*LAWS, ForceElements, LineForces, Winches)) else x for x in model.links]
     # shares are those of a run: paths change them
     links = [x._replace(share=x.share.copy()) if isinstance(x, LAWS) else x for x in links]
     free: tuple[Any, ...] = ()

@@ -9,10 +9,11 @@ import numpy as np
 from ._jit import compiled_force, compiled_tension
 from .arguments import shown
 from .errors import SceneError
+from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.user_force import Laws, UserForces
 from .numbering import NodeList
-from .scene import Beam, LineForce, Scene, UserForce
+from .scene import Beam, ForceElement, LineForce, Scene, UserForce
 from .tables import node_lengths
 from .workspace import law_work
 
@@ -89,6 +90,31 @@ def line_forces(ends: Any) -> LineForces:
                       law_work())
 
 
+def force_elements(ends: Any) -> ForceElements:
+    """The table of all force elements; ends: `links.Ends`.
+
+    Raises
+    ------
+    SceneError
+        A law that cannot be compiled, fails, or gives numbers that are not finite.
+    """
+    parts, node = ends.parts, ends.node
+    counts = [part.parameters.size for part in parts]
+    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+    axes = np.array([part.directors for part in parts])
+    # D_i = sum_k R_ik d_k of both nodes
+    turn = np.einsum("lix,lskx->lsik", axes, ends.directors[node])
+    start = np.einsum("lix,lx->li", axes, ends.phi[node[:, 1]] - ends.phi[node[:, 0]])
+    addresses = []
+    for part, place in zip(parts, start):
+        address, compiled = compiled_law(part)
+        try_law(part, compiled, np.concatenate((place[None], np.eye(3))))
+        addresses.append(address)
+    parameters = np.concatenate([np.zeros(0), *(part.parameters for part in parts)])
+    return ForceElements(node, ends.row, ends.block, ends.place, turn.reshape(-1), starts, parameters,
+                         Laws(np.array(addresses, np.int64)), law_work())
+
+
 def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
     try:
         with np.errstate(all="ignore"):
@@ -97,7 +123,7 @@ def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
         raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
 
 
-def compiled_law(force: UserForce | LineForce) -> tuple[int, Any]:
+def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]:
     """Address of a law, and the law for Python; kept as long as the process.
 
     Raises
@@ -119,10 +145,11 @@ def compiled_law(force: UserForce | LineForce) -> tuple[int, Any]:
 _compiled, _tension = cache(compiled_force), cache(compiled_tension)
 
 
-def try_law(force: UserForce, compiled: Any, q: Array) -> None:
+def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
     """Call a law once in Python and once compiled, at the start."""
     who = f"{force.kind} {force.name!r}"
-    factor = 1.0 if getattr(force, "time", None) is None else float(force.time(0.0))
+    time = getattr(force, "time", None)
+    factor = 1.0 if time is None else float(time(0.0))
     given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), np.array(force.parameters)
     found = []
     for function, share in ((force.law, factor), (compiled, 1.0)):

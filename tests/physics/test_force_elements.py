@@ -1,0 +1,125 @@
+"""Forces and moments between two triads by laws of the user's own: as bushings, momenta and books (theory.md (4.33))."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+PUSH, PULL, TURN, CALM = np.array([40.0, 60.0, 25.0]), np.array([1.5, 0.7, 2.0]), np.array([3.0, 5.0, 2.0]), np.array([0.1, 0.2, 0.3])
+ARM = fb.RigidBody("arm", mass=2.0, inertia=(0.1, 0.2, 0.25), position=(0, 0, 0), velocity=(0.3, 0, 0.1), spin=(1.0, 2.0, -0.5))
+LEG = fb.RigidBody("leg", mass=1.0, inertia=(0.05, 0.04, 0.06), position=(1.0, 0.2, 0), spin=(-0.7, 0.3, 1.0))
+ENDS = ARM.point((0.2, 0.1, 0)), LEG.point((-0.1, 0.15, 0.05))
+AXES = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+START = AXES @ np.array([0.7, 0.25, 0.05])
+
+
+def mount(t, position, rotation, velocity, spin, parameters, force, moment):
+    """Stiffness, damping, place at rest; of turns the sine."""
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        force[i] = -parameters[i] * (position[i] - parameters[6 + i]) - parameters[3 + i] * velocity[i]
+        moment[i] = -parameters[9 + i] * 0.5 * (rotation[k, j] - rotation[j, k]) - parameters[12 + i] * spin[i]
+
+
+def crank(t, position, rotation, velocity, spin, parameters, force, moment):
+    """Without a potential, of everything that it is given."""
+    force[:] = parameters[0] * np.sin(3.0 * t) * rotation[0] - 2.0 * position * np.sum(position**2) + 0.2 * np.sum(spin**2)
+    moment[:] = parameters[1] * np.cos(t) * position + velocity[1] * rotation[2] - 0.1 * spin * np.abs(spin[0])
+
+
+def numbers(turns: bool) -> Any:
+    return np.concatenate((PUSH, PULL, START, TURN * turns, CALM * turns))
+
+
+def run(link: Any, step: float = 0.01, **options: Any) -> fb.Result:
+    model = fb.compile_scene(fb.Scene(ARM, LEG, link), planar=False)
+    return fb.simulate(model, t_end=1.0, step=step, progress=False, observe=("energy", "momentum"), **options)
+
+
+def test_displacements_by_a_law_are_those_of_a_bushing() -> None:
+    zero = np.zeros(3)
+    built = run(fb.Bushing(*ENDS, "m", stiffness=np.concatenate((PUSH, zero)), damping=np.concatenate((PULL, zero)),
+                           directors=AXES))
+    own = run(fb.ForceElement(*ENDS, "m", law=mount, parameters=numbers(False), directors=AXES))
+    assert np.max(np.abs(own.phi - built.phi)) < 1e-12 and np.max(np.abs(own.directors - built.directors)) < 1e-12
+    taken, lost = own.balance()["work taken by force element 'm'"], built.balance()["damping of bushing 'm'"]
+    strain = built.series["strain"]
+    assert np.max(np.abs(taken - lost - (strain - strain[0]))) < 1e-11 and lost[-1] > 0.1
+
+
+def test_turns_by_a_law_are_those_of_a_bushing_to_second_order() -> None:
+    """About one axis, where the moment of a bushing is the sine of the angle."""
+    about = fb.RigidBody("disc", mass=1.0, inertia=(0.05, 0.05, 0.06), position=(0.4, 0, 0), spin=(0, 0, 3.0))
+    hub = fb.GROUND.point((0, 0, 0))
+    parameters = np.concatenate((PUSH, PULL, (0.4, 0, 0), TURN, np.zeros(3)))
+
+    def last(link: Any, step: float) -> Any:
+        model = fb.compile_scene(fb.Scene(about, link), planar=False)
+        return fb.simulate(model, t_end=0.64, step=step, progress=False).directors[-1]
+
+    bushing = fb.Bushing(hub, about.center, stiffness=np.concatenate((PUSH, TURN)), damping=np.concatenate((PULL, np.zeros(3))))
+    element = fb.ForceElement(hub, about.center, law=mount, parameters=parameters)
+    off = [np.max(np.abs(last(element, h) - last(bushing, h))) for h in (0.02, 0.01)]
+    assert off[0] < 0.01 and 3.7 < off[0] / off[1] < 4.3
+    moved = [last(element, h) for h in (0.04, 0.02, 0.01)]
+    assert 3.7 < np.max(np.abs(moved[0] - moved[1])) / np.max(np.abs(moved[1] - moved[2])) < 4.3
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_any_law_keeps_momenta_and_closes_its_books(order: int) -> None:
+    result = run(fb.ForceElement(*ENDS, law=crank, parameters=(2.0, 1.5), directors=AXES), order=order)
+    assert np.ptp(result.series["kinetic"]) > 0.2
+    for name in ("balance", "lin_mom", "ang_mom") if order == 2 else ("balance",):
+        assert abs(result.drift(name)) < (1e-12 if order == 2 else 1e-8)
+
+
+def test_a_torsional_damper_slows_two_rotors_at_its_rate() -> None:
+    """J/2 d(w_b - w_a)/dt = -c (w_b - w_a)."""
+    rotors = [fb.RigidBody(f"r{k}", mass=1.0, inertia=(0.1, 0.1, 0.2), position=(0, 0, k), spin=(0, 0, s))
+              for k, s in enumerate((1.0, -3.0))]
+    link = fb.ForceElement(rotors[0].center, rotors[1].center, law=mount,
+                           parameters=np.concatenate((np.zeros(12), np.full(3, 0.15))))
+    spin = []
+    for h in (0.02, 0.01):
+        model = fb.compile_scene(fb.Scene(*rotors, link), planar=False)
+        result = fb.simulate(model, t_end=1.0, step=h, progress=False)
+        spin.append(result.series["kinetic"][-1])
+    relative = 4.0 * np.exp(-0.15 * 2.0 / 0.2)
+    exact = 0.5 * 0.2 * 2.0 * (1.0 + 0.25 * relative**2)
+    assert abs(spin[1] - exact) < 1e-4 and 3.8 < (spin[0] - exact) / (spin[1] - exact) < 4.2
+
+
+def test_beams_between_elements_and_equilibria() -> None:
+    section = fb.Section.solid(E=1e7, rho=1000.0, width=0.02, height=0.03)
+    beam = fb.Beam.straight("beam", section, (0, 0, 0), (1, 0, 0), elements=6)
+    ends = fb.GROUND.point((0, 0, 0)), beam.start
+    stiff = np.array([400.0, 300.0, 500.0, 6.0, 5.0, 7.0])
+    parameters = np.concatenate((stiff[:3], PULL, np.zeros(3), stiff[3:], np.zeros(3)))
+
+    def rest(link: Any) -> Any:
+        model = fb.compile_scene(fb.Scene(beam, link, gravity=(0, -1.0, -2.0)), planar=False)
+        found = fb.solve_static(model)
+        return found, fb.modes(model, state=found.state, n=4, damped=True)
+
+    built, own = (rest(x) for x in (
+        fb.Bushing(*ends, stiffness=stiff, damping=np.concatenate((PULL, np.zeros(3)))),
+        fb.ForceElement(*ends, law=mount, parameters=parameters)))
+    assert np.max(np.abs(built[0].phi[-1] - built[0].phi[0])) > 0.05 or np.max(np.abs(built[0].phi[-1][-1, 1:])) > 0.05
+    assert np.max(np.abs(own[0].phi[-1] - built[0].phi[-1])) < 0.02
+    print(np.max(np.abs(own[0].phi[-1] - built[0].phi[-1])), own[1].frequencies, built[1].frequencies, own[1].damping_ratios,
+          built[1].damping_ratios)
+
+
+def test_laws_that_cannot_be_are_refused() -> None:
+    with pytest.raises(fb.SceneError, match="law= is missing"):
+        fb.ForceElement(ARM, LEG)
+    with pytest.raises(fb.SceneError, match="has no rotation"):
+        fb.ForceElement(ARM, fb.PointMass("ball", mass=0.5, position=(0.5, 1.0, 0.3)), law=mount)
+
+    def wrong(t, position, rotation, velocity, spin, parameters, force, moment):
+        force[0] = np.nan
+    with pytest.raises(fb.SceneError, match="finite numbers"):
+        fb.compile_scene(fb.Scene(ARM, LEG, fb.ForceElement(ARM, LEG, law=wrong)))
