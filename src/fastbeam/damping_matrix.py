@@ -102,6 +102,10 @@ def check_still_air(model: Model) -> None:
         Nothing is at rest in it.
     """
     drag = model.dragged
+    if drag is not None and drag.windy:
+        asked = int(drag.part[np.argmax(drag.wind.laws.address != 0)])
+        raise SceneError(f"{drag.labels[asked]}: its air moves by wind=, so that nothing is at rest in it, and equilibria do not "
+                         "know its force; leave wind= out, or run in time")
     if drag is not None and np.any(drag.air):
         moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
         raise SceneError(f"{drag.labels[moves]}: its air moves, so that nothing is at rest in it, and equilibria do not know its "

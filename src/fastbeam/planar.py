@@ -82,6 +82,8 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
+    if unpacked.dragged is not None and unpacked.dragged.windy:
+        raise NotPlanar("wind= of a drag may lead out of a plane")
     if unpacked.dragged is not None:
         air = np.zeros((len(q), 3))
         air[unpacked.dragged.node] = unpacked.dragged.air

@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_force, compiled_tension
+from ._jit import compiled_force, compiled_tension, compiled_wind
 from .arguments import shown
 from .errors import SceneError
+from .kernels.drag import NoWind, Wind
 from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.user_force import Laws, UserForces
 from .numbering import NodeList
-from .scene import Beam, ForceElement, LineForce, Scene, UserForce
+from .scene import Beam, Drag, ForceElement, LineForce, Scene, UserForce
 from .tables import node_lengths
 from .workspace import law_work
 
@@ -142,7 +143,44 @@ def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]
     return compiled[0].address, compiled[1]
 
 
-_compiled, _tension = cache(compiled_force), cache(compiled_tension)
+_compiled, _tension, _blowing = cache(compiled_force), cache(compiled_tension), cache(compiled_wind)
+
+
+def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
+    """The table of all winds; part: int64 [D], to which drag a node belongs; place: float64 [D, 3], where the air is asked for.
+
+    Raises
+    ------
+    SceneError
+        A wind that cannot be compiled, fails, or gives numbers that are not finite.
+    """
+    if all(drag.wind is None for drag in drags):
+        return NoWind()
+    addresses, counts = np.zeros(len(drags), np.int64), [drag.parameters.size for drag in drags]
+    for k, drag in enumerate(drags):
+        if drag.wind is None:
+            continue
+        try:
+            entry, compiled = _blowing(drag.wind, drag.parameters.size)
+            address = entry.address
+        except Exception as failed:
+            text = " ".join(str(failed).split())[:300]
+            raise SceneError(f"{drag.label}: numba cannot compile its wind ({text}); use numbers, indices, loops, math and numpy "
+                             "functions") from failed
+        found = []
+        for function in (drag.wind, compiled):
+            out = np.zeros(3)
+            try:
+                with np.errstate(all="ignore"):
+                    function(0.0, place[np.argmax(part == k)].copy(), np.array(drag.parameters), out)
+            except Exception as failed:
+                raise SceneError(f"{drag.label}: its wind failed at the start, {type(failed).__name__}: "
+                                 f"{str(failed)[:200]}") from failed
+            found.append(out)
+        _agree(drag.label, found, "the velocity of the air", "wind")
+        addresses[k] = address
+    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+    return Wind(Laws(addresses[part]), starts[part], np.concatenate([np.zeros(0), *(drag.parameters for drag in drags)]), law_work())
 
 
 def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
@@ -163,11 +201,11 @@ def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
     _agree(who, found, "force and moment")
 
 
-def _agree(who: str, found: list[Array], what: str) -> None:
+def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
     """Refuse a law that gives no finite numbers, or others in Python than compiled."""
     for one in found:
         if not np.isfinite(one).all():
-            raise SceneError(f"{who}: its law gives {shown(one)} for {what} at the start; it has to give finite numbers")
+            raise SceneError(f"{who}: its {law} gives {shown(one)} for {what} at the start; it has to give finite numbers")
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
-        raise SceneError(f"{who}: its law gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads beside "
+        raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads beside "
                          "its arguments is frozen when it is compiled: hand it over in parameters=")
