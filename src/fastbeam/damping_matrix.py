@@ -280,5 +280,6 @@ def _of_elements(model: Model, q: Array, t: float, factor: float) -> Any:
                 block[:, column] = -factor * (ends[0] - ends[1]) / (2.0 * size)
             at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
             rows, columns = np.broadcast_arrays(at[:, None], at)
-            total += sparse.csr_matrix(((lead.T @ block @ lead).reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
+            block = lead.T @ block @ lead
+            total += sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
     return total

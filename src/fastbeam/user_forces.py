@@ -180,7 +180,8 @@ def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
         _agree(drag.label, found, "the velocity of the air", "wind")
         addresses[k] = address
     starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
-    return Wind(Laws(addresses[part]), starts[part], np.concatenate([np.zeros(0), *(drag.parameters for drag in drags)]), law_work())
+    parameters = np.concatenate([np.zeros(0), *(drag.parameters for drag in drags)])
+    return Wind(Laws(addresses[part]), starts[part], parameters, law_work())
 
 
 def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
@@ -207,5 +208,5 @@ def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
         if not np.isfinite(one).all():
             raise SceneError(f"{who}: its {law} gives {shown(one)} for {what} at the start; it has to give finite numbers")
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
-        raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads beside "
-                         "its arguments is frozen when it is compiled: hand it over in parameters=")
+        raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads "
+                         "beside its arguments is frozen when it is compiled: hand it over in parameters=")

@@ -8,7 +8,8 @@ import pytest
 
 import fastbeam as fb
 
-PUSH, PULL, TURN, CALM = np.array([40.0, 60.0, 25.0]), np.array([1.5, 0.7, 2.0]), np.array([3.0, 5.0, 2.0]), np.array([0.1, 0.2, 0.3])
+PUSH, PULL = np.array([40.0, 60.0, 25.0]), np.array([1.5, 0.7, 2.0])
+TURN, CALM = np.array([3.0, 5.0, 2.0]), np.array([0.1, 0.2, 0.3])
 ARM = fb.RigidBody("arm", mass=2.0, inertia=(0.1, 0.2, 0.25), position=(0, 0, 0), velocity=(0.3, 0, 0.1), spin=(1.0, 2.0, -0.5))
 LEG = fb.RigidBody("leg", mass=1.0, inertia=(0.05, 0.04, 0.06), position=(1.0, 0.2, 0), spin=(-0.7, 0.3, 1.0))
 ENDS = ARM.point((0.2, 0.1, 0)), LEG.point((-0.1, 0.15, 0.05))
@@ -52,15 +53,18 @@ def test_displacements_by_a_law_are_those_of_a_bushing() -> None:
 
 def test_turns_by_a_law_are_those_of_a_bushing() -> None:
     """About one axis, where the moment of a bushing is the sine of the angle."""
-    disc = fb.RigidBody("disc", mass=1.0, inertia=(0.05, 0.05, 0.06), position=(0.4, 0, 0), velocity=(0.5, 0.3, 0), spin=(0, 0, 3.0))
+    disc = fb.RigidBody("disc", mass=1.0, inertia=(0.05, 0.05, 0.06), position=(0.4, 0, 0), velocity=(0.5, 0.3, 0),
+                        spin=(0, 0, 3.0))
     hub = fb.GROUND.point((0, 0, 0))
 
     def last(link: Any) -> fb.Result:
         model = fb.compile_scene(fb.Scene(disc, link), planar=False)
         return fb.simulate(model, t_end=0.64, step=0.02, progress=False)
 
-    built = last(fb.Bushing(hub, disc.center, stiffness=np.concatenate((PUSH, TURN)), damping=np.concatenate((PULL, np.zeros(3)))))
-    own = last(fb.ForceElement(hub, disc.center, law=mount, parameters=np.concatenate((PUSH, PULL, (0.4, 0, 0), TURN, np.zeros(3)))))
+    zero = np.zeros(3)
+    built = last(fb.Bushing(hub, disc.center, stiffness=np.concatenate((PUSH, TURN)), damping=np.concatenate((PULL, zero))))
+    parameters = np.concatenate((PUSH, PULL, (0.4, 0, 0), TURN, zero))
+    own = last(fb.ForceElement(hub, disc.center, law=mount, parameters=parameters))
     assert np.max(np.abs(own.directors - built.directors)) < 1e-12 and np.max(np.abs(own.phi - built.phi)) < 1e-12
     assert np.ptp(own.directors[:, 0, 0, 0]) > 0.05
 

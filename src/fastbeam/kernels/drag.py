@@ -100,7 +100,8 @@ def blow(wind, k):
     w = wind.work
     if wind.laws.address[k] != 0:
         base = w.ctypes.data
-        call_force(wind.laws.address[k], w[TIME], base + 8 * GIVEN, wind.parameters.ctypes.data + 8 * wind.first[k], base + 8 * FOUND)
+        call_force(wind.laws.address[k], w[TIME], base + 8 * GIVEN, wind.parameters.ctypes.data + 8 * wind.first[k],
+                   base + 8 * FOUND)
 
 
 @generic

@@ -1,8 +1,8 @@
 """Forces and moments between two triads by functions of the user's own, theory.md (4.33).
 
 The law is given means over the step of the products u_i = r . D_i and c_ij = D_i . E_j of bushing.py, their differences over the
-step as velocity and spin, and gives force and moment in the axes D_i, whose means turn them into space. The force acts at the point
-of b on both sides, so that momenta stay; what it takes from the energy is accounted.
+step as velocity and spin, and gives force and moment in the axes D_i, whose means turn them into space. The force acts at the
+point of b on both sides, so that momenta stay; what it takes from the energy is accounted.
 
 Arrays: q0, q1 [12 N].
 """

@@ -54,9 +54,9 @@ class Drag:
     time : callable, optional
         t -> factor of that velocity: gusts, tides. Its mean over a step counts.
     wind : callable, optional
-        Instead of `air` a function that varies in place and time, `wind(t, position, parameters, velocity)`, compiled into the step:
-        from the time in the middle of the step (s) and the mean of both ends of the position [3] (m) it writes velocity[:] (m/s), 0
-        when it is called. Such scenes run in space.
+        Instead of `air` a function that varies in place and time, `wind(t, position, parameters, velocity)`, compiled into the
+        step: from the time in the middle of the step (s) and the mean of both ends of the position [3] (m) it writes
+        velocity[:] (m/s), 0 when it is called. Such scenes run in space.
     parameters : array_like [n]
         Numbers for it. Another function or other numbers compile no other part of the step again.
 
