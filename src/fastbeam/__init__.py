@@ -11,9 +11,9 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-              "DistributedLoad", "Drag", "Drive", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load", "Lock", "Net",
-              "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint", "Release",
-              "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
+              "DistributedLoad", "Drag", "Drive", "ForceElement", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load",
+              "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion", "PrismaticJoint",
+              "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal", "Sleeve", "Slider",
               "SphericalJoint", "Spring", "Stops", "Switch", "UniversalJoint", "UserForce", "Winch"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
@@ -47,8 +47,8 @@ if TYPE_CHECKING:
         Crossing as Crossing,
         CylindricalJoint as CylindricalJoint,
         Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
-        Friction as Friction, GROUND as GROUND, InitialVelocity as InitialVelocity, LineForce as LineForce, Load as Load,
-        Lock as Lock, Net as Net,
+        ForceElement as ForceElement, Friction as Friction, GROUND as GROUND,
+        InitialVelocity as InitialVelocity, LineForce as LineForce, Load as Load, Lock as Lock, Net as Net,
         NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,

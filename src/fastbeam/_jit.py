@@ -31,8 +31,8 @@ from ._folder import cache_folder
 F = TypeVar("F", bound=Callable[..., Any])
 
 __all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background", "compile_counts",
-           "compiled_force", "compiled_law", "compiled_tension", "inlined", "kernel", "link_library", "one_variant", "separate",
-           "work"]
+           "compiled_force", "compiled_law", "compiled_tension", "compiled_wind", "inlined", "kernel", "link_library", "one_variant",
+           "separate", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing
@@ -229,6 +229,17 @@ def compiled_tension(law: Callable[..., float], n: int) -> tuple[Any, Any]:
     @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
     def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
         carray(found, (1,))[0] = inner(t, given[0], given[1], carray(parameters, (n,)))
+    return entry, inner
+
+
+def compiled_wind(law: Callable[..., None], n: int) -> tuple[Any, Any]:
+    """A velocity of the air with n parameters, as `compiled_force`."""
+    from numba import carray, types
+    inner, pointer = numba.njit(error_model="numpy")(law), types.CPointer(types.float64)
+
+    @numba.cfunc(types.void(types.float64, pointer, pointer, pointer), error_model="numpy")
+    def entry(t: Any, given: Any, parameters: Any, found: Any) -> None:
+        inner(t, carray(given, (3,)), carray(parameters, (n,)), carray(found, (3,)))
     return entry, inner
 
 

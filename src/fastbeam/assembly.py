@@ -10,6 +10,7 @@ from .kernels.along import Along
 from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
+from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.sleeve import Rubbing, Sleeves
@@ -81,7 +82,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     held = model.static_held if static else model.held
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
-    links = [x._replace(work=law_work) if isinstance(x, (*LAWS, LineForces, Winches)) else x for x in model.links]
+    links = [x._replace(work=law_work) if isinstance(x, (*LAWS, ForceElements, LineForces, Winches)) else x for x in model.links]
     # shares are those of a run: paths change them
     links = [x._replace(share=x.share.copy()) if isinstance(x, LAWS) else x for x in links]
     free: tuple[Any, ...] = ()
@@ -91,6 +92,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     if drag is not None and model.dragged.timed:
         # its air is that of a run
         drag = drag._replace(air=drag.air.copy())
+    if drag is not None and model.dragged.windy and law_work is not None:
+        drag = drag._replace(wind=drag.wind._replace(work=law_work))
     others = prescribed, loads, bodies, drag, *links, *free, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 

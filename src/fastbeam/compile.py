@@ -43,7 +43,7 @@ from .pattern import Pattern
 from .planar import find_plane, pack_plane
 from .prescribed import released_of
 from .report import describe
-from .scene import Beam, Bushing, Damper, LineForce, Path, RigidBody, Scene, Spring, Switch
+from .scene import Beam, Bushing, Damper, ForceElement, LineForce, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
 from .scene.winch import Coil
 from .sleeves import rubbing_sleeves, sleeves_of, with_twist
@@ -195,7 +195,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
-        user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce)[0])),
+        user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
@@ -291,6 +291,7 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     free &= ~np.any(loads.reshape(len(loads), n + 1, 8)[:, row_of, 3:6], axis=(0, 2))
     for bushing, ends in zip(*links.of(Bushing)):
         free[ends] &= not np.any(bushing.stiffness[3:, 3:])
+    free[links.of(ForceElement)[1].reshape(-1)] = False
     inner_free = free & ~joints.tied & (joints.held == 0)
     inner_free[joints.target] = False
     for net in scene.nets:

@@ -13,6 +13,7 @@ from .kernels.along import CONTROL
 from .kernels.bushing import Bushings
 from .kernels.kinds import SPACE
 from .kernels.layout import VISCOSITY, layout_of
+from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.spring_laws import SpringLaws
 from .kernels.user_force import UserForces
@@ -44,7 +45,7 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
     """
     damped = () if model.damped is None else model.damped.strains
     links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)
-    links = links + _of_lines(model, q, t, factor)
+    links = links + _of_lines(model, q, t, factor) + _of_elements(model, q, t, factor)
     return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
 
 
@@ -101,6 +102,10 @@ def check_still_air(model: Model) -> None:
         Nothing is at rest in it.
     """
     drag = model.dragged
+    if drag is not None and drag.windy:
+        asked = int(drag.part[np.argmax(drag.wind.laws.address != 0)])
+        raise SceneError(f"{drag.labels[asked]}: its air moves by wind=, so that nothing is at rest in it, and equilibria do not "
+                         "know its force; leave wind= out, or run in time")
     if drag is not None and np.any(drag.air):
         moves = int(drag.part[np.argmax(np.any(drag.air != 0.0, axis=1))])
         raise SceneError(f"{drag.labels[moves]}: its air moves, so that nothing is at rest in it, and equilibria do not know its "
@@ -237,4 +242,44 @@ def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
             rows, columns = np.broadcast_arrays(at[:, None], at)
             total += sparse.csr_matrix(((motion.T @ block @ motion).reshape(-1), (rows.reshape(-1), columns.reshape(-1))),
                                        shape=(n, n))
+    return total
+
+
+def _of_elements(model: Model, q: Array, t: float, factor: float) -> Any:
+    """The same of force elements, whose forces do work on the rates of position and rotation in the axes of the first node."""
+    from scipy import sparse
+    n = 12 * model.n_nodes
+    total = sparse.csr_matrix((n, n))
+    for table in model.links:
+        if not isinstance(table, ForceElements):
+            continue
+        turn = table.axes.reshape(-1, 2, 3, 3)
+        for k, (a, b) in enumerate(table.node.tolist()):
+            own, other = (x @ q[node, 1:] for x, node in zip(turn[k], (a, b)))
+            arm, c = q[b, 0] - q[a, 0], own @ other.T
+            rates, product = np.zeros((6, 2, 4, 3)), np.zeros((3, 3, 2, 4, 3))
+            rates[:3, 1, 0], rates[:3, 0, 0] = own, -own
+            rates[:3, 0, 1:] = turn[k, 0][:, :, None] * arm
+            product[:, :, 0, 1:] = turn[k, 0][:, None, :, None] * other[None, :, None]
+            product[:, :, 1, 1:] = turn[k, 1][None, :, :, None] * own[:, None, None]
+            spin = np.einsum("ilxyz,jl->ijxyz", product, c)
+            for i in range(3):
+                j, l = (i + 1) % 3, (i + 2) % 3
+                rates[3 + i] = 0.5 * (spin[l, j] - spin[j, l])
+            lead = rates.reshape(6, 24)
+            parameters = np.append(table.parameters[table.first[k]:], 0.0)
+            block = np.zeros((6, 6))
+            for column in range(6):
+                size = RATE * (model.length if column < 3 else 1.0)
+                ends = []
+                for sign in (1.0, -1.0):
+                    given, found = np.concatenate((own @ arm, c.reshape(-1), np.zeros(6))), np.zeros(6)
+                    given[12 + column] = sign * size
+                    LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found)))
+                    ends.append(found)
+                block[:, column] = -factor * (ends[0] - ends[1]) / (2.0 * size)
+            at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
+            rows, columns = np.broadcast_arrays(at[:, None], at)
+            block = lead.T @ block @ lead
+            total += sparse.csr_matrix((block.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(n, n))
     return total

@@ -9,13 +9,14 @@ import numpy as np
 
 from .kernels.beam import ElementTables
 from .kernels.damping import Dissipation
-from .kernels.drag import AirSchedule, Drag
+from .kernels.drag import AirSchedule, Drag, NoWind, Wind
 from .kernels.layout import LIST
 from .load_times import mean_factors
 from .model import Model
 from .numbering import NodeList
 from .scene import Beam, Net, Scene
 from .tables import Elements, node_lengths
+from .user_forces import wind_of
 
 Array = np.ndarray
 
@@ -77,6 +78,8 @@ class Dragged:
         Velocity of the air, m/s.
     times : tuple of callable or None
         Of every drag the factor of that as a function of time.
+    wind : Wind or NoWind
+        Velocities of the air by functions of the user's own.
     """
 
     labels: tuple[str, ...]
@@ -86,11 +89,17 @@ class Dragged:
     slender: Array
     air: Array
     times: tuple[Any, ...] = ()
+    wind: Wind | NoWind = NoWind()
 
     @property
     def timed(self) -> bool:
         """Whether the velocity of the air changes."""
         return any(time is not None for time in self.times)
+
+    @property
+    def windy(self) -> bool:
+        """Whether functions of place and time give the velocity of the air."""
+        return isinstance(self.wind, Wind)
 
     def schedule(self, given: Array, terms: tuple[Any, ...], times: Array, steps: Array) -> AirSchedule:
         """The air in steps from these times on, of these sizes, s; given: float64 [*], the `air` of the tables of the model;
@@ -105,7 +114,7 @@ class Dragged:
     def tables(self, row_of: Array, block: Array, first: int) -> Drag:
         """Tables; block: diagonal blocks [D]; first: place of the first drag in the history."""
         return Drag(self.node, row_of[self.node], block, *np.ascontiguousarray(self.coefficient.T), self.slender,
-                    self.air.reshape(-1), first + self.part)
+                    self.air.reshape(-1), first + self.part, self.wind)
 
 
 def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragged | None:
@@ -122,7 +131,8 @@ def dragged_of(scene: Scene, nodes: NodeList, elements: list[Elements]) -> Dragg
     given = np.array([(drag.normal, drag.tangential, drag.linear) for drag in scene.drags])[part]
     return Dragged(tuple(f"{drag.label} on {drag.on.label}" for drag in scene.drags), every, part,
                    np.where(slender == 1, length[every], 1.0)[:, None] * given, slender,
-                   np.array([drag.air for drag in scene.drags], dtype=float)[part], tuple(drag.time for drag in scene.drags))
+                   np.array([drag.air for drag in scene.drags], dtype=float)[part], tuple(drag.time for drag in scene.drags),
+                   wind_of(scene.drags, part, nodes.phi[every]))
 
 
 def with_drag(model: Model, diagonal: Callable[[Array], Array]) -> Model:

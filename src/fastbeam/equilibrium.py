@@ -8,6 +8,7 @@ import numpy as np
 from .interrupt import Interrupts
 from .kernels import step as kernels
 from .kernels.step import NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
+from .kernels.force_element import ForceElements
 from .kernels.user_force import UserForces
 from .kernels.work import State
 from .model import Model
@@ -27,7 +28,7 @@ class StaticSolver:
         # well, unless moments act (theory.md 8)
         self.moments = model.loads.size > 0 and bool(np.any(model.loads.reshape(len(model.loads), -1, 8)[:, :, 3:6]))
         self.moments |= bool(model.user_forces)
-        self._turns = any(isinstance(x, UserForces) for x in model.links)
+        self._turns = any(isinstance(x, (UserForces, ForceElements)) for x in model.links)
         self.stepper = Stepper(model, np.ones(1), start, max_iterations, backend, threads=threads, static=True,
                                symmetric=not self.moments)
         self.core, self.work, self.max_iterations = self.stepper.core, self.stepper.work, max_iterations

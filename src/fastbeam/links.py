@@ -23,11 +23,11 @@ from .kernels.distance_joint import DistanceJoints
 from .kernels.spring import Springs
 from .kernels.terms import assemble
 from .numbering import NodeList
-from .scene import BallJoint, Bushing, Damper, DistanceJoint, LineForce, Scene, Spring
+from .scene import BallJoint, Bushing, Damper, DistanceJoint, ForceElement, LineForce, Scene, Spring
 from .scene.axis_joint import AxisJoint
 from .scene.links import Link, label_of
 from .spring_laws import spring_laws
-from .user_forces import Loaded, line_forces
+from .user_forces import Loaded, force_elements, line_forces
 from .winches import Ropes
 
 Array = np.ndarray
@@ -138,6 +138,7 @@ REGISTRY = [
     Entry(Spring, _springs, takes=lambda x: type(x) is Spring and not x.has_law),
     Entry(Damper, spring_laws, takes=lambda x: type(x) in (Spring, Damper) and x.has_law),
     Entry(Bushing, bushings),
+    Entry(ForceElement, force_elements),
     Entry(LineForce, line_forces),
     Entry(BallJoint, lambda x: BallJoints(x.node, x.row, x.first, x.ties), couples=False, law=Together()),
     Entry(DistanceJoint, _distances, law=Distance(), needs_distance=True),

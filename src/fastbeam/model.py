@@ -341,6 +341,7 @@ class Model(HistoryLayout):
         if self.dragged is not None:
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
             parts += [np.array([time is None for time in self.dragged.times])] if self.dragged.timed else []
+            parts += [self.dragged.wind.first, self.dragged.wind.parameters] if self.dragged.windy else []
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:

@@ -379,7 +379,7 @@ class Stepper:
             out.append(PrescribedSchedule(self.prescribed, self.core.prescribed.schedule(times, self.prescribed, self.plane)))
         if self.core.dragged is not None and self.core.dragged.timed:
             out.append(self.core.dragged.schedule(self.core.drag.air, self.terms, *self._substeps(t, h, n, done)))
-        if self.model.user_forces:
+        if self.model.user_forces or self.core.dragged is not None and self.core.dragged.windy:
             starts, sizes = self._substeps(t, h, n, done)
             out.append(UserForceTimes(self.law_work, starts + 0.5 * sizes))
         return tuple(out)

@@ -27,7 +27,7 @@ from .kernels.terms import NoTies
 from .kernels.user_force import UserForces
 from .kernels.work import State
 from .plane import TOLERANCE, NotPlanar, Plane, check_state, numbers_of, to_plane
-from .scene import Bushing
+from .scene import Bushing, ForceElement
 from .scene.follower import FollowerForce
 from .sleeves import sleeves_in_plane
 from .tables import CHUNK, ElementPacker, Elements, TablePool, group_tables
@@ -69,6 +69,8 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     for force in unpacked.numbered.links.loaded.forces:
         if not isinstance(force, FollowerForce):
             raise NotPlanar(f"the law of user force {force.name!r} may lead out of a plane")
+    for element in unpacked.numbered.links.of(ForceElement)[0]:
+        raise NotPlanar(f"the law of {element.label} may lead out of a plane")
     for winch in unpacked.numbered.links.ropes.winches:
         raise NotPlanar(f"{winch.label} runs in space")
     q, v = unpacked.state.q.reshape(-1, 4, 3), unpacked.state.v.reshape(-1, 4, 3)
@@ -80,6 +82,8 @@ def _plane_of(unpacked: Unpacked) -> Plane:
               *((x, "the load on {} points out of the plane") for x in rows[:, :, :3])]
     turning: list[tuple[Array, str]] = []
     # round-off of spins and moments has no axis
+    if unpacked.dragged is not None and unpacked.dragged.windy:
+        raise NotPlanar("wind= of a drag may lead out of a plane")
     if unpacked.dragged is not None:
         air = np.zeros((len(q), 3))
         air[unpacked.dragged.node] = unpacked.dragged.air

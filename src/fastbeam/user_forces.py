@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ._jit import compiled_force, compiled_tension
+from ._jit import compiled_force, compiled_tension, compiled_wind
 from .arguments import shown
 from .errors import SceneError
+from .kernels.drag import NoWind, Wind
+from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
 from .kernels.user_force import Laws, UserForces
 from .numbering import NodeList
-from .scene import Beam, LineForce, Scene, UserForce
+from .scene import Beam, Drag, ForceElement, LineForce, Scene, UserForce
 from .tables import node_lengths
 from .workspace import law_work
 
@@ -89,6 +91,31 @@ def line_forces(ends: Any) -> LineForces:
                       law_work())
 
 
+def force_elements(ends: Any) -> ForceElements:
+    """The table of all force elements; ends: `links.Ends`.
+
+    Raises
+    ------
+    SceneError
+        A law that cannot be compiled, fails, or gives numbers that are not finite.
+    """
+    parts, node = ends.parts, ends.node
+    counts = [part.parameters.size for part in parts]
+    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+    axes = np.array([part.directors for part in parts])
+    # D_i = sum_k R_ik d_k of both nodes
+    turn = np.einsum("lix,lskx->lsik", axes, ends.directors[node])
+    start = np.einsum("lix,lx->li", axes, ends.phi[node[:, 1]] - ends.phi[node[:, 0]])
+    addresses = []
+    for part, place in zip(parts, start):
+        address, compiled = compiled_law(part)
+        try_law(part, compiled, np.concatenate((place[None], np.eye(3))))
+        addresses.append(address)
+    parameters = np.concatenate([np.zeros(0), *(part.parameters for part in parts)])
+    return ForceElements(node, ends.row, ends.block, ends.place, turn.reshape(-1), starts, parameters,
+                         Laws(np.array(addresses, np.int64)), law_work())
+
+
 def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
     try:
         with np.errstate(all="ignore"):
@@ -97,7 +124,7 @@ def _called(who: str, function: Any, given: tuple[Any, ...]) -> Any:
         raise SceneError(f"{who}: its law failed at the start, {type(failed).__name__}: {str(failed)[:200]}") from failed
 
 
-def compiled_law(force: UserForce | LineForce) -> tuple[int, Any]:
+def compiled_law(force: UserForce | LineForce | ForceElement) -> tuple[int, Any]:
     """Address of a law, and the law for Python; kept as long as the process.
 
     Raises
@@ -116,13 +143,52 @@ def compiled_law(force: UserForce | LineForce) -> tuple[int, Any]:
     return compiled[0].address, compiled[1]
 
 
-_compiled, _tension = cache(compiled_force), cache(compiled_tension)
+_compiled, _tension, _blowing = cache(compiled_force), cache(compiled_tension), cache(compiled_wind)
 
 
-def try_law(force: UserForce, compiled: Any, q: Array) -> None:
+def wind_of(drags: list[Drag], part: Array, place: Array) -> Wind | NoWind:
+    """The table of all winds; part: int64 [D], to which drag a node belongs; place: float64 [D, 3], where the air is asked for.
+
+    Raises
+    ------
+    SceneError
+        A wind that cannot be compiled, fails, or gives numbers that are not finite.
+    """
+    if all(drag.wind is None for drag in drags):
+        return NoWind()
+    addresses, counts = np.zeros(len(drags), np.int64), [drag.parameters.size for drag in drags]
+    for k, drag in enumerate(drags):
+        if drag.wind is None:
+            continue
+        try:
+            entry, compiled = _blowing(drag.wind, drag.parameters.size)
+            address = entry.address
+        except Exception as failed:
+            text = " ".join(str(failed).split())[:300]
+            raise SceneError(f"{drag.label}: numba cannot compile its wind ({text}); use numbers, indices, loops, math and numpy "
+                             "functions") from failed
+        found = []
+        for function in (drag.wind, compiled):
+            out = np.zeros(3)
+            try:
+                with np.errstate(all="ignore"):
+                    function(0.0, place[np.argmax(part == k)].copy(), np.array(drag.parameters), out)
+            except Exception as failed:
+                raise SceneError(f"{drag.label}: its wind failed at the start, {type(failed).__name__}: "
+                                 f"{str(failed)[:200]}") from failed
+            found.append(out)
+        _agree(drag.label, found, "the velocity of the air", "wind")
+        addresses[k] = address
+    starts = np.concatenate(([0], np.cumsum(counts)))[:-1].astype(np.int64)
+    parameters = np.concatenate([np.zeros(0), *(drag.parameters for drag in drags)])
+    return Wind(Laws(addresses[part]), starts[part], parameters, law_work())
+
+
+def try_law(force: UserForce | ForceElement, compiled: Any, q: Array) -> None:
     """Call a law once in Python and once compiled, at the start."""
     who = f"{force.kind} {force.name!r}"
-    factor = 1.0 if getattr(force, "time", None) is None else float(force.time(0.0))
+    time = getattr(force, "time", None)
+    factor = 1.0 if time is None else float(time(0.0))
     given = 0.0, q[0].copy(), q[1:].copy(), np.zeros(3), np.zeros(3), np.array(force.parameters)
     found = []
     for function, share in ((force.law, factor), (compiled, 1.0)):
@@ -136,11 +202,11 @@ def try_law(force: UserForce, compiled: Any, q: Array) -> None:
     _agree(who, found, "force and moment")
 
 
-def _agree(who: str, found: list[Array], what: str) -> None:
+def _agree(who: str, found: list[Array], what: str, law: str = "law") -> None:
     """Refuse a law that gives no finite numbers, or others in Python than compiled."""
     for one in found:
         if not np.isfinite(one).all():
-            raise SceneError(f"{who}: its law gives {shown(one)} for {what} at the start; it has to give finite numbers")
+            raise SceneError(f"{who}: its {law} gives {shown(one)} for {what} at the start; it has to give finite numbers")
     if not np.allclose(*found, rtol=1e-9, atol=1e-9 * np.max(np.abs(found[0]), initial=0.0)):
-        raise SceneError(f"{who}: its law gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads beside "
-                         "its arguments is frozen when it is compiled: hand it over in parameters=")
+        raise SceneError(f"{who}: its {law} gives {shown(found[0])} in Python and {shown(found[1])} compiled; what it reads "
+                         "beside its arguments is frozen when it is compiled: hand it over in parameters=")

@@ -318,7 +318,7 @@ def calls(folder: Path) -> dict[str, Call]:
         "Pin": Call(fb.Pin, dict(at=BEAM.start), SUPPORT),
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
-            linear=is_real, air=VECTOR, time=is_function)),
+            linear=is_real, air=VECTOR, time=is_function, wind=is_function, parameters=VECTOR)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
             until=either(is_real, is_function))),
@@ -507,6 +507,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "Result.reaction": Call(result().reaction, dict(name="pin"), dict(name=either(is_text, one_of(fb.Pin, fb.Clamp)))),
         "LineForce": Call(fb.LineForce, dict(a=BEAM.end, b=BODY, law=tension), dict(
             a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR)),
+        "ForceElement": Call(fb.ForceElement, dict(a=BEAM.end, b=BODY, law=between), dict(
+            a=NODE, b=NODE, name=is_text, law=is_function, parameters=VECTOR, directors=is_array(2))),
         "Winch": Call(fb.Winch, dict(name="w", drum=BEAM.start, load=BODY, stiffness=1e3, mass_per_length=1.0), dict(
             name=is_text, drum=NODE, load=NODE, stiffness=is_real, mass_per_length=is_real, length=is_real, total=is_real,
             inertia=is_real, speed=is_real, length_at=is_function, tension=OF_TIME, segments=is_count)),
@@ -555,6 +557,11 @@ class TooLong(BaseException):
 
 def law(t: Any, position: Any, directors: Any, velocity: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
     """Of a user force."""
+
+
+def between(t: Any, x: Any, rotation: Any, v: Any, spin: Any, parameters: Any, force: Any, moment: Any) -> None:
+    """Of a force element."""
+    force[0] = 0.0
 
 
 def tension(t: Any, length: Any, rate: Any, parameters: Any) -> float:

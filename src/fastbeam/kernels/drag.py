@@ -10,9 +10,23 @@ import numpy as np
 
 from .._generic import generic
 from .._jit import kernel
-from .algebra import add_matrix, add_skew, component0, component1, cross, cross2, dot, outer, perp
-from .kinds import Plane, Space, add_stiffness, add_to, coordinates, dim, vector
+from .algebra import add_matrix, add_skew, call_force, component0, component1, cross, cross2, dot, ld3, outer, perp
+from .kinds import Plane, Space, add_outer, add_stiffness, add_to, coordinates, dim, vector
 from .terms import Conserving, account, assemble, put_loads, spread_nodes
+from .user_force import BASE, FOUND, GIVEN, INCREMENT, RATES, TIME, Laws
+
+
+class NoWind(NamedTuple):
+    """Where the air has the same velocity everywhere."""
+
+
+class Wind(NamedTuple):
+    """Functions of the user's own for the velocity of the air."""
+
+    laws: Laws              # of every node; 0: the velocity that stands in `Drag.air`
+    first: np.ndarray       # int64 [D]: first of its parameters
+    parameters: np.ndarray  # float64 [*]
+    work: np.ndarray        # float64 [SIZE]: of one run, as of user forces
 
 
 class Drag(NamedTuple):
@@ -27,6 +41,7 @@ class Drag(NamedTuple):
     slender: np.ndarray     # int64 [D]: 1 where d1 counts
     air: np.ndarray         # float64 [3 D], in a plane [2 D]: velocity of the air, m/s
     place: np.ndarray       # int64 [D]: where the energy stands in `State.history`
+    wind: Any               # Wind or NoWind
 
 
 class AirSchedule(NamedTuple):
@@ -56,13 +71,83 @@ def put_air(air, system, k):
         air.air[i] = air.factors[k, air.part[i // d]] * air.given[i]
 
 
+@generic
+def air_at(wind, drag, k, system):
+    """Velocity of the air at node k in the middle of the step."""
+
+
+@air_at.register(NoWind)
+@kernel
+def air_everywhere(wind, drag, k, system):
+    return vector(drag.air, dim(system.dofs) * k, 1, system.dofs)
+
+
+@air_at.register(Wind)
+@kernel
+def air_here(wind, drag, k, system):
+    w = wind.work
+    o = 12 * drag.node[k]
+    for i in range(3):
+        w[GIVEN + i] = system.work.q_mid[o + i]
+        w[FOUND + i] = drag.air[3 * k + i]
+    blow(wind, k)
+    return ld3(w, FOUND, 1)
+
+
+@kernel
+def blow(wind, k):
+    """Velocity at the place in the work array; without a function what stands there."""
+    w = wind.work
+    if wind.laws.address[k] != 0:
+        base = w.ctypes.data
+        call_force(wind.laws.address[k], w[TIME], base + 8 * GIVEN, wind.parameters.ctypes.data + 8 * wind.first[k],
+                   base + 8 * FOUND)
+
+
+@generic
+def add_gradient(wind, drag, k, x, across, mixed, over, system):
+    """What the change of the air along the way of a node adds to its block."""
+
+
+@add_gradient.register(NoWind)
+@kernel
+def add_no_gradient(wind, drag, k, x, across, mixed, over, system):
+    pass
+
+
+@add_gradient.register(Wind)
+@kernel
+def add_gradient_of_wind(wind, drag, k, x, across, mixed, over, system):
+    """Central differences; half a change of the end of the step is in its middle."""
+    w = wind.work
+    o = 12 * drag.node[k]
+    size = INCREMENT * system.length
+    if wind.laws.address[k] != 0:
+        for c in range(3):
+            for i in range(3):
+                w[GIVEN + i] = system.work.q_mid[o + i]
+                w[FOUND + i] = 0.0
+                w[BASE + i] = 1.0 if i == c else 0.0
+            w[GIVEN + c] += size
+            blow(wind, k)
+            for i in range(3):
+                w[RATES + i] = w[FOUND + i]
+                w[FOUND + i] = 0.0
+            w[GIVEN + c] -= 2.0 * size
+            blow(wind, k)
+            change = (0.25 / size) * (ld3(w, RATES, 1) - ld3(w, FOUND, 1))
+            column = ((across + drag.linear[k]) * change + (over * dot(x.across, change)) * x.across
+                      + (mixed * dot(x.direction, change)) * x.direction)
+            add_outer(system.work.blocks, 48 * drag.block[k], -1.0, column, ld3(w, BASE, 1))
+
+
 @kernel
 def flow(drag, k, system, h):
     """Mean velocity of the step against the air, split by the direction of the beam."""
     work, dofs = system.work, system.dofs
     n = drag.node[k]
     d = dim(dofs)
-    relative = (1.0 / h) * vector(work.dphi, d * n, 1, dofs) - vector(drag.air, d * k, 1, dofs)
+    relative = (1.0 / h) * vector(work.dphi, d * n, 1, dofs) - air_at.call(drag.wind, drag, k, system)
     axis = vector(work.q_mid, coordinates(dofs) * n + d, 1, dofs)
     short = dot(axis, axis)**0.5
     axis = (drag.slender[k] / short) * axis
@@ -112,8 +197,9 @@ def assemble_drag(drag, method, system, h):
         over = drag.normal[k] / x.speed if x.speed > 0.0 else 0.0
         # by the velocity
         add_stiffness(work.blocks, o, (across + drag.linear[k]) / h, (over / h) * x.across, x.across)
+        mixed = drag.slender[k] * (2.0 * along - across)
+        add_gradient.call(drag.wind, drag, k, x, across, mixed, over, system)
         if drag.slender[k] != 0:
-            mixed = 2.0 * along - across
             add_stiffness(work.blocks, o, 0.0, (mixed / h) * x.direction, x.direction)
             # by the direction; only half of it is at the end of the step
             share = 0.5 / x.short

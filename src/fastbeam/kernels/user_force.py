@@ -17,8 +17,8 @@ from .algebra import call_force
 from .terms import account, assemble, put_loads, spread_nodes
 
 # places in the work array: time, factor of the loads, what a law is given, force and moment, rates; then what differences keep:
-# triads, coordinates, force and moment
-TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, SIZE = 0, 1, 2, 20, 26, 32, 64
+# triads, coordinates, force and moment; of force elements what acts on both nodes, twice, and rates of their rotation
+TIME, FACTOR, GIVEN, FOUND, BASE, KEPT, WRENCH, OTHER, RATES, SIZE = 0, 1, 2, 20, 26, 32, 64, 76, 88, 97
 # increments of differences, of positions relative to the size of the scene, and of turns
 INCREMENT = 1e-6
 

@@ -11,6 +11,7 @@ from fastbeam.scene.distance_joint import DistanceJoint
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import GROUND
 from fastbeam.scene.joints import PrismaticJoint, RevoluteJoint
+from fastbeam.scene.force_element import ForceElement
 from fastbeam.scene.line_force import LineForce
 from fastbeam.scene.locks import Lock, OneSided, Release
 from fastbeam.scene.nets import Net, NetBeam
@@ -32,8 +33,8 @@ from fastbeam.scene.winch import Winch
 
 __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-    "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "LineForce", "Load",
-    "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
-    "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",
-    "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
+    "DistributedLoad", "Drag", "Drive", "FittedCurve", "ForceElement", "Friction", "GROUND", "Helix", "InitialVelocity",
+    "LineForce", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass",
+    "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
+    "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
 ]

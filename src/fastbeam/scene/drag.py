@@ -1,15 +1,16 @@
 """Drag of beams, nets, bodies and masses in air."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fastbeam.arguments import Name, Number, Refusal, checked, shown
+from fastbeam.arguments import Function, Name, Number, Numbers, Refusal, checked, shown
 from fastbeam.errors import SceneError
 from fastbeam.scene.beams import Beam, NodeRef
-from fastbeam.scene.checks import ArrayField, noun
+from fastbeam.scene.checks import ArrayField, fill, noun
 from fastbeam.scene.nets import Net
 from fastbeam.scene.parts import FACTOR, ZERO, PointMass, RigidBody, Steady, TimeFactor
 
@@ -29,7 +30,8 @@ class InAir:
 
 
 @checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE, linear=NOT_NEGATIVE, air=Steady(),
-         time=FACTOR)
+         time=FACTOR, wind=Function("(t, position, parameters, velocity)"),
+         parameters=Numbers((None,), "a list of numbers for the wind"))
 @noun
 class Drag:
     """Force against the velocity relative to the air (theory.md (4.12)); what it takes is in `result.balance()`.
@@ -51,11 +53,18 @@ class Drag:
         Velocity of the air, m/s.
     time : callable, optional
         t -> factor of that velocity: gusts, tides. Its mean over a step counts.
+    wind : callable, optional
+        Instead of `air` a function that varies in place and time, `wind(t, position, parameters, velocity)`, compiled into the
+        step: from the time in the middle of the step (s) and the mean of both ends of the position [3] (m) it writes
+        velocity[:] (m/s), 0 when it is called. Such scenes run in space.
+    parameters : array_like [n]
+        Numbers for it. Another function or other numbers compile no other part of the step again.
 
     Raises
     ------
     SceneError
-        A coefficient is negative, all are zero, a body has a tangential one, or `time` is given for still air.
+        A coefficient is negative, all are zero, a body has a tangential one, `time` is given for still air, or `wind`
+        with `air`.
     """
 
     kind: ClassVar[str] = "drag"
@@ -68,10 +77,17 @@ class Drag:
     linear: float = 0.0
     air: ArrayField = ZERO
     time: TimeFactor | None = None
+    wind: Callable[..., None] | None = None
+    parameters: ArrayField = ()
 
     def __post_init__(self) -> None:
         if self.normal == self.tangential == self.linear == 0.0:
             raise SceneError(f"{self.label}: give normal, tangential or linear")
+        fill(self, parameters=np.array(self.parameters, dtype=float))
+        if self.wind is not None and (np.any(self.air) or self.time is not None):
+            raise SceneError(f"{self.label}: wind gives the velocity of the air in place and time; leave air and time out")
+        if self.wind is None and self.parameters.size:
+            raise SceneError(f"{self.label}: parameters are numbers for wind, which is left out")
         if self.time is not None and not np.any(self.air):
             raise SceneError(f"{self.label}: time is a factor of air, which is 0; give air, the velocity where the factor is 1")
         if self.tangential > 0.0 and not self.is_slender:
