@@ -251,9 +251,9 @@ class Result(Readings, Exports):
 
     @checked(name=NAMED)
     def joint(self, name: str) -> dict[str, np.ndarray]:
-        """What a joint with axes leaves free, zero at t = 0, [n], two of a kind in columns: angle (rad) and spin (rad/s), distance
-        (m) and speed (m/s), swing, swing_rate and twist; energy of its springs and stops, loss of its dampers, work of its motors
-        or drives (J); where one is given, rubs or has rigid stops the torque (N m), force (N) or cone_torque of that,
+        """What a joint with axes leaves free, zero at t = 0, [n], two of a kind in columns: angle (rad) and spin (rad/s),
+        distance (m) and speed (m/s), swing, swing_rate and twist; energy of its springs and stops, loss of its dampers, work of
+        its motors or drives (J); where one is given, rubs or has rigid stops the torque (N m), force (N) or cone_torque of that,
         friction_loss and stop_loss (J); drive, the torque or force of those that push, in columns where there are several.
 
         Raises

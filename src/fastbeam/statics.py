@@ -135,9 +135,10 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
         "space" or "plane": a planar scene that is held in its plane only, one compiled with planar=True, and one whose moments
         leave it undecided in space are counted in the plane. Moments make the tangent in space unsymmetric; then the number is
         0 where its symmetric part has no negative eigenvalue, 1 (at least) where its determinant is negative, else None
-        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for every slider and joint that
-        rubs its friction `force` (N), the most that it could be, `cone`, and whether it `sticks`; `info["rest_intervals"]` the
-        arc lengths (from, to) where one that was asked for rests, the others with friction staying where they are; NaN where
+        (theory.md 8); sliders that friction or a stop holds do not move in it. `info["friction"]` has for all that
+        rubs, sliders and joints, its friction `force`, the most that it could be, `cone`, and whether it `sticks`;
+        `info["rest_intervals"]` the arc lengths (from, to) where a slider that was asked for rests, the others with friction
+        staying where they are; NaN where
         that is not found.
 
     Raises
