@@ -350,8 +350,8 @@ class PathSolver(SlidingSolver):
 
 def _bordered_places(inner_indptr: Array, inner_indices: Array, column: Array, row: Array
                      ) -> tuple[Array, Array, Array, Array]:
-    """Structure by rows of a matrix [n, n] with one more column and row, of whose entries these masks [n] tell, and a corner: ends
-    of rows, columns, and where entries of the matrix and of the column stand."""
+    """Structure by rows of a matrix [n, n] with one more column and row, of whose entries these masks [n] tell, and a corner:
+    ends of rows, columns, and where entries of the matrix and of the column stand."""
     n = column.size
     more = np.concatenate(([0], np.cumsum(column)))
     indptr = np.append(inner_indptr + more, inner_indices.size + more[-1] + np.sum(row) + 1).astype(np.int32)
