@@ -64,7 +64,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     if model.sliders is not None and not static:
         sleeves = NoSleeves() if model.sleeves is None else sleeves_of_run(model.sleeves)
         terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties,
-                             model.limits_at(model.s0),
+                             model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
                              NoForceAlong() if along is None else along,
                              sleeves))
         if isinstance(sleeves, Sleeves):
@@ -103,7 +103,7 @@ def put_limits(model: Model, state: State, *all_terms: tuple[Any, ...] | None) -
     for terms in all_terms if model.spans else ():
         for term in terms or ():
             if isinstance(term, Sliding):
-                term.limits[:] = model.limits_at(state.s, state.history)
+                model.put_limits(term.limits, state.s, state.history)
                 if isinstance(term.along, Along):
                     term.along.stops[:, :2] = model.slider_forces.elastic(state.s, model.along_of(state.history))
 

@@ -169,7 +169,7 @@ class Group:
             full=np.zeros(1, np.int64), augmented=np.zeros(4), pair=np.zeros((0, 2), np.int64), cross=np.zeros((0, 2, 8)))
         known = model.sliders
         sliding = Sliding(model.curves, Sliders(known.curve[self.sliders], known.point[self.sliders], shared.every), self.ties,
-                          model.limits_at(model.s0)[self.sliders], NoForceAlong(), NoSleeves())
+                          model.put_limits(np.zeros((model.n_sliders, 3)), model.s0)[self.sliders], NoForceAlong(), NoSleeves())
         ties = () if isinstance(self.ties, NoTies) else (self.ties,)
         self.terms = Record((sliding, *elements, self.bodies, *ties, self.held))
         self._allocate()

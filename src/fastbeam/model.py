@@ -24,7 +24,7 @@ from .kernels.kinds import SPACE
 from .kernels.nodes import Bodies, Held
 from .kernels.planar_nodes import PlanarBodies, PlanarTies
 from .kernels.sleeve import Sleeves
-from .kernels.slider import Sliders
+from .kernels.slider import END_SLACK, Sliders
 from .kernels.substructures import Substructures
 from .kernels.ties import Ties
 from .kernels.work import State
@@ -33,6 +33,8 @@ from .multipliers import KeptLink
 from .pattern import Pattern
 
 Array = np.ndarray
+# round-off of arc lengths at ends of tracks of switches, as a share of them
+TRACK_SLACK = 4.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,6 +387,22 @@ class Model(HistoryLayout):
         history: of the state, default that of the start."""
         ends = self.ends_at(s)
         return ends if self.slider_forces is None else np.asarray(self.slider_forces.limits(ends, s, self.along_of(history)))
+
+    def slack_at(self, limits: Array) -> Array:
+        """By how much sliders may be beyond their limits [S, 2], round-off, float64 [S]."""
+        low, high = limits.T
+        # a closed path has no ends, but may have one stop
+        slack = END_SLACK * np.where(high < np.inf, high, np.abs(low))
+        # what is beyond the end of a track opens a gap on the next one, where they meet at a corner
+        on_switch = list(self.spans)
+        slack[on_switch] = TRACK_SLACK * np.maximum(np.abs(low), np.abs(high))[on_switch]
+        return np.asarray(slack)
+
+    def put_limits(self, out: Array, s: Array, history: Array | None = None) -> Array:
+        """Limits and what may be beyond, as compiled code takes them, float64 [S, 3]."""
+        out[:, :2] = self.limits_at(s, history)
+        out[:, 2] = self.slack_at(out[:, :2])
+        return out
 
     def along_of(self, history: Array | None) -> Array:
         """What the history of a state, or of the start, has of forces along beams, float64 [S, 11]: a view."""

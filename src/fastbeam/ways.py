@@ -40,8 +40,7 @@ class Ways:
 
     def slack(self, limits: Array) -> Array:
         """By how much it may be beyond, [S + R]."""
-        low, high = limits[:self.model.n_sliders].T
-        slack = END_SLACK * np.where(high < np.inf, high, np.abs(low))
+        slack = self.model.slack_at(limits[:self.model.n_sliders])
         return slack if self.holds is None else np.concatenate((slack, END_SLACK * self.holds.scales))
 
     def at(self, state: State) -> Array:

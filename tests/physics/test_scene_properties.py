@@ -143,10 +143,8 @@ def test_yards_keep_their_books_whatever_the_order_of_parts_and_across_a_restart
         whole = run()
         assert whole.info["steps"] >= STEPS
         assert whole.drift("balance") < 1e-12
-        # a step meets the end of a track to some 1e-13 m; where soft sections shear there is a corner, and behind it a gap of
-        # that size
-        at_ends = np.array([any(e["time"] == t for e in whole.events) for t in whole.t])
-        assert whole.series["gap"].max() < 1e-12 and whole.series["gap"][~at_ends].max() < 1e-13
+        # where soft sections shear there is a corner at the end of a track
+        assert whole.series["gap"].max() < 1e-13
         # what dampers and friction took never comes back
         assert np.all(np.diff(whole.series["losses"], axis=0) >= -1e-14 * np.max(np.abs(whole.series["losses"])))
         other = run(Random(drawn.rest["order"]).shuffle)

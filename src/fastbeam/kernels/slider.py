@@ -48,7 +48,8 @@ class Sliding(NamedTuple):
     curves: Any             # curves.Curves or curves.Paths
     sliders: Sliders
     ties: Any               # ties.Ties, planar_nodes.PlanarTies or NoTies
-    limits: np.ndarray      # float64 [S, 2]: arc lengths between which each slider may go, those of its curve or of rigid stops
+    limits: np.ndarray      # float64 [S, 3]: arc lengths between which each slider may go, those of its curve or of rigid stops,
+    #                         and by how much it may be beyond
     along: Any              # along.Along or NoForceAlong
     sleeves: Any            # sleeve.Sleeves or NoSleeves
 
@@ -492,8 +493,7 @@ def sliders_are_within(term, system, counts_out):
     counts_out[3]."""
     s = system.state.s
     for k in range(s.shape[0]):
-        # a closed path has no ends, but may have one stop
-        slack = END_SLACK * (term.limits[k, 1] if term.limits[k, 1] < np.inf else abs(term.limits[k, 0]))
+        slack = term.limits[k, 2]
         if not (s[k] >= term.limits[k, 0] - slack and s[k] <= term.limits[k, 1] + slack):
             counts_out[3] = k
             return False
