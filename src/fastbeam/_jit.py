@@ -30,9 +30,9 @@ from ._folder import cache_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background", "compile_counts",
-           "compiled_force", "compiled_law", "compiled_tension", "compiled_wind", "inlined", "kernel", "link_library", "one_variant",
-           "separate", "work"]
+__all__ = ["ABSENT", "KERNELS", "NUMBA_ONLY", "announce_first_use", "begin_background", "compile_in_background",
+           "compile_counts", "compiled_force", "compiled_law", "compiled_tension", "compiled_wind", "inlined", "kernel",
+           "link_library", "one_variant", "separate", "work"]
 
 ABSENT = numba.types.none  # the type of the argument for a part that a scene lacks
 KERNELS: list[Any] = []  # every dispatcher, for the test that a warm process compiles nothing

@@ -35,6 +35,7 @@ __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
     "DistributedLoad", "Drag", "Drive", "FittedCurve", "ForceElement", "Friction", "GROUND", "Helix", "InitialVelocity",
     "LineForce", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass",
-    "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
-    "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
+    "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
+    "Section", "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint",
+    "UserForce", "Winch",
 ]

@@ -30,13 +30,13 @@ class ForceElement(Link):
 
         law(t, position, rotation, velocity, spin, parameters, force, moment)
 
-    with the time in the middle of a step (s) and, all in the axes that `a` carries, means of both ends of the step of the position
-    of b as seen from a [3] (m) and of the matrix of its rotation [3, 3] (columns: the axes that b carries, equal to those of a at
-    t = 0), the rate of that position [3] (m/s) and the relative spin [3] (rad/s), as somebody on a sees them. It writes force[:]
-    (N) and moment[:] (N m) on b, in the same axes, both 0 when it is called. At the point of b the opposite acts on a, so that
-    both momenta stay (theory.md (4.33)). Its derivatives are taken by differences; what it takes from the energy, elastic or not, is
-    `work taken by ...` in `Result.balance`. In space, with conserving steps, of order 4 by two runs; in statics velocity and spin
-    are 0 and the load factor scales it.
+    with the time in the middle of a step (s) and, all in the axes that `a` carries, means of both ends of the step of the
+    position of b as seen from a [3] (m) and of the matrix of its rotation [3, 3] (columns: the axes that b carries, equal to
+    those of a at t = 0), the rate of that position [3] (m/s) and the relative spin [3] (rad/s), as somebody on a sees them.
+    It writes force[:] (N) and moment[:] (N m) on b, in the same axes, both 0 when it is called. At the point of b the
+    opposite acts on a, so that both momenta stay (theory.md (4.33)). Its derivatives are taken by differences; what it takes
+    from the energy, elastic or not, is `work taken by ...` in `Result.balance`. In space, with conserving steps, of order 4
+    by two runs; in statics velocity and spin are 0 and the load factor scales it.
 
     Parameters
     ----------
