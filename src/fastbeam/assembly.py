@@ -11,6 +11,7 @@ from .kernels.beams import Beams
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
 from .kernels.line_force import LineForces
+from .kernels.moving_beam import MovingBeam
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.sleeve import Rubbing, Sleeves
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
@@ -21,6 +22,7 @@ from .kernels.user_force import UserForces
 from .kernels.winch import Winches
 from .kernels.work import State, Work
 from .model import Model
+from .moving_tables import of_run
 from .twisting import sleeves_of_run
 
 Array = np.ndarray
@@ -79,6 +81,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, (UserForces, LineForces, Winches)) else x for x in model.links]
+    links = [of_run(x) if isinstance(x, MovingBeam) else x for x in links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

@@ -12,6 +12,7 @@ from fastbeam.scene.fixed import GROUND
 from fastbeam.scene.joints import CylindricalJoint, PlanarJoint, PrismaticJoint, RevoluteJoint, UniversalJoint
 from fastbeam.scene.line_force import LineForce
 from fastbeam.scene.locks import Lock, OneSided, Release
+from fastbeam.scene.moving_mesh import MovingMesh
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, DistributedLoad, InitialVelocity, Load, PointMass, RigidBody, RigidConnection, RigidMotion,
