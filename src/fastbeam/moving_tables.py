@@ -99,15 +99,15 @@ class Mesh:
             np.array((0, numbers.start(beam), beam.n_nodes), np.int64), slot, places, row_of[places].astype(np.int64), share,
             np.array((beam.length,)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
-            unit.weight[0].copy(), np.array(section.stiffness, dtype=float), self.reference - beam.start_strain, rho,
+            unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
             rho[0] * np.asarray(gravity, dtype=float), scratch(n))
 
 
 def scratch(n: int) -> Scratch:
     """Work arrays for elements of n nodes."""
     size = 12 * n
-    return Scratch(np.zeros((4 * n, 4 * n)), np.zeros(size + 2), np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, 2)),
-                   np.zeros(size + 2), np.zeros((7, size)), np.zeros((7, size)), np.zeros((7, 6 * n)), np.zeros((7, 6 * n)),
+    return Scratch(np.zeros((4 * n, 4 * n)), np.zeros(size + 2), np.zeros(2 * size), np.zeros(2 * size), np.zeros((2, 2)),
+                   np.zeros(size + 2), np.zeros(7 * size), np.zeros(7 * size), np.zeros(42 * n), np.zeros(42 * n),
                    np.zeros((7, 7)), np.zeros((2, 6, 7)), np.zeros((2, 7)), np.zeros((5, 7)), np.zeros((3, 6)), np.zeros(7),
                    np.zeros((6 * n + 2, 6 * n + 2)))
 

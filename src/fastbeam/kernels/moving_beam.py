@@ -24,14 +24,14 @@ class Scratch(NamedTuple):
 
     iso: np.ndarray      # float64 [4 n, 4 n]: multiples of the identity between fields
     force: np.ndarray    # float64 [12 n + 2]: on coordinates, and on the places at both ends
-    column: np.ndarray   # float64 [2, 12 n]: derivatives of forces on coordinates by both places
-    line: np.ndarray     # float64 [2, 12 n]: derivatives of forces on places by coordinates
+    column: np.ndarray   # float64 [24 n]: derivatives of forces on coordinates by both places
+    line: np.ndarray     # float64 [24 n]: derivatives of forces on places by coordinates
     corner: np.ndarray   # float64 [2, 2]: by places
     momentum: np.ndarray  # float64 [12 n + 2]: mean momenta
-    left: np.ndarray     # float64 [7, 12 n]: gradients of the forms of strain at the mean
-    right: np.ndarray    # float64 [7, 12 n]: at the end
-    rows: np.ndarray     # float64 [7, 6 n]: these for unknowns of the nodes
-    lines: np.ndarray    # float64 [7, 6 n]
+    left: np.ndarray     # float64 [84 n]: gradients of the forms of strain at the mean
+    right: np.ndarray    # float64 [84 n]: at the end
+    rows: np.ndarray     # float64 [42 n]: these for unknowns of the nodes
+    lines: np.ndarray    # float64 [42 n]
     d: np.ndarray        # float64 [7, 7]: derivatives of stresses on forms by forms
     g: np.ndarray        # float64 [2, 6, 7]: derivatives of strains by forms, of means and at the end
     form: np.ndarray     # float64 [2, 7]: forms by the coordinate of the element at both ends of the step
@@ -112,12 +112,12 @@ def clear_element(w):
     for i in range(w.force.shape[0]):
         w.force[i] = 0.0
         w.momentum[i] = 0.0
-    for j in range(2):
-        for i in range(w.column.shape[1]):
-            w.column[j, i] = 0.0
-            w.line[j, i] = 0.0
-        for i in range(2):
-            w.corner[j, i] = 0.0
+    for i in range(w.column.shape[0]):
+        w.column[i] = 0.0
+        w.line[i] = 0.0
+    for i in range(2):
+        for j in range(2):
+            w.corner[i, j] = 0.0
 
 
 # --- kinetic energy -----------------------------------------------------------------------------------------------------
@@ -189,9 +189,9 @@ def add_inertia(beam, e, g, k, state, work, h):
         for side in range(2):
             part = f if side == 1 else 1.0 - f
             way = df if side == 1 else -df
-            add3(w.column[side], o, 1, (na * r * part) * value_x + (na * way) * value_h + (da * r * part) * slope_x
+            add3(w.column, 12 * n * side + o, 1, (na * r * part) * value_x + (na * way) * value_h + (da * r * part) * slope_x
                  + (da * way) * slope_h)
-            add3(w.line[side], o, 1, part * by_x + way * by_h)
+            add3(w.line, 12 * n * side + o, 1, part * by_x + way * by_h)
         for b in range(n):
             nb = beam.mass_shape[0, g, b]; db = beam.mass_shape[1, g, b]
             w.iso[4 * a + k, 4 * b + k] += 0.5 * c * (na * r * (hm * r * nb - xm * db) - da * (xh * db - xm * r * nb))
@@ -223,19 +223,19 @@ def put_forms(beam, e, g, q, end, slope, out):
         o[end, 6] = -0.25 * (dot(d1, d1) + dot(d2, d2) + dot(d3, d3))
     if slope == 0:
         return
-    for i in range(7):
-        for j in range(out.shape[1]):
-            out[i, j] = 0.0
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+    size = 12 * beam.node.shape[1]
     for a in range(beam.node.shape[1]):
         n = beam.shape[0, g, a]; s = beam.shape[1, g, a]
         o = 12 * a
-        add3(out[0], o, 1, s * f)
-        add3(out[1], o, 1, s * d2); add3(out[1], o + 6, 1, n * f)
-        add3(out[2], o, 1, s * d3); add3(out[2], o + 9, 1, n * f)
-        add3(out[3], o + 6, 1, (0.5 * s) * d3 - (0.5 * n) * k3); add3(out[3], o + 9, 1, (0.5 * n) * k2 - (0.5 * s) * d2)
-        add3(out[4], o + 9, 1, (0.5 * s) * d1 - (0.5 * n) * k1); add3(out[4], o + 3, 1, (0.5 * n) * k3 - (0.5 * s) * d3)
-        add3(out[5], o + 3, 1, (0.5 * s) * d2 - (0.5 * n) * k2); add3(out[5], o + 6, 1, (0.5 * n) * k1 - (0.5 * s) * d1)
-        add3(out[6], o + 3, 1, (-0.5 * n) * d1); add3(out[6], o + 6, 1, (-0.5 * n) * d2); add3(out[6], o + 9, 1, (-0.5 * n) * d3)
+        add3(out, o, 1, s * f)
+        add3(out, size + o, 1, s * d2); add3(out, size + o + 6, 1, n * f)
+        add3(out, 2 * size + o, 1, s * d3); add3(out, 2 * size + o + 9, 1, n * f)
+        add3(out, 3 * size + o + 6, 1, (0.5 * s) * d3 - (0.5 * n) * k3); add3(out, 3 * size + o + 9, 1, (0.5 * n) * k2 - (0.5 * s) * d2)
+        add3(out, 4 * size + o + 9, 1, (0.5 * s) * d1 - (0.5 * n) * k1); add3(out, 4 * size + o + 3, 1, (0.5 * n) * k3 - (0.5 * s) * d3)
+        add3(out, 5 * size + o + 3, 1, (0.5 * s) * d2 - (0.5 * n) * k2); add3(out, 5 * size + o + 6, 1, (0.5 * n) * k1 - (0.5 * s) * d1)
+        add3(out, 6 * size + o + 3, 1, (-0.5 * n) * d1); add3(out, 6 * size + o + 6, 1, (-0.5 * n) * d2); add3(out, 6 * size + o + 9, 1, (-0.5 * n) * d3)
 
 
 @kernel

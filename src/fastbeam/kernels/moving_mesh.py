@@ -3,7 +3,7 @@
 The momenta of the nodes and of the places of contacts are remembered: their means over a step are the discrete derivatives of
 the kinetic energy by rates, their changes those by coordinates. Energy and both momenta are kept by that.
 
-Arrays: q [12 N]; history [*]; raw [12 n + 2], [12 n] with n nodes an element; rows [6 n]; out [1]; momenta_out [12 N].
+Arrays: q [12 N]; history [*]; raw [12 n + 2], [84 n] with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; q_mid, q_end [12 N]; out [1]; momenta_out [12 N].
 """
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from .terms import Conserving, account, assemble, potential_energy, spread_nodes
 
 
 @kernel
-def put_rows(beam, e, q, raw, rows):
-    """Of coordinates to unknowns: vectors, and sums of directors cross vectors."""
+def put_rows(beam, e, q, raw, first, rows, at):
+    """Of coordinates, from `first` on, to unknowns, from `at` on: vectors, and sums of directors cross vectors."""
     for a in range(beam.node.shape[1]):
         moment = zero3()
         for d in range(3, 12, 3):
-            moment += cross(ld3(q, 12 * beam.node[e, a] + d, 1), ld3(raw, 12 * a + d, 1))
-        force = ld3(raw, 12 * a, 1)
+            moment += cross(ld3(q, 12 * beam.node[e, a] + d, 1), ld3(raw, first + 12 * a + d, 1))
+        force = ld3(raw, first + 12 * a, 1)
         for c in range(6):
-            rows[6 * a + c] = 0.0
-        add3(rows, 6 * a, 1, force)
-        add3(rows, 6 * a + 3, 1, moment)
+            rows[at + 6 * a + c] = 0.0
+        add3(rows, at + 6 * a, 1, force)
+        add3(rows, at + 6 * a + 3, 1, moment)
 
 
 @kernel
 def add_along(w, c, weight, way0, way1):
     """What the length of an element has of one point with stored energy; c: weight times its mean."""
     ways = (way0, way1)
-    n = w.column.shape[1]
+    n = w.column.shape[0] // 2
     value = 0.0
     bend = 0.0
     for i in range(7):
@@ -53,8 +53,8 @@ def add_along(w, c, weight, way0, way1):
         bend += (pull - 0.5 * c * w.stress[j] * w.scale[2, j] / w.scale[1, j]) * w.form[1, j] * w.scale[4, j]
         for side in range(2):
             for i in range(n):
-                w.column[side, i] += ways[side] * turn * w.left[j, i]
-                w.line[side, i] += ways[side] * pull * w.scale[1, j] * w.right[j, i]
+                w.column[n * side + i] += ways[side] * turn * w.left[n * j + i]
+                w.line[n * side + i] += ways[side] * pull * w.scale[1, j] * w.right[n * j + i]
     for side in range(2):
         w.force[n + side] += ways[side] * value
         for other in range(2):
@@ -94,17 +94,17 @@ def add_strains(beam, e, g, state, work):
     for i in range(7):
         both = c * 0.5 * (w.scale[0, i] + w.scale[1, i])
         for j in range(12 * n):
-            w.force[j] += both * w.stress[i] * w.left[i, j]
-        put_rows(beam, e, work.q_mid, w.left[i], w.rows[i])
-        put_rows(beam, e, work.q_end, w.right[i], w.lines[i])
+            w.force[j] += both * w.stress[i] * w.left[12 * n * i + j]
+        put_rows(beam, e, work.q_mid, w.left, 12 * n * i, w.rows, 6 * n * i)
+        put_rows(beam, e, work.q_end, w.right, 12 * n * i, w.lines, 6 * n * i)
     for i in range(7):
         both = c * 0.5 * (w.scale[0, i] + w.scale[1, i])
         for b in range(6 * n):
             x = 0.0
             for j in range(7):
-                x += w.d[i, j] * w.scale[1, j] * w.lines[j, b]
+                x += w.d[i, j] * w.scale[1, j] * w.lines[6 * n * j + b]
             for a in range(6 * n):
-                w.k[a, b] += both * x * w.rows[i, a]
+                w.k[a, b] += both * x * w.rows[6 * n * i + a]
 
 
 @kernel
@@ -123,8 +123,8 @@ def add_weight(beam, e, state, work):
             for side in range(2):
                 way = df if side == 1 else -df
                 w.force[12 * n + side] -= way * height
-                add3(w.column[side], 12 * a, 1, (-0.5 * m * way) * force)
-                add3(w.line[side], 12 * a, 1, (-0.5 * m * way) * force)
+                add3(w.column, 12 * (n * side + a), 1, (-0.5 * m * way) * force)
+                add3(w.line, 12 * (n * side + a), 1, (-0.5 * m * way) * force)
 
 
 @kernel
@@ -135,52 +135,61 @@ def add_iso(beam, e, work):
     for a in range(n):
         for b in range(n):
             for i in range(4):
-                x = ld3(work.q_mid, 12 * beam.node[e, a] + 3 * i, 1)
+                x = 12 * beam.node[e, a] + 3 * i
                 for j in range(4):
                     s = w.iso[4 * a + i, 4 * b + j]
                     if s == 0.0:
                         continue
-                    y = ld3(work.q_end, 12 * beam.node[e, b] + 3 * j, 1)
-                    row = 6 * a + (3 if i else 0)
-                    column = 6 * b + (3 if j else 0)
-                    put_pair(w.k, row, column, s, i, j, x, y)
+                    y = 12 * beam.node[e, b] + 3 * j
+                    row = 6 * a + (3 if i > 0 else 0)
+                    column = 6 * b + (3 if j > 0 else 0)
+                    if i > 0 and j > 0:
+                        put_spins(w.k, row, column, s, work.q_mid, x, work.q_end, y)
+                    elif i > 0:
+                        put_cross(w.k, row, column, s, work.q_mid, x)
+                    elif j > 0:
+                        put_cross(w.k, row, column, -s, work.q_end, y)
+                    else:
+                        for c in range(3):
+                            w.k[row + c, column + c] += s
 
 
 @kernel
-def put_pair(k, row, column, s, i, j, x, y):
-    """s times the derivative of x cross (or, i = 0, of) the change of a vector y that turns (j = 0: is free)."""
-    if i and j:
-        both = s * dot(x, y)
-        for c in range(3):
-            k[row + c, column + c] += both
-            for d in range(3):
-                k[row + c, column + d] -= s * y[c] * x[d]
-    elif i or j:
-        # x cross dy, and spin cross y = -y cross spin
-        z = s * x if i else (-s) * y
-        k[row, column + 1] -= z[2]
-        k[row, column + 2] += z[1]
-        k[row + 1, column] += z[2]
-        k[row + 1, column + 2] -= z[0]
-        k[row + 2, column] -= z[1]
-        k[row + 2, column + 1] += z[0]
-    else:
-        for c in range(3):
-            k[row + c, column + c] += s
+def put_spins(k, row, column, s, q_mid, x, q_end, y):
+    """s times the derivative of x cross (spin cross y) by the spin, of vectors at offsets x and y."""
+    both = 0.0
+    for c in range(3):
+        both += q_mid[x + c] * q_end[y + c]
+    for c in range(3):
+        k[row + c, column + c] += s * both
+        for d in range(3):
+            k[row + c, column + d] -= s * q_end[y + c] * q_mid[x + d]
 
 
 @kernel
-def add_turn(beam, e, a, work, raw, blocks):
-    """Change of the moment of forces on directors, raw [12] at node a, as these turn."""
+def put_cross(k, row, column, s, q, x):
+    """s times the matrix of the cross product with the vector at offset x."""
+    for c in range(3):
+        c1 = (c + 1) % 3
+        c2 = (c + 2) % 3
+        k[row + c, column + c1] -= s * q[x + c2]
+        k[row + c, column + c2] += s * q[x + c1]
+
+
+@kernel
+def add_turn(beam, e, a, work, raw, first):
+    """Change of the moment of forces on directors, those of node a in raw from `first` on, as these turn."""
+    blocks = work.blocks
     o = 48 * beam.block[e, a, a] + 27
     for i in range(3, 12, 3):
-        f = ld3(raw, i, 1)
-        d = ld3(work.q_end, 12 * beam.node[e, a] + i, 1)
-        s = 0.5 * dot(f, d)
+        d = 12 * beam.node[e, a] + i
+        s = 0.0
+        for c in range(3):
+            s += 0.5 * raw[first + i + c] * work.q_end[d + c]
         for c in range(3):
             blocks[o + 9 * c] -= s
             for k in range(3):
-                blocks[o + 8 * c + k] += 0.5 * d[c] * f[k]
+                blocks[o + 8 * c + k] += 0.5 * work.q_end[d + c] * raw[first + i + k]
 
 
 @kernel
@@ -188,11 +197,11 @@ def scatter(beam, e, work):
     """Element arrays into residual and tangent of the scene."""
     w = beam.scratch
     n = beam.node.shape[1]
-    put_rows(beam, e, work.q_mid, w.force, w.rows[0])
+    put_rows(beam, e, work.q_mid, w.force, 0, w.rows, 0)
     for a in range(n):
         for c in range(6):
-            work.r[8 * beam.row[e, a] + c] += w.rows[0, 6 * a + c]
-        add_turn(beam, e, a, work, w.force[12 * a:12 * a + 12], work.blocks)
+            work.r[8 * beam.row[e, a] + c] += w.rows[6 * a + c]
+        add_turn(beam, e, a, work, w.force, 12 * a)
         for b in range(n):
             o = 48 * beam.block[e, a, b]
             for c in range(6):
@@ -202,12 +211,12 @@ def scatter(beam, e, work):
         if beam.slot[e, side] < 0:
             continue
         work.r[8 * beam.row[e, n + side]] += w.force[12 * n + side]
-        put_rows(beam, e, work.q_mid, w.column[side], w.rows[0])
-        put_rows(beam, e, work.q_end, w.line[side], w.rows[1])
+        put_rows(beam, e, work.q_mid, w.column, 12 * n * side, w.rows, 0)
+        put_rows(beam, e, work.q_end, w.line, 12 * n * side, w.rows, 6 * n)
         for a in range(n):
             for c in range(6):
-                work.blocks[48 * beam.block[e, a, n + side] + 8 * c] += w.rows[0, 6 * a + c]
-                work.blocks[48 * beam.block[e, n + side, a] + c] += w.rows[1, 6 * a + c]
+                work.blocks[48 * beam.block[e, a, n + side] + 8 * c] += w.rows[6 * a + c]
+                work.blocks[48 * beam.block[e, n + side, a] + c] += w.rows[6 * n + 6 * a + c]
         for other in range(2):
             if beam.slot[e, other] >= 0:
                 work.blocks[48 * beam.block[e, n + side, n + other]] += w.corner[side, other]
@@ -238,7 +247,7 @@ def subtract_before(beam, state, work, h):
                 moment += cross(ld3(work.q_mid, 12 * beam.node[e, a] + i, 1), ld3(w.force, i, 1))
             add3(work.r, 8 * beam.row[e, a], 1, ld3(w.force, 0, 1))
             add3(work.r, 8 * beam.row[e, a] + 3, 1, moment)
-            add_turn(beam, e, a, work, w.force[0:12], work.blocks)
+            add_turn(beam, e, a, work, w.force, 0)
     for j in range(beam.places.shape[0]):
         work.r[8 * beam.place_rows[j]] -= 2.0 / h * state.history[p0 + 12 * beam.place[2] + j]
 
@@ -321,3 +330,17 @@ def energy_of_moving(beam, q, dofs, out):
             put_forms(beam, e, g, q, 0, 0, w.left)
             strains_at(w, 0, beam.reference)
             out[0] += 0.5 * h * beam.weight[g] * energy_at(w, 0, beam.stiffness)
+
+
+@kernel
+def momentum_sums(q, p, out):
+    """Add linear and angular momentum of nodes with momenta p [12 N] to out[1:4] and out[4:7], their sizes to out[7], out[8]."""
+    for i in range(q.shape[0] // 12):
+        for k in range(0, 12, 3):
+            pk = ld3(p, 12 * i + k, 1)
+            if k == 0:
+                add3(out, 1, 1, pk)
+                out[7] += dot(pk, pk)**0.5
+            x = cross(ld3(q, 12 * i + k, 1), pk)
+            add3(out, 4, 1, x)
+            out[8] += dot(x, x)**0.5

@@ -70,7 +70,7 @@ class MovingMesh:
         if beam.interpolation != "lagrange" or beam.strain != "simo_reissner":
             raise SceneError(f"{self.label}: needs interpolation='lagrange' and strain='simo_reissner', got "
                              f"{beam.interpolation!r} and {beam.strain!r}; make the beam with these")
-        if beam.section.is_damped:
+        if np.any(beam.section.damping):
             raise SceneError(f"{self.label}: its section has damping, which elements that move do not know; leave it out, or the "
                              "moving mesh")
         for slider in self.sliders:
