@@ -67,7 +67,7 @@ def rewrite(scene: Scene) -> Rewritten | None:
                   gravity=scene.gravity, project_velocities=scene.project_velocities)
     given.check()
     meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
-    contacts = [BallJoint(slider.point, mesh.contact(k), name=slider.name)
+    contacts = [BallJoint(mesh.contact(k), slider.point, name=slider.name)
                 for mesh in meshes for k, slider in enumerate(mesh.sliders)]
     kept = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
     out = Scene(*kept, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,

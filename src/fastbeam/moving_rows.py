@@ -66,6 +66,11 @@ def moving_weight(model: Model, q: Array) -> float:
     return total
 
 
+def place_rows(model: Model) -> Array:
+    """Rows of the places of contacts, which are no positions in space."""
+    return np.zeros(0, np.int64) if model.moving is None else np.concatenate([table.place_rows for table in model.moving.tables])
+
+
 def refuse_point(model: Model, name: str, owner: Any) -> None:
     """Refuse a material point of a beam whose elements move.
 

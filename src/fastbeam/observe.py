@@ -16,7 +16,7 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
-from .moving_rows import MeshRows, add_moving, moving_weight, refuse_point
+from .moving_rows import MeshRows, add_moving, moving_weight, place_rows, refuse_point
 from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
 from .resultants import Sections
@@ -386,7 +386,10 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
     if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
         out.append("total")
-    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
+    free = np.concatenate((_tied_rows(model), place_rows(model)))
+    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
+    if model.moving is not None and np.any(model.gravity):
+        return out
     if not len(model.loads) and not held and model.drag is None:
         out += ["lin_mom", "ang_mom"]
     return out

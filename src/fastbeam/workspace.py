@@ -34,7 +34,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
-                u=np.zeros(q * (rates or model.bodies is not None)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
+                u=np.zeros(q * (rates or model.bodies is not None or model.moving is not None)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned(8 * (n + 1)),
                 blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
                 panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
