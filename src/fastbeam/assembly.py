@@ -22,8 +22,8 @@ from .kernels.user_force import UserForces
 from .kernels.winch import Winches
 from .kernels.work import State, Work
 from .model import Model
-from .moving_tables import of_run
 from .twisting import sleeves_of_run
+from .workspace import moving_of_run
 
 Array = np.ndarray
 
@@ -81,7 +81,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     bodies, loads = (None, None) if static else (model.bodies, model.load_work())
     reactions = None if prescribed is None else MovedRows(prescribed)
     links = [x._replace(work=law_work) if isinstance(x, (UserForces, LineForces, Winches)) else x for x in model.links]
-    links = [of_run(x) if isinstance(x, MovingBeam) else x for x in links]
+    links = [moving_of_run(x) if isinstance(x, MovingBeam) else x for x in links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

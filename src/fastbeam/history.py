@@ -8,7 +8,8 @@ from .kernels.twist import TWIST
 
 class HistoryLayout:
     """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, supports that have let go,
-    coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, and controllers, in this order."""
+    coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, and controllers, in
+    this order."""
 
     slider_forces: Any
     accounts_loads: Any

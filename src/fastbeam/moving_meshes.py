@@ -1,6 +1,7 @@
 """Scenes with beams whose elements move with contacts: what the compiler takes in place of their sliders (theory.md 5.12).
 
-A contact is an element end, so its point is joined to a node of the beam. Its place s is the first coordinate of a node of its own.
+A contact is an element end, so its point is joined to a node of the beam. Its place s is the first coordinate of a node of its
+own.
 """
 from __future__ import annotations
 
@@ -35,6 +36,18 @@ class Moving(NamedTuple):
     def size(self) -> int:
         """Numbers in the history: momenta."""
         return sum(12 * int(table.place[2]) + table.places.size for table in self.tables)
+
+    def check(self, method: str | None, static: bool) -> None:
+        """Refuse what is no conserving step; method: one that it is compared with.
+
+        Raises
+        ------
+        SceneError
+        """
+        if static or method is not None:
+            what = "equilibria and modes know" if static else f"method {method!r} knows"
+            raise SceneError(f"moving mesh with slider {self.names[0]!r}: {what} no elements that move; compile the scene "
+                             "without MovingMesh" + (", contacts='exact' of solve_static has no mesh either" if static else ""))
 
     def start(self, q: Array, v: Array) -> Array:
         """These at coordinates and rates [12 N]."""

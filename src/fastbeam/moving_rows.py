@@ -39,8 +39,8 @@ class MeshRows:
         return names if self.moving is None else {**names, "sliders": list(self.moving.names), "moving_meshes": [1]}
 
 
-def add_moving(model: Model, state: State, p: Array, out: Array) -> None:
-    """Kinetic energy P . V - T and momenta of all moving beams, as `observe.motion` puts them; p [12 N]: momenta of the others."""
+def add_moving(model: Model, state: State, out: Array) -> None:
+    """Kinetic energy P . V - T and momenta of all moving beams, as `observe.motion` puts them."""
     if model.moving is None:
         return
     for table in model.moving.tables:

@@ -7,10 +7,11 @@ import numpy as np
 
 from .basis import Basis, build_basis
 from .errors import SceneError
-from .kernels.moving_beam import MovingBeam, Scratch
+from .kernels.moving_beam import MovingBeam
 from .numbering import NodeList
 from .scene import Beam, PointMass, Slider
 from .tables import strains_of
+from .workspace import scratch_of_moving
 
 Array = np.ndarray
 # differences of the strains of the reference along a beam that count as none
@@ -44,7 +45,7 @@ class Mesh:
         return self.beam.node(int(self.end[k]) * self.beam.degree)
 
     def slots(self) -> tuple[Array, Array]:
-        """Of every element the contacts that it lies between, or -1 [E, 2], and where its ends are between them, 0 to 1 [E, 2]."""
+        """Of every element the contacts that it lies between, or -1 [E, 2], and where its ends are there, 0 to 1 [E, 2]."""
         ends = self.beam.basis.element_ends
         fixed = np.concatenate(([0], self.end, [len(ends) - 1]))
         slot, share = [], []
@@ -100,21 +101,7 @@ class Mesh:
             np.array((beam.length,)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
             unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
-            rho[0] * np.asarray(gravity, dtype=float), scratch(n))
-
-
-def scratch(n: int) -> Scratch:
-    """Work arrays for elements of n nodes."""
-    size = 12 * n
-    return Scratch(np.zeros((4 * n, 4 * n)), np.zeros(size + 2), np.zeros(2 * size), np.zeros(2 * size), np.zeros((2, 2)),
-                   np.zeros(size + 2), np.zeros(7 * size), np.zeros(7 * size), np.zeros(42 * n), np.zeros(42 * n),
-                   np.zeros((7, 7)), np.zeros((2, 6, 7)), np.zeros((2, 7)), np.zeros((5, 7)), np.zeros((3, 6)), np.zeros(7),
-                   np.zeros((6 * n + 2, 6 * n + 2)))
-
-
-def of_run(table: MovingBeam) -> MovingBeam:
-    """The table with work arrays of one run."""
-    return table._replace(scratch=scratch(table.node.shape[1]))
+            rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n))
 
 
 def _reference(beam: Beam) -> Array:
@@ -128,8 +115,8 @@ def _reference(beam: Beam) -> Array:
     mean = np.asarray(strains.mean(axis=0))
     scale = np.array((1.0, 1.0, 1.0, *[1.0 / beam.length] * 3)) + np.abs(mean)
     if np.max(np.abs(strains - mean) / scale) > UNIFORM:
-        raise SceneError(f"moving mesh of {beam.label}: its curvature changes along it, and strains of its reference are taken at "
-                         "places that move; use a straight beam, an arc or a helix")
+        raise SceneError(f"moving mesh of {beam.label}: its curvature changes along it, and strains of its reference are taken "
+                         "at places that move; use a straight beam, an arc or a helix")
     mean[np.abs(mean) < UNIFORM * 1e-3 * scale] = 0.0
     return mean
 

@@ -145,7 +145,7 @@ class Observer:
         out: dict[str, Any] = {}
         if self.energy or self.momentum:
             self._motion(state.q, state.v)
-            add_moving(model, state, self._p, self._out)
+            add_moving(model, state, self._out)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
             self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
         if self.momentum:

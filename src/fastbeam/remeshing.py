@@ -24,8 +24,8 @@ class _Remeshed(Cut):
 def with_moving_meshes(scene: Scene) -> Scene:
     """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
 
-    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one each;
-    what refers to their ends, or slides on them, refers to the new beams. All else is taken as it is.
+    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one
+    each; what refers to their ends, or slides on them, refers to the new beams. All else is taken as it is.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ def with_moving_meshes(scene: Scene) -> Scene:
     on: dict[int, list[Slider]] = {}
     for slider in scene.sliders:
         if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
-            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams move, "
-                             "not those of paths, switches and nets")
+            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
+                             "move, not those of paths, switches and nets")
         on.setdefault(id(slider.beam), []).append(slider)
     new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}
     swap = _Remeshed(scene, new)
@@ -67,6 +67,6 @@ def _cut(beam: Beam, at: list[float]) -> Beam:
     parts = np.maximum(1, np.round(beam.n_elements * np.diff(fixed) / beam.length)).astype(int)
     ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
     if np.any(np.diff(fixed) <= 0.0):
-        raise SceneError(f"with_moving_meshes: contacts on {beam.label} stand at {', '.join(f'{x:.6g}' for x in at)} m: no element "
-                         "fits between contacts, or a contact and an end; start further apart")
+        raise SceneError(f"with_moving_meshes: contacts on {beam.label} stand at {', '.join(f'{x:.6g}' for x in at)} m: no "
+                         "element fits between contacts, or a contact and an end; start further apart")
     return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -1,13 +1,14 @@
 """Points of the elements of a beam whose mesh moves with its contacts: what they add to element arrays, theory.md 5.12.
 
-Element ends are shares of the places s of two neighbouring contacts (or of an end of the beam), x = (1 - f) s_a + f s_b, so that
-with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
+Element ends are shares of the places s of two neighbouring contacts (or of an end of the beam), x = (1 - f) s_a + f s_b, so
+that with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to 1, its length h, and xr = dx/dt at a point
 
     velocity  a - xr g/h,   a = sum N_A q_A',       T = 1/2 int rho (h a.a - 2 xr a.g + xr^2 g.g/h)
 
-Derivatives of T, of the strains and of h are discrete ones: products of means and differences of what rigid motions do not change.
+Derivatives of T, of the strains and of h are discrete ones: products of means and differences of what rigid motions do not
+change.
 
-Arrays: u, v, q, q0, q1 [12 N].
+Arrays: u, v, q [12 N]; shape [2, points, n]; reference [6]; stiffness [6, 6]; out [84 n].
 """
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import kernel
-from .algebra import add3, cross, dot, ld3, zero3
+from .algebra import add3, dot, ld3, zero3
 
 
 class Scratch(NamedTuple):
@@ -229,13 +230,21 @@ def put_forms(beam, e, g, q, end, slope, out):
     for a in range(beam.node.shape[1]):
         n = beam.shape[0, g, a]; s = beam.shape[1, g, a]
         o = 12 * a
+        half, turn = 0.5 * n, 0.5 * s
         add3(out, o, 1, s * f)
-        add3(out, size + o, 1, s * d2); add3(out, size + o + 6, 1, n * f)
-        add3(out, 2 * size + o, 1, s * d3); add3(out, 2 * size + o + 9, 1, n * f)
-        add3(out, 3 * size + o + 6, 1, (0.5 * s) * d3 - (0.5 * n) * k3); add3(out, 3 * size + o + 9, 1, (0.5 * n) * k2 - (0.5 * s) * d2)
-        add3(out, 4 * size + o + 9, 1, (0.5 * s) * d1 - (0.5 * n) * k1); add3(out, 4 * size + o + 3, 1, (0.5 * n) * k3 - (0.5 * s) * d3)
-        add3(out, 5 * size + o + 3, 1, (0.5 * s) * d2 - (0.5 * n) * k2); add3(out, 5 * size + o + 6, 1, (0.5 * n) * k1 - (0.5 * s) * d1)
-        add3(out, 6 * size + o + 3, 1, (-0.5 * n) * d1); add3(out, 6 * size + o + 6, 1, (-0.5 * n) * d2); add3(out, 6 * size + o + 9, 1, (-0.5 * n) * d3)
+        add3(out, size + o, 1, s * d2)
+        add3(out, size + o + 6, 1, n * f)
+        add3(out, 2 * size + o, 1, s * d3)
+        add3(out, 2 * size + o + 9, 1, n * f)
+        add3(out, 3 * size + o + 6, 1, turn * d3 - half * k3)
+        add3(out, 3 * size + o + 9, 1, half * k2 - turn * d2)
+        add3(out, 4 * size + o + 9, 1, turn * d1 - half * k1)
+        add3(out, 4 * size + o + 3, 1, half * k3 - turn * d3)
+        add3(out, 5 * size + o + 3, 1, turn * d2 - half * k2)
+        add3(out, 5 * size + o + 6, 1, half * k1 - turn * d1)
+        add3(out, 6 * size + o + 3, 1, (-half) * d1)
+        add3(out, 6 * size + o + 6, 1, (-half) * d2)
+        add3(out, 6 * size + o + 9, 1, (-half) * d3)
 
 
 @kernel

@@ -3,14 +3,15 @@
 The momenta of the nodes and of the places of contacts are remembered: their means over a step are the discrete derivatives of
 the kinetic energy by rates, their changes those by coordinates. Energy and both momenta are kept by that.
 
-Arrays: q [12 N]; history [*]; raw [12 n + 2], [84 n] with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; q_mid, q_end [12 N]; out [1]; momenta_out [12 N].
+Arrays: q, q_mid, q_end, v [12 N]; raw [84 n], with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; p [12 N]; out [9], of
+`potential_energy` [1].
 """
 from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, zero3
-from .moving_beam import (MovingBeam, add_inertia, add_momenta, add_shape_stiffness, clear_element, energy_at, put_forms, put_scales, put_slopes,
-                          put_stresses, rate_of, size_of, strains_at, sum_of)
+from .moving_beam import (MovingBeam, add_inertia, add_momenta, add_shape_stiffness, clear_element, energy_at, put_forms,
+                          put_scales, put_slopes, put_stresses, rate_of, size_of, strains_at, sum_of)
 from .terms import Conserving, account, assemble, potential_energy, spread_nodes
 
 
@@ -224,7 +225,7 @@ def scatter(beam, e, work):
 
 @kernel
 def sum_momenta(beam, e, state, work, h):
-    w = beam.scratch
+    """Mean momenta of an element into its scratch."""
     for g in range(beam.mass_point.shape[1]):
         for k in range(4):
             if beam.rho[k] != 0.0:

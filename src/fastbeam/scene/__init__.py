@@ -33,7 +33,7 @@ from fastbeam.scene.winch import Winch
 __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
     "DistributedLoad", "Drag", "Drive", "FittedCurve", "Friction", "GROUND", "Helix", "InitialVelocity", "LineForce", "Load",
-    "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
+    "Lock", "MovingMesh", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
     "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section", "Signal",
     "Sleeve", "Slider", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint", "UserForce", "Winch",
 ]

@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch
-        | Controller | MovingMesh)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch | Controller | MovingMesh)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
                            InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
                            Winch, Controller, MovingMesh)
