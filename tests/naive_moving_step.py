@@ -1,8 +1,8 @@
-"""The conserving step on a mesh that moves (theory.md 5.12) in plain NumPy, in space, with directors: what it lacks of balance at
-a given start and end.
+"""The conserving step on a mesh that moves (theory.md 5.12) in plain NumPy, in space, with directors: what it lacks of balance
+at a given start and end.
 
-One beam from 0 to `length` with one contact. q, v [n, 4, 3] of its nodes at both ends of a step, s and ds/dt; P0 are the momenta at
-the start. All is written with whole arrays, and discrete derivatives by the names of their factors.
+One beam from 0 to `length` with one contact. q, v [n, 4, 3] of its nodes at both ends of a step, s and ds/dt; P0 are the momenta
+at the start. All is written with whole arrays, and discrete derivatives by the names of their factors.
 """
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Step:
         # weight
         mean = 0.5 * (start.q + end.q)
         lumps = self.w @ self.N
-        np.add.at(out[:, 0], self.at, self.rho[0] * (0.5 * (h0 + h1)) [..., None] * lumps[:, None] * self.gravity)
+        np.add.at(out[:, 0], self.at, self.rho[0] * (0.5 * (h0 + h1))[..., None] * lumps[:, None] * self.gravity)
         of_size += self.rho[0] * np.einsum("n,enc,c->e", lumps, mean[self.at][:, :, 0], self.gravity)
         stored, by_size = self._stored(start, end, 0.5 * (h0 + h1), h0, h1)
         return out - stored, float(self.way @ (of_size - by_size))
@@ -91,7 +91,8 @@ class Step:
         Q = [a * b for a, b in zip(forms, scales)]
         r = [np.sqrt(2.0 * a[..., 0] - a[..., 1]**2 - a[..., 2]**2) for a in Q]
         c = [1.75 + a[..., 6] for a in Q]
-        E = [np.concatenate((x[..., None], a[..., 1:3], y[..., None] * a[..., 3:6]), axis=-1) - self.E0 for x, y, a in zip(r, c, Q)]
+        E = [np.concatenate((x[..., None], a[..., 1:3], y[..., None] * a[..., 3:6]), axis=-1) - self.E0
+             for x, y, a in zip(r, c, Q)]
         S, mean = 0.5 * (E[0] + E[1]) @ self.C, 0.5 * (Q[0] + Q[1])
         s = np.zeros_like(mean)
         s[..., 0] = S[..., 0] / (0.5 * (r[0] + r[1]))
