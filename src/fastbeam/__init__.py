@@ -12,12 +12,13 @@ __version__ = "0.1.0"
 _WHERE = {
     "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
               "DistributedLoad", "Drag", "Drive", "ForceElement", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load",
-              "Lock", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
+              "Lock", "MovingMesh", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
               "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
               "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "Switch", "UniversalJoint", "UserForce",
               "Winch"],
     "errors": ["BackendError", "ConvergenceError", "Interrupted", "ResultFileError", "SceneError"],
     "compile": ["compile_scene"],
+    "remeshing": ["with_moving_meshes"],
     "checkpoint": ["Checkpoint", "load_checkpoint"],
     "run": ["simulate"],
     "statics": ["solve_static"],
@@ -49,7 +50,8 @@ if TYPE_CHECKING:
         CylindricalJoint as CylindricalJoint,
         Damper as Damper, DistanceJoint as DistanceJoint, DistributedLoad as DistributedLoad, Drag as Drag, Drive as Drive,
         ForceElement as ForceElement, Friction as Friction, GROUND as GROUND,
-        InitialVelocity as InitialVelocity, LineForce as LineForce, Load as Load, Lock as Lock, Net as Net,
+        InitialVelocity as InitialVelocity, LineForce as LineForce, Load as Load, Lock as Lock,
+        MovingMesh as MovingMesh, Net as Net,
         NodeRef as NodeRef, OneSided as OneSided, Path as Path, Pin as Pin, PlanarJoint as PlanarJoint, PointMass as PointMass,
         PrescribedMotion as PrescribedMotion, PrismaticJoint as PrismaticJoint, Release as Release,
         RevoluteJoint as RevoluteJoint, RigidBody as RigidBody, RigidConnection as RigidConnection, RigidMotion as RigidMotion,
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
         ResultFileError as ResultFileError, SceneError as SceneError,
     )
     from .compile import compile_scene as compile_scene
+    from .remeshing import with_moving_meshes as with_moving_meshes
     from .checkpoint import Checkpoint as Checkpoint, load_checkpoint as load_checkpoint
     from .run import simulate as simulate
     from .statics import solve_static as solve_static

@@ -12,6 +12,7 @@ from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
 from .kernels.force_element import ForceElements
 from .kernels.line_force import LineForces
+from .kernels.moving_beam import MovingBeam
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.sleeve import Rubbing, Sleeves
 from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
@@ -24,6 +25,7 @@ from .kernels.winch import Winches
 from .kernels.work import State, Work
 from .model import Model
 from .twisting import sleeves_of_run
+from .workspace import moving_of_run
 
 Array = np.ndarray
 # tables of forces by laws of the triad
@@ -85,6 +87,7 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     links = [x._replace(work=law_work) if isinstance(x, (*LAWS, ForceElements, LineForces, Winches)) else x for x in model.links]
     # shares are those of a run: paths change them
     links = [x._replace(share=x.share.copy()) if isinstance(x, LAWS) else x for x in links]
+    links = [moving_of_run(x) if isinstance(x, MovingBeam) else x for x in links]
     free: tuple[Any, ...] = ()
     if motion is not None:
         free = motion.static_terms if static else motion.known if known else motion.terms

@@ -36,6 +36,7 @@ from .kernels.ties import Ties
 from .kernels.winch import Winches
 from .links import Links
 from .model import Model
+from .moving_meshes import initial, rewrite, with_tables
 from .numbered import number
 from .numbering import NodeList
 from .ordering import Blocks, Ordered, order
@@ -96,22 +97,27 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     if not isinstance(scene, Scene):
         raise SceneError(f"compile_scene: needs a Scene, got {shown(scene)}; put the parts into one: "
                          "model = fb.compile_scene(fb.Scene(beam, ...))")
+    as_given, moving = scene, rewrite(scene)
+    if moving is not None:
+        if planar is True:
+            raise _out_of_plane(scene, "moving meshes run in space")
+        scene, planar, condense = moving.scene, False, False
     scene.check()
     numbered = number(scene)
-    unpacked = unpack(scene, numbered)
+    unpacked = unpack(scene, numbered, None if moving is None else initial(moving, numbered))
     found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)
     ordered = order(numbered, condensed, solver, eliminate_inner, len(scene.sliders) + len(unpacked.kept) + len(scene.sleeves))
-    model = pack(scene, unpacked, condensed, ordered)
+    model = with_tables(pack(scene, unpacked, condensed, ordered), moving, ordered.blocks)
     plane = None if found is None else pack_plane(model, found, condensed.packers)
     # a copy of the scene, because the user may add parts to it before other models of it are compiled
-    as_compiled = copy(scene)
-    as_compiled.parts = list(scene.parts)
+    as_compiled, numbered_as = copy(as_given), copy(scene)
+    as_compiled.parts, numbered_as.parts = list(as_given.parts), list(scene.parts)
     model = replace(
         model, plane=plane, not_planar=not_planar, asked_for_plane=planar is True,
-        find_holding=partial(_holding, as_compiled, numbered.nodes, numbered.joints),
+        find_holding=partial(_holding, numbered_as, numbered.nodes, numbered.joints),
         massless=tuple(beam.label for beam in scene.beams if _is_massless(scene, beam)),
         uneliminated=Variant(as_compiled, solver="sparse", eliminate_inner=False, condense=False),
         uncondensed=Variant(as_compiled, solver=solver, eliminate_inner=eliminate_inner, planar=False, condense=False))

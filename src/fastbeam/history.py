@@ -8,7 +8,8 @@ from .kernels.twist import TWIST
 
 class HistoryLayout:
     """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, supports that have let go,
-    coordinates of joints, sleeves that rub on beams that turn in them, and controllers, in this order."""
+    coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, and controllers, in
+    this order."""
 
     slider_forces: Any
     accounts_loads: Any
@@ -19,12 +20,18 @@ class HistoryLayout:
     released: Any
     motions: Any
     twisting: Any
+    moving: Any
     controllers: Any
 
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before, and controllers, whose numbers come last."""
-        return self.twist_place + TWIST * int(self.twisting.size) + sum(one.size for one in self.controllers)
+        return self.moving_place + (0 if self.moving is None else int(self.moving.size)) + sum(x.size for x in self.controllers)
+
+    @property
+    def moving_place(self) -> int:
+        """Where the momenta of moving meshes begin."""
+        return self.twist_place + TWIST * int(self.twisting.size)
 
     @property
     def twist_place(self) -> int:

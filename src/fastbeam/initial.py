@@ -45,7 +45,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
         x[np.abs(x) < NO_VELOCITY] = 0.0
     tied = joints.tied
     masses = [nodes.start(mass) for mass in scene.masses if mass.velocity is None and tied[nodes.start(mass)]]
-    v[masses], omega[masses] = (x[masses] for x in _tied_velocities(nodes, joints, v, omega))
+    v[masses], omega[masses] = (x[masses] for x in tied_velocities(nodes, joints, v, omega))
     changed = ""
     held = held_at_start(scene, nodes, joints, lines)
     wrong = _mismatch(scene, nodes, joints, v, omega, lines, kept, held, moving)
@@ -69,7 +69,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     for x, of, which in ((v, moving[0], held_axes(joints.held) & ~tied[:, None]),
                          (omega, moving[1], (joints.held & 56 != 0) & (joints.spin_root == np.arange(n)))):
         x[which] = of[which]
-    follows = _tied_velocities(nodes, joints, v, omega)
+    follows = tied_velocities(nodes, joints, v, omega)
     v[tied], omega[tied] = (x[tied] for x in follows)
     q = np.zeros((n, 4, 3))
     q[:, 0], q[:, 1:] = nodes.phi, nodes.directors
@@ -206,7 +206,7 @@ def _follow_sliders(scene: Scene, nodes: NodeList, v: Array, lines: list[tuple[A
         v[[nodes.start(point) for point in winch.points]] = (1.0 - share) * ends[0] + share * ends[1]
 
 
-def _tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:
+def tied_velocities(nodes: NodeList, joints: Connections, v: Array, omega: Array) -> tuple[Array, Array]:
     """Velocity and spin that the entries of tied nodes give them, both [N, 3]; zero and their own where there are none."""
     owner, kind, target = joints.owner, joints.kind, joints.target
     spin = omega.copy()
@@ -227,7 +227,7 @@ def _mismatch(scene: Scene, nodes: NodeList, joints: Connections, v: Array, omeg
     size = _size(nodes)
     tied, turning = joints.tied, nodes.rank != 9
     alone = joints.spin_root == np.arange(len(v))
-    velocity, spin = _tied_velocities(nodes, joints, v, omega)
+    velocity, spin = tied_velocities(nodes, joints, v, omega)
     out = []
     for what, error, where in (
             ("connection of {}", v - velocity, tied),

@@ -217,6 +217,7 @@ class Links:
         pairs = np.concatenate((_nodes_of(scene.balls, nodes), hinges))
         self.nodes, self._root, self._spin_root = nodes, joints.row_root, joints.spin_root
         self.loaded, self.ropes = Loaded(scene, nodes), Ropes(scene, nodes)
+        self.meshes = scene.moving
         self.groups: list[Group] = []
         known = {entry.noun for entry in REGISTRY}
         for x in scene.links:
@@ -261,7 +262,8 @@ class Links:
     @property
     def touched(self) -> Array:
         """All nodes that a link or a user force touches; they are not eliminated inside elements and beams."""
-        own = self.loaded.node, self.ropes.node.reshape(-1)
+        own = [self.loaded.node, self.ropes.node.reshape(-1)]
+        own += [nodes[nodes >= 0] for nodes in (mesh.nodes(self.nodes) for mesh in self.meshes)]
         return np.unique(np.concatenate([*own, *(group.node.reshape(-1) for group in self.groups)]))
 
     @property
@@ -269,6 +271,7 @@ class Links:
         """Pairs of nodes i, j that links couple, as i N + j."""
         n = len(self.nodes)
         out = [np.zeros(0, np.int64), *self.ropes.pairs(self._root)]
+        out += [mesh.pairs(self.nodes, self._root) for mesh in self.meshes]
         # forces on what joints leave free couple their nodes, whatever conditions these have
         free = np.array([at for _, at, _ in self.freedoms], np.int64).reshape(-1, 2)
         for node in (*(group.node for group in self.groups if group.entry.couples), free):

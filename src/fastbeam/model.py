@@ -115,6 +115,8 @@ class Model(HistoryLayout):
         of both hold the same numbers of the steps before.
     user_forces, needs_forward_steps, controllers : tuple
         Names of the forces by laws of the user's own, and of those among them that dissipate; controllers.
+    moving : moving_meshes.Moving or None
+        Beams whose elements move with contacts.
     find_holding : callable that makes `holding` when it is first asked for
     """
 
@@ -180,6 +182,7 @@ class Model(HistoryLayout):
     user_forces: tuple[str, ...] = ()
     needs_forward_steps: tuple[str, ...] = ()
     controllers: tuple[Any, ...] = ()
+    moving: Any = None
     find_holding: Callable[[], Holding] | None = None
 
     @cached_property
@@ -371,6 +374,8 @@ class Model(HistoryLayout):
         history = np.zeros(self.history_size)
         if self.slider_forces is not None:
             history[:self.work_place] = self.slider_forces.initial_history
+        if self.moving is not None:
+            history[self.moving_place:][:self.moving.size] = self.moving.start(self.q0, self.v0)
         own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
         history[history.size - len(own):] = own
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)

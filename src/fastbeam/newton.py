@@ -131,6 +131,8 @@ class Stepper:
             check_forces(method, self.weights.size > 1, model, core)
         check_motions(model.motions, method.name if compared else None, self.weights.size)
         check_twist(model, static)
+        if model.moving is not None:
+            model.moving.check(method.name if compared else None, static)
         if core.motions is not None and core.motions.rows.size:
             self.motion = core.motions.work(core)
             if memory is None:

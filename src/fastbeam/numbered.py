@@ -75,6 +75,8 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
             found.append(nodes.start(net) + pairs)
     for mass in scene.masses:
         held[nodes.start(mass)] = 56
+    for mesh in scene.moving:
+        held[[nodes.start(place) for place in mesh.places]] = 62
     held[nodes.ground] = 63
     always = held.copy()
     for support in [*scene.pins, *scene.prescribed, *scene.clamps]:

@@ -16,6 +16,7 @@ from .kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from .kernels.work import State
 from .load_times import factor_at
 from .model import Model
+from .moving_rows import MeshRows, add_moving, moving_weight, place_rows, refuse_point
 from .readings import ALONG, EXCHANGED, FREE, IN_JOINTS, TWISTING
 from .result import ResultHeader
 from .resultants import Sections
@@ -62,6 +63,7 @@ class Observer:
         if "inner" in kinds and ropes_of(model) is not None:
             raise SceneError("observe: 'inner' does not know the ropes of winches; leave it out")
         self.slider = "slider" in kinds and model.n_sliders > 0
+        self.meshes = MeshRows(model.moving if "slider" in kinds else None)
         self.points = {name: place_of(model, name, what) for name, what in (points or {}).items()}
         self.of_nodes = "velocity" in kinds
         self.velocity = self.of_nodes and bool(self.points)
@@ -99,6 +101,7 @@ class Observer:
         if self.moments:
             out["contact_moment"] = (self.model.n_sliders, 3)
             out |= dict.fromkeys(TWISTING, (self.model.n_sliders,)) if self.model.twisting.size else {}
+        out |= self.meshes.series()
         if self.slider:
             s = self.model.n_sliders
             out |= {"gap": (s,), "s_slide": (s,), "contact_force": (s, 3), "slider_position": (s, 3)}
@@ -142,6 +145,7 @@ class Observer:
         out: dict[str, Any] = {}
         if self.energy or self.momentum:
             self._motion(state.q, state.v)
+            add_moving(model, state, self._out)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
             self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
         if self.momentum:
@@ -157,7 +161,7 @@ class Observer:
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             self._weight = weight_energy(model, state.q)
-            out["gravity"] += self._weight
+            out["gravity"] += self._weight + moving_weight(model, state.q)
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             if model.slider_forces is not None:
                 out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
@@ -166,6 +170,7 @@ class Observer:
             self.scale["total"] = max(self.scale["total"], out["kinetic"], abs(out["potential"]))
         if self.inner:
             out |= self._inner(state)
+        out |= self.meshes.row(state)
         if self.slider:
             kernels.slider_points(model.curves, model.sliders, self._contact, state.q, state.s, self._gap)
             out["gap"], out["s_slide"] = self._gap.copy(), state.s.copy()
@@ -352,6 +357,7 @@ class Observer:
             names |= {"until": list(model.released.names), "history": [model.release_place]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
+        names = self.meshes.named(names)
         return ResultHeader(model_text=str(model), info=info, names=names, n_nodes=model.n_nodes, series=self.series(),
                             velocities=moving and self.of_nodes)
 
@@ -379,7 +385,10 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     exchanging = any(x is not None and x.exchanges for x in (model.slider_forces, model.motions))
     if not (model.accounts_loads or model.losses or model.works or exchanging or filtered):
         out.append("total")
-    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, _tied_rows(model))))
+    free = np.concatenate((_tied_rows(model), place_rows(model)))
+    held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
+    if model.moving is not None and np.any(model.gravity):
+        return out
     if not len(model.loads) and not held and model.drag is None:
         out += ["lin_mom", "ang_mom"]
     return out
@@ -400,6 +409,7 @@ def place_of(model: Model, name: str, what: Any) -> tuple[Array, Array]:
     """Nodes [m] and weights [m, 4] of their positions and directors that make up an observed point."""
     if isinstance(what, tuple) and len(what) == 2 and isinstance(what[0], Beam):
         owner, s = what[0], what[1]
+        refuse_point(model, name, owner)
         at = real(s)
         if at is None or not 0.0 <= at <= owner.length:
             raise SceneError(f"point {name!r}: s={shown(s)} lies outside {owner.label} (0 to {owner.length:.6g} m)")

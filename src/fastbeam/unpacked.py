@@ -81,8 +81,8 @@ class Unpacked:
         return self.numbered.joints
 
 
-def unpack(scene: Scene, numbered: Numbered) -> Unpacked:
-    """Arrays of a scene whose nodes have numbers.
+def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpacked:
+    """Arrays of a scene whose nodes have numbers; known: its initial state, where that is not what the scene says.
 
     Raises
     ------
@@ -90,9 +90,10 @@ def unpack(scene: Scene, numbered: Numbered) -> Unpacked:
         Initial velocities that a connection, a support or a slider does not allow.
     """
     nodes, joints, kept = numbered.nodes, numbered.joints, numbered.links.kept
-    elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]]
+    elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
+                if all(part is not mesh.beam for mesh in scene.moving)]
     loads = _loads(scene, nodes, elements, joints.row_root)
-    state, projected = initial_state(scene, nodes, joints, elements, kept)
+    state, projected = (known, "") if known is not None else initial_state(scene, nodes, joints, elements, kept)
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
@@ -100,9 +101,15 @@ def unpack(scene: Scene, numbered: Numbered) -> Unpacked:
                     prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements))
 
 
+def _with_mass(scene: Scene) -> list[Any]:
+    """Bodies and masses, without the places of moving meshes."""
+    places = {id(place) for mesh in scene.moving for place in mesh.places}
+    return [part for part in [*scene.bodies, *scene.masses] if id(part) not in places]
+
+
 def _bodies(scene: Scene, nodes: NodeList) -> tuple[Array, Array]:
     """Nodes [B] of bodies and masses, and their inertia [B, 4, 4]."""
-    parts = [*scene.bodies, *scene.masses]
+    parts = _with_mass(scene)
     number = [np.array([nodes.start(p) for p in parts], np.int64)]
     inertia = [np.zeros((len(parts), 4, 4))]
     for k, part in enumerate(parts):
@@ -134,7 +141,7 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
     at = [part.nodes.reshape(-1) for part in elements]
     share = [(part.inertia[part.section, :1] * part.mass_phi.sum(axis=2)).reshape(-1) for part in elements]
     weight = np.bincount(np.concatenate(at), np.concatenate(share), minlength=n) if at else np.zeros(n)
-    for body in [*scene.bodies, *scene.masses]:
+    for body in _with_mass(scene):
         weight[nodes.start(body)] += body.mass
     for net in scene.nets:
         if net.masses is not None:

@@ -8,6 +8,7 @@ import numpy as np
 from .errors import SceneError
 from .kernels.inner import Inner
 from .kernels.layout import NODES, POINTS, layout_of
+from .kernels.moving_beam import MovingBeam, Scratch
 from .kernels.nodes import NODES_SCRATCH
 from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
 from .kernels.substructures import Substructures, front_size, place_stores
@@ -28,13 +29,14 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
     # what is not a beam takes the coordinates from these
     moved = q * (rates or bool(model.links) or any(
         x is not None for x in (model.sliders, model.ties, model.bodies, model.drag)))
+    second = model.bodies is not None or model.moving is not None
     border = model.border * model.n_constraints
     # what only a dense border needs
     dense = 0 if model.by_rows or model.carriers is not None else border
     panel = 0 if model.by_rows else size * model.panel_rows * model.width
     theta = _padded((size - model.dim) * n)
     return Work(dphi=_padded(model.dim * n), theta=theta, q_mid=np.zeros(moved), q_end=np.zeros(moved),
-                u=np.zeros(q * (rates or model.bodies is not None)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
+                u=np.zeros(q * (rates or second)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned(8 * (n + 1)),
                 blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
                 panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
@@ -154,3 +156,17 @@ def law_work() -> Array:
     work = np.zeros(SIZE)
     work[FACTOR] = 1.0
     return work
+
+
+def scratch_of_moving(n: int) -> Scratch:
+    """Work arrays of beams whose elements move, for elements of n nodes."""
+    size = 12 * n
+    return Scratch(np.zeros((4 * n, 4 * n)), np.zeros(size + 2), np.zeros(2 * size), np.zeros(2 * size), np.zeros((2, 2)),
+                   np.zeros(size + 2), np.zeros(7 * size), np.zeros(7 * size), np.zeros(42 * n), np.zeros(42 * n),
+                   np.zeros((7, 7)), np.zeros((2, 6, 7)), np.zeros((2, 7)), np.zeros((5, 7)), np.zeros((3, 6)), np.zeros(7),
+                   np.zeros((6 * n + 2, 6 * n + 2)))
+
+
+def moving_of_run(table: MovingBeam) -> MovingBeam:
+    """The table with work arrays of one run."""
+    return table._replace(scratch=scratch_of_moving(table.node.shape[1]))

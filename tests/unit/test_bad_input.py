@@ -30,6 +30,7 @@ SECTION = fb.Section.circle(radius=0.02, E=1e6, rho=1000.0)
 BEAM = fb.Beam.straight("boom", (0, 0, 0), (2, 0, 0), section=SECTION, elements=2, degree=2)
 RAIL = fb.Beam.straight("rail", (0, 1, 0), (2, 1, 0), section=SECTION, elements=2, degree=2)
 MASS = fb.PointMass("bead", mass=0.1)
+MIDDLE = fb.Slider("middle", MASS, RAIL, at=1.0)
 AROUND = fb.Path("around", [BEAM], closed=True)
 ACROSS = fb.Beam.straight("across", (1, -1, 0), (1, 1, 0), section=SECTION, elements=2, degree=2)
 POINTS = fb.Switch("points", [BEAM, RAIL])
@@ -386,6 +387,9 @@ def calls(folder: Path) -> dict[str, Call]:
         "Switch.places": Call(POINTS.places, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
         "Switch.locate": Call(POINTS.locate, dict(s=0.5), dict(s=is_real)),
         "Switch.reference": Call(POINTS.reference, dict(s=[0.5]), dict(s=either(is_real, VECTOR))),
+        "MovingMesh": Call(fb.MovingMesh, dict(beam=RAIL, sliders=MIDDLE), dict(
+            beam=A_BEAM, sliders=either(is_a(fb.Slider), is_list_of(is_a(fb.Slider))), velocity=FIELD, spin=FIELD)),
+        "with_moving_meshes": Call(fb.with_moving_meshes, dict(scene=fb.Scene(RAIL, MASS, MIDDLE)), dict(scene=is_a(fb.Scene))),
         "Slider": Call(fb.Slider, dict(name="s", point=MASS, beam=RAIL, at=0.5),
                        dict(name=is_text, point=NODE, beam=A_TRACK, on=A_TRACK, at=is_real, rate=is_real, curve=is_text,
                             friction=is_real, drive=is_a(fb.Drive), stops=is_a(fb.Stops), **LOCKED)),

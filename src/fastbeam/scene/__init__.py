@@ -14,6 +14,7 @@ from fastbeam.scene.joints import PrismaticJoint, RevoluteJoint
 from fastbeam.scene.force_element import ForceElement
 from fastbeam.scene.line_force import LineForce
 from fastbeam.scene.locks import Lock, OneSided, Release
+from fastbeam.scene.moving_mesh import MovingMesh
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, DistributedLoad, InitialVelocity, Load, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -34,7 +35,7 @@ from fastbeam.scene.winch import Winch
 __all__ = [
     "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
     "DistributedLoad", "Drag", "Drive", "FittedCurve", "ForceElement", "Friction", "GROUND", "Helix", "InitialVelocity",
-    "LineForce", "Load", "Lock", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass",
+    "LineForce", "Load", "Lock", "MovingMesh", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass",
     "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
     "Section", "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint",
     "UserForce", "Winch",

@@ -21,6 +21,7 @@ from fastbeam.scene.fixed import Ground
 from fastbeam.scene.follower import as_force
 from fastbeam.scene.axis_joint import AxisJoint
 from fastbeam.scene.links import Link
+from fastbeam.scene.moving_mesh import MovingMesh
 from fastbeam.scene.nets import Net, NetBeam
 from fastbeam.scene.parts import (
     BallJoint, DistributedLoad, InitialVelocity, Load, Node, PointMass, RigidBody, RigidConnection, RigidMotion,
@@ -39,11 +40,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch
-        | Controller)
+        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch | Controller | MovingMesh)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
                            InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
-                           Winch, Controller)
+                           Winch, Controller, MovingMesh)
 PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
@@ -106,6 +106,7 @@ class Scene(notebook.Parts):
     """
 
     kind: ClassVar[str] = "scene"
+    moving: tuple[Any, ...] = ()  # moving_tables.Mesh, of scenes that the compiler makes
 
     def __init__(self, *parts: Part, name: str = "scene", gravity: ArrayLike = (0.0, 0.0, 0.0),
                  gravity_time: TimeFactor | None = None, project_velocities: bool = False) -> None:

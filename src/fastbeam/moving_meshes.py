@@ -1,0 +1,181 @@
+"""Scenes with beams whose elements move with contacts: what the compiler takes in place of their sliders (theory.md 5.12).
+
+A contact is an element end, so its point is joined to a node of the beam. Its place s is the first coordinate of a node of its
+own.
+"""
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .errors import SceneError
+from .kernels.work import State
+from .initial import tied_velocities
+from .moving_tables import Mesh, momenta
+from .numbered import Numbered, number
+from .scene import (BallJoint, Beam, Clamp, InitialVelocity, Load, MovingMesh, Pin, PointMass, RigidBody,
+                    RigidConnection, RigidMotion, Scene, Slider, Spring)
+from .unpacked import unpack
+
+Array = np.ndarray
+TAKEN = (Beam, PointMass, RigidBody, BallJoint, RigidConnection, Clamp, Pin, Load, Slider, Spring, InitialVelocity, RigidMotion,
+         MovingMesh)
+
+
+class Moving(NamedTuple):
+    """What a model knows of its moving meshes: the terms, names of contacts, their places (nodes), nodes of the beams there."""
+
+    tables: tuple[Any, ...]
+    names: list[str]
+    places: Array
+    contacts: Array
+
+    @property
+    def size(self) -> int:
+        """Numbers in the history: momenta."""
+        return sum(12 * int(table.place[2]) + table.places.size for table in self.tables)
+
+    def check(self, method: str | None, static: bool) -> None:
+        """Refuse what is no conserving step; method: one that it is compared with.
+
+        Raises
+        ------
+        SceneError
+        """
+        if static or method is not None:
+            what = "equilibria and modes know" if static else f"method {method!r} knows"
+            raise SceneError(f"moving mesh with slider {self.names[0]!r}: {what} no elements that move; compile the scene "
+                             "without MovingMesh" + (", contacts='exact' of solve_static has no mesh either" if static else ""))
+
+    def start(self, q: Array, v: Array) -> Array:
+        """These at coordinates and rates [12 N]."""
+        return np.concatenate([momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)) for table in self.tables])
+
+
+class Rewritten(NamedTuple):
+    """The scene that is compiled, and the given one with meshes that stand still."""
+
+    scene: Scene
+    meshes: list[Mesh]
+    given: Scene
+
+
+def rewrite(scene: Scene) -> Rewritten | None:
+    """A scene in which contacts of moving meshes are joints; None without any.
+
+    Raises
+    ------
+    SceneError
+        Names a part that moving meshes do not know.
+    """
+    parts = [part for part in scene.parts if isinstance(part, MovingMesh)]
+    if not parts:
+        return None
+    _refuse(scene, parts)
+    fields = [InitialVelocity(part.beam, velocity=part.velocity or (0, 0, 0), spin=part.spin or (0, 0, 0)) for part in parts
+              if part.velocity is not None or part.spin is not None]
+    given = Scene(*(part for part in scene.parts if not isinstance(part, MovingMesh)), *fields, name=scene.name,
+                  gravity=scene.gravity, project_velocities=scene.project_velocities)
+    given.check()
+    meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
+    contacts = [BallJoint(mesh.contact(k), slider.point, name=slider.name)
+                for mesh in meshes for k, slider in enumerate(mesh.sliders)]
+    kept = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
+    out = Scene(*kept, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,
+                project_velocities=True)
+    out.moving = tuple(meshes)
+    return Rewritten(out, meshes, given)
+
+
+def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
+    who = f"compile_scene: {parts[0].label}"
+    beams = [part.beam for part in parts]
+    if len({id(beam) for beam in beams}) < len(beams):
+        raise SceneError(f"{who}: there are two moving meshes of one beam; name all its sliders in one")
+    for slider in scene.sliders:
+        if sum(slider in part.sliders for part in parts) != 1:
+            raise SceneError(f"{who}: slider {slider.name!r} belongs to none, or to several; scenes with moving meshes have no "
+                             "sliders on meshes that stand still: name it in a MovingMesh, or use with_moving_meshes(scene)")
+    for part in parts:
+        for slider in part.sliders:
+            if slider not in scene.sliders:
+                raise SceneError(f"{part.label}: slider {slider.name!r} is not in {scene.label}; add it to the scene")
+            if any(slider.point.owner is beam for beam in beams):
+                raise SceneError(f"{part.label}: slider {slider.name!r}: {slider.point} is a node of a mesh that moves itself; "
+                                 "slide nodes of other beams")
+    for x in scene.parts:
+        if type(x) not in TAKEN:
+            raise SceneError(f"{who}: a scene with moving meshes takes no {getattr(x, 'kind', type(x).__name__)} "
+                             f"{getattr(x, 'name', '')!r}; leave it out, or the moving mesh")
+        if isinstance(x, Load) and x.follower:
+            raise SceneError(f"{who}: load {x.name!r} turns with what it acts on, which scenes with moving meshes do not know; "
+                             "leave follower out")
+        if isinstance(x, Pin | Clamp) and x.until is not None:
+            raise SceneError(f"{who}: {x.name!r} lets go, which scenes with moving meshes do not know; leave until out")
+        for node in _inner(x, beams):
+            raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
+                             "can be held, joined and loaded")
+    if scene.gravity_time is not None:
+        raise SceneError(f"{who}: gravity_time is not known to moving meshes; leave it out")
+
+
+def _inner(part: Any, beams: list[Beam]) -> list[Any]:
+    """Nodes inside beams with moving meshes that a part refers to."""
+    found = [getattr(part, name, None) for name in ("at", "a", "b")] if not isinstance(part, (Slider, Beam)) else []
+    return [node for node in found if any(getattr(node, "owner", None) is beam for beam in beams)
+            and 0 < node.index < node.owner.n_nodes - 1]
+
+
+def initial(rewritten: Rewritten, numbered: Numbered) -> State:
+    """State at t = 0 of the nodes of the rewritten scene; nodes move over the beam as the contacts do."""
+    nodes, joints, given = numbered.nodes, numbered.joints, rewritten.given
+    before = number(given)
+    old = unpack(given, before)
+    n = len(nodes)
+    v, spin = np.zeros((n, 3)), np.zeros((n, 3))
+    q_old, v_old = (x.reshape(-1, 4, 3) for x in (old.state.q, old.state.v))
+    for part in [*given.beams, *given.bodies, *given.masses]:
+        here, there = nodes.span(part), before.nodes.span(part)
+        nodes.phi[here] = q_old[there, 0]
+        v[here] = v_old[there, 0]
+        spin[here] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+    for key, arm in nodes.arms.items():
+        there = before.nodes.arms.get(key)
+        if there is not None:
+            nodes.phi[arm], v[arm] = q_old[there, 0], v_old[there, 0]
+            spin[arm] = 0.5 * np.cross(q_old[there, 1:], v_old[there, 1:]).sum(axis=1)
+    for mesh in rewritten.meshes:
+        span, d = nodes.span(mesh.beam), nodes.directors[nodes.span(mesh.beam)]
+        rates = np.zeros(len(mesh.sliders))
+        for k, slider in enumerate(mesh.sliders):
+            at = nodes.number(mesh.contact(k))
+            rates[k] = (v_old[before.nodes.number(slider.point), 0] - v[at]) @ nodes.directors[at, 0]
+            v[nodes.start(mesh.places[k])] = rates[k], 0.0, 0.0
+        along = mesh.way() @ rates
+        v[span] += along[:, None] * np.einsum("i,nic->nc", mesh.reference[:3], d)
+        spin[span] += along[:, None] * np.einsum("i,nic->nc", mesh.reference[3:], d)
+    velocity, turned = tied_velocities(nodes, joints, v, spin)
+    v[joints.tied], spin[joints.tied] = velocity[joints.tied], turned[joints.tied]
+    q = np.concatenate((nodes.phi[:, None], nodes.directors), axis=1)
+    rates = np.concatenate((v[:, None], np.cross(spin[:, None], nodes.directors)), axis=1)
+    return State(q.reshape(-1), rates.reshape(-1), np.zeros(0), np.zeros(0))
+
+
+def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
+    """The model with the terms of its moving meshes and the momenta at the start."""
+    if rewritten is None:
+        return model
+    numbers, tables, names, places, contacts = model.numbers, [], [], [], []
+    at = model.moving_place
+    for mesh in rewritten.meshes:
+        table = mesh.table(numbers, blocks, model.pattern.row_of, model.gravity)
+        table.place[0] = at
+        at += 12 * int(table.place[2]) + table.places.size
+        tables.append(table)
+        names += [slider.name for slider in mesh.sliders]
+        places += table.places.tolist()
+        contacts += [numbers.number(mesh.contact(k)) for k in range(len(mesh.sliders))]
+    moving = Moving(tuple(tables), names, np.array(places), np.array(contacts))
+    return replace(model, links=(*model.links, *tables), moving=moving)

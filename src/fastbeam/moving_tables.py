@@ -1,0 +1,147 @@
+"""Tables of beams whose elements move with contacts (kernels/moving_beam.py), and their momenta at the start."""
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .basis import Basis, build_basis
+from .errors import SceneError
+from .kernels.moving_beam import MovingBeam
+from .numbering import NodeList
+from .scene import Beam, PointMass, Slider
+from .tables import strains_of
+from .workspace import scratch_of_moving
+
+Array = np.ndarray
+# differences of the strains of the reference along a beam that count as none
+UNIFORM = 1e-7
+
+
+class Mesh:
+    """One beam with the sliders that its elements move with, in the order of their places.
+
+    Parameters
+    ----------
+    beam : Beam
+    sliders : list of Slider
+
+    Raises
+    ------
+    SceneError
+        The curvature of the beam changes along it.
+    """
+
+    def __init__(self, beam: Beam, sliders: list[Slider]) -> None:
+        self.beam, self.sliders = beam, sorted(sliders, key=lambda x: x.at)
+        self.places = [PointMass(f"{slider.name} (place on {beam.name})", mass=1.0, position=(slider.at, 0.0, 0.0))
+                       for slider in self.sliders]
+        self.reference = _reference(beam)
+        ends = beam.basis.element_ends
+        self.end = np.array([int(np.argmin(np.abs(ends - x.at))) for x in self.sliders])
+
+    def contact(self, k: int) -> Any:
+        """The node of the beam at contact k."""
+        return self.beam.node(int(self.end[k]) * self.beam.degree)
+
+    def slots(self) -> tuple[Array, Array]:
+        """Of every element the contacts that it lies between, or -1 [E, 2], and where its ends are there, 0 to 1 [E, 2]."""
+        ends = self.beam.basis.element_ends
+        fixed = np.concatenate(([0], self.end, [len(ends) - 1]))
+        slot, share = [], []
+        for k, (a, b) in enumerate(zip(fixed[:-1], fixed[1:])):
+            f = (ends[a:b + 1] - ends[a]) / (ends[b] - ends[a])
+            f[-1] = 1.0
+            share += zip(f[:-1], f[1:])
+            slot += [(k - 1, k if k < len(self.end) else -1)] * (b - a)
+        return np.array(slot, np.int64), np.array(share)
+
+    def way(self) -> Array:
+        """Of every node how far it goes with each contact, dx/ds [n, S]."""
+        slot, share = self.slots()
+        p, out = self.beam.degree, np.zeros((self.beam.n_nodes, len(self.end)))
+        local = build_basis("lagrange", p, 1, 1.0).node_s
+        for e, (of, f) in enumerate(zip(slot, share)):
+            at = f[0] + local * (f[1] - f[0])
+            for side, part in ((0, 1.0 - at), (1, at)):
+                if of[side] >= 0:
+                    out[p * e:p * e + p + 1, of[side]] = part
+        return out
+
+    def nodes(self, numbers: NodeList) -> Array:
+        """Of every element its nodes, then the places that it depends on, or -1, int64 [E, p + 3]."""
+        slot, _ = self.slots()
+        places = np.array([*(numbers.start(x) for x in self.places), -1])
+        return np.concatenate((numbers.start(self.beam) + self.beam.basis.element_nodes, places[slot]), axis=1)
+
+    def pairs(self, numbers: NodeList, root: Array) -> Array:
+        """Coupled nodes as i N + j."""
+        at, n = self.nodes(numbers), len(numbers)
+        a, b = (x.reshape(-1) for x in np.broadcast_arrays(at[:, :, None], at[:, None, :]))
+        live = (a >= 0) & (b >= 0)
+        return np.asarray(root[a[live]] * n + root[b[live]])
+
+    def table(self, numbers: NodeList, blocks: Any, row_of: Array, gravity: Array) -> MovingBeam:
+        """Constants; the place in the history is not known yet."""
+        beam, at = self.beam, self.nodes(numbers)
+        n, p = beam.degree + 1, beam.degree
+        unit: Basis = build_basis("lagrange", p, 1, 1.0)
+        a, b = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+        block = np.full(a.shape, -1, np.int64)
+        live = (a >= 0) & (b >= 0)
+        block[live] = blocks.between(a[live], b[live])
+        places = np.array([numbers.start(x) for x in self.places], np.int64)
+        slot, share = self.slots()
+        first, values, slopes = unit.curve("own").evaluate(unit.mass_point_s[0])
+        section = beam.section
+        rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
+        return MovingBeam(
+            np.ascontiguousarray(at[:, :n]), np.where(at >= 0, row_of[at], -1), block,
+            np.array((0, numbers.start(beam), beam.n_nodes), np.int64), slot, places, row_of[places].astype(np.int64), share,
+            np.array((beam.length,)), np.ascontiguousarray(np.stack((values, slopes))),
+            np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
+            unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
+            rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n))
+
+
+def _reference(beam: Beam) -> Array:
+    """Strains of the reference, the same everywhere [6]."""
+    fine = build_basis("lagrange", 8, 16, beam.length)
+    phi, triads = beam.reference(fine.node_s)
+    q = np.concatenate((phi[:, None], triads), axis=1)[fine.element_nodes]
+    slopes = np.einsum("egn,enic->egic", fine.phi_s, q - q[:, :1])
+    found = strains_of(beam.strain, slopes[:, :, 0], np.einsum("egn,enic->egic", fine.phi, q)[:, :, 1:], slopes[:, :, 1:])
+    strains = found.reshape(-1, 6)
+    mean = np.asarray(strains.mean(axis=0))
+    scale = np.array((1.0, 1.0, 1.0, *[1.0 / beam.length] * 3)) + np.abs(mean)
+    if np.max(np.abs(strains - mean) / scale) > UNIFORM:
+        raise SceneError(f"moving mesh of {beam.label}: its curvature changes along it, and strains of its reference are taken "
+                         "at places that move; use a straight beam, an arc or a helix")
+    mean[np.abs(mean) < UNIFORM * 1e-3 * scale] = 0.0
+    return mean
+
+
+def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
+    """Of nodes [n, 4, 3] and places [S] as one array, at coordinates and rates [N, 4, 3]."""
+    first, n = int(table.place[1]), int(table.place[2])
+    out, of_places = np.zeros((n, 4, 3)), np.zeros(table.places.size)
+    values, slopes = table.mass_shape
+    x, weight = table.mass_point
+    for e, nodes in enumerate(table.node):
+        s = [0.0, float(table.length[0])]
+        rate = [0.0, 0.0]
+        for side, k in enumerate(table.slot[e]):
+            if k >= 0:
+                s[side], rate[side] = float(q[table.places[k], 0, 0]), float(v[table.places[k], 0, 0])
+        begin, end = table.share[e]
+        h, f = (end - begin) * (s[1] - s[0]), begin + x * (end - begin)
+        along = (1.0 - f) * rate[0] + f * rate[1]
+        g = np.einsum("gn,nkc->gkc", slopes, q[nodes])
+        u = np.einsum("gn,nkc->gkc", values, v[nodes]) - (along / h)[:, None, None] * g
+        p = weight[:, None, None] * h * table.rho[:, None] * u
+        np.add.at(out, nodes - first, np.einsum("gn,gkc->nkc", values, p))
+        by_x = -np.einsum("gkc,gkc->g", p, g) / h
+        for side, part in ((0, 1.0 - f), (1, f)):
+            if table.slot[e, side] >= 0:
+                of_places[table.slot[e, side]] += part @ by_x
+    return np.concatenate((out.reshape(-1), of_places))

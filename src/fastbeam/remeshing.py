@@ -1,0 +1,72 @@
+"""Scenes on other meshes: beams with sliders whose elements move with the contacts."""
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .arguments import Anything, checked, shown
+from .cut_beams import Cut
+from .errors import SceneError
+from .scene import Beam, MovingMesh, Path, Scene, Slider
+
+Array = np.ndarray
+
+
+class _Remeshed(Cut):
+    """The scene with new beams in place of those with sliders."""
+
+    def __init__(self, scene: Scene, new: dict[int, Beam]) -> None:
+        self.given, self.new, self._paths = scene, new, {}
+
+
+@checked(scene=Anything())
+def with_moving_meshes(scene: Scene) -> Scene:
+    """The scene with a `MovingMesh` for every beam with sliders (theory.md 5.12).
+
+    Beams with sliders get as many elements as before, shared among the parts between contacts by their lengths, at least one
+    each; what refers to their ends, or slides on them, refers to the new beams. All else is taken as it is.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    SceneError
+        It is no scene, has no sliders, or a beam or slider is one that moving meshes do not know.
+    """
+    if not isinstance(scene, Scene):
+        raise SceneError(f"with_moving_meshes: needs a Scene, got {shown(scene)}; put the parts into one: fb.Scene(beam, ...)")
+    if not scene.sliders:
+        raise SceneError(f"with_moving_meshes: {scene.label} has no sliders; compile it as it is")
+    if any(isinstance(part, MovingMesh) for part in scene.parts):
+        raise SceneError(f"with_moving_meshes: {scene.label} has moving meshes; compile it as it is")
+    on: dict[int, list[Slider]] = {}
+    for slider in scene.sliders:
+        if not isinstance(slider.beam, Beam) or isinstance(slider.beam, Path):
+            raise SceneError(f"with_moving_meshes: slider {slider.name!r} is on {slider.beam.label}; elements of single beams "
+                             "move, not those of paths, switches and nets")
+        on.setdefault(id(slider.beam), []).append(slider)
+    new = {i: _cut(some[0].beam, sorted(slider.at for slider in some)) for i, some in on.items()}
+    swap = _Remeshed(scene, new)
+    parts = [swap._swapped(part) for part in scene.parts]
+    sliders = [part for part in parts if isinstance(part, Slider)]
+    meshes = [MovingMesh(beam, [slider for slider in sliders if slider.beam is beam]) for beam in new.values()]
+    return Scene(*parts, *meshes, name=scene.name, gravity=scene.gravity, gravity_time=scene.gravity_time,
+                 project_velocities=scene.project_velocities)
+
+
+def _cut(beam: Beam, at: list[float]) -> Beam:
+    """The beam with element ends at some places."""
+    fixed = np.array([0.0, *at, beam.length])
+    parts = np.maximum(1, np.round(beam.n_elements * np.diff(fixed) / beam.length)).astype(int)
+    ends = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(fixed[:-1], fixed[1:], parts)]
+    if np.any(np.diff(fixed) <= 0.0):
+        raise SceneError(f"with_moving_meshes: contacts on {beam.label} stand at {', '.join(f'{x:.6g}' for x in at)} m: no "
+                         "element fits between contacts, or a contact and an end; start further apart")
+    return replace(beam, elements=np.concatenate((*ends, [beam.length])))

@@ -1,0 +1,104 @@
+"""Beams whose elements move with the contacts of sliders."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fastbeam.arguments import Refusal, checked, shown
+from fastbeam.errors import SceneError
+from fastbeam.scene import checks
+from fastbeam.scene.beams import Beam
+from fastbeam.scene.checks import OptionalField, Takes, noun
+from fastbeam.scene.parts import FIELD, PointMass
+from fastbeam.scene.paths import ABeam
+from fastbeam.scene.sleeves import Sleeve
+from fastbeam.scene.sliders import Slider
+
+# contacts nearer to each other, or to an end, than this share of the beam leave no element between them
+NEAREST = 1e-3
+
+
+@dataclass(frozen=True)
+class SomeSliders:
+    """One Slider or several, as a tuple."""
+
+    def __call__(self, value: Any) -> tuple[Slider, ...]:
+        some = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+        wrong = [x for x in some if not isinstance(x, Slider) or isinstance(x, Sleeve)]
+        if not some or wrong:
+            what = shown(wrong[0] if wrong else value)
+            raise Refusal(f"must be a Slider or several, got {what}; sleeves run on meshes that stand still")
+        return some
+
+
+@checked(beam=ABeam(), sliders=SomeSliders(), velocity=FIELD, spin=FIELD)
+@noun
+class MovingMesh:
+    """The elements of a beam move with sliders, whose contacts are element ends at all times (theory.md 5.12).
+
+    Elements between two contacts, or a contact and an end of the beam, share the length there in constant proportions. Each
+    slider needs an element end at its place at t = 0; `with_moving_meshes` makes such beams.
+
+    Parameters
+    ----------
+    beam : Beam
+        With Lagrange elements, strain 'simo_reissner', and the same section and curvature everywhere.
+    sliders : Slider or list of Slider
+        All that slide on it, without friction, drives, stops, locks, releases and one-sided contact.
+    velocity, spin : array_like (3,) or callable, optional
+        Initial velocity (m/s) and angular velocity (rad/s) of the beam as functions of the arc length, as `InitialVelocity` takes
+        them; added to what other parts say.
+
+    Raises
+    ------
+    SceneError
+        An argument is of the wrong kind, a slider is on another beam or has forces along it, or an element end is missing.
+    """
+
+    kind: ClassVar[str] = "moving mesh"
+
+    beam: Beam
+    sliders: Takes[Slider | Sequence[Slider], tuple[Slider, ...]]
+    velocity: OptionalField = None
+    spin: OptionalField = None
+
+    def __post_init__(self) -> None:
+        beam = self.beam
+        if beam.interpolation != "lagrange" or beam.strain != "simo_reissner":
+            raise SceneError(f"{self.label}: needs interpolation='lagrange' and strain='simo_reissner', got "
+                             f"{beam.interpolation!r} and {beam.strain!r}; make the beam with these")
+        if np.any(beam.section.damping):
+            raise SceneError(f"{self.label}: its section has damping, which elements that move do not know; leave it out, or the "
+                             "moving mesh")
+        for slider in self.sliders:
+            self._check(slider)
+        at = np.sort([0.0, *(x.at for x in self.sliders), beam.length])
+        if np.min(np.diff(at)) < NEAREST * beam.length:
+            k = int(np.argmin(np.diff(at)))
+            raise SceneError(f"{self.label}: {at[k]:.6g} and {at[k + 1]:.6g} m are nearer than {NEAREST * beam.length:.3g} m: no "
+                             "element fits between contacts, or a contact and an end; start further apart")
+        for key in ("velocity", "spin"):
+            if getattr(self, key) is not None:
+                checks.try_field(self.label, key, getattr(self, key), beam.length)
+
+    def _check(self, slider: Slider) -> None:
+        beam = self.beam
+        if slider.beam is not beam:
+            raise SceneError(f"{self.label}: slider {slider.name!r} is on {slider.beam.label}; name a slider on {beam.label}")
+        if not slider.slides_freely:
+            raise SceneError(f"{self.label}: slider {slider.name!r} has friction, a drive, stops, a lock, a release or one-sided "
+                             "contact, which elements that move do not know; leave it out, or the moving mesh")
+        if not isinstance(slider.point.owner, (Beam, PointMass)) and slider.point.owner.kind != "body":
+            raise SceneError(f"{self.label}: slider {slider.name!r}: {slider.point} cannot run on elements that move; slide a "
+                             "PointMass, a RigidBody or a node of another Beam")
+        if np.min(np.abs(beam.basis.element_ends - slider.at)) > 1e-9 * beam.length:
+            raise SceneError(f"{self.label}: no element ends at={slider.at:.10g} m, where slider {slider.name!r} begins; put an "
+                             "end there with elements=[...], or use with_moving_meshes(scene)")
+
+    @property
+    def label(self) -> str:
+        """`moving mesh of beam 'name'`."""
+        return f"{self.kind} of {self.beam.label}"

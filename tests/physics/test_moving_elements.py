@@ -1,0 +1,125 @@
+"""Beams whose elements move with contacts (theory.md 5.12): against the NumPy twin, an exact solution in time, and invariants."""
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fastbeam as fb
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "study"))
+from naive_moving_mesh import Data, MovingMesh  # noqa: E402
+from naive_moving_step import Ends, Step  # noqa: E402
+
+START, RATE = 0.37, 0.35
+SECTION = fb.Section(EA=400, GA2=150, GA3=150, GJ=1, EI2=1, EI3=1, rhoA=1, rhoI2=0.01, rhoI3=0.01)
+
+
+def bead_scene(each: int, gravity: tuple[float, ...], **options: object) -> fb.Scene:
+    """A bead on a clamped beam with as many elements on each side."""
+    ends = np.concatenate((np.linspace(0.0, START, each + 1)[:-1], np.linspace(START, 1.0, each + 1)))
+    beam = fb.Beam.straight("beam", (0, 0, 0), (1, 0, 0), section=SECTION, elements=ends, degree=3)
+    bead = fb.PointMass("bead", mass=0.5, velocity=(RATE, 0, 0))
+    slider = fb.Slider("run", bead, beam, at=START)
+    return fb.Scene(beam, bead, fb.Clamp(beam.start), fb.Clamp(beam.end), slider, fb.MovingMesh(beam, slider, **options),
+                    gravity=gravity)
+
+
+def ends(model: fb.compile.Model, state: object, table: object) -> Ends:
+    q, v = (x.reshape(-1, 4, 3) for x in (state.q, state.v))
+    nodes, place = slice(table.place[1], table.place[1] + table.place[2]), table.places[0]
+    return Ends(q[nodes], v[nodes], float(q[place, 0, 0]), float(v[place, 0, 0]))
+
+
+def test_a_step_is_that_of_the_twin() -> None:
+    gravity, h = np.array((0.0, -6.0, 3.0)), 0.01
+    scene = bead_scene(2, tuple(gravity), spin=lambda s: np.stack((np.sin(np.pi * s)**2, 0 * s, 0 * s), axis=1))
+    model = fb.compile_scene(scene)
+    table = model.moving.tables[0]
+    size = 12 * int(table.place[2])
+    twin = Step(2, 3, 1.0, SECTION.C, np.array((1.0, 0, 0, 0, 0, 0)), np.array((1.0, 0.0, 0.01, 0.01)), gravity)
+    bead = model.numbers.start(scene.masses[0])
+    state, worst, scale = model.state(), 0.0, 0.0
+    for _ in range(5):
+        after = fb.simulate(model, start=state, t_end=h, step=h, progress=False).state
+        start, end = ends(model, state, table), ends(model, after, table)
+        old, new = ((x.history[:size].reshape(-1, 4, 3), float(x.history[size])) for x in (state, after))
+        mean, of_s = twin.momenta(start, end)
+        scale = max(scale, float(np.max(np.abs(twin.forces(start, end)[0][:, 0]))))
+        worst = max(worst, float(np.max(np.abs(0.5 * (old[0] + new[0]) - mean))), abs(0.5 * (old[1] + new[1]) - of_s))
+        force, moment, along = twin.unbalance(start, end, old, h)
+        inner = np.ones(len(force), bool)
+        inner[[0, -1, 6]] = False
+        # that of the contact is what the bead takes
+        accelerated = 0.5 * ((after.v - state.v).reshape(-1, 4, 3)[bead, 0] / h - gravity)
+        worst = max(worst, float(np.max(np.abs(force[inner]))) / scale, float(np.max(np.abs(moment[1:-1]))) / scale,
+                    float(np.max(np.abs(force[6] + accelerated))) / scale, abs(along) / scale)
+        state = after
+    print(f"largest difference {worst:.1e} of {scale:.3g} N")
+    assert worst < 1e-10 and abs(state.q.reshape(-1, 12)[table.places[0], 0] - START) > 0.01
+
+
+def test_against_the_exact_solution_in_time() -> None:
+    exact = MovingMesh(2, 4, Data(grows=0.0)).run(START, RATE, 0.4, 1e-9)
+    off = []
+    for h in (0.01, 0.005, 0.0025):
+        run = fb.simulate(fb.compile_scene(bead_scene(2, (0, -6, 0))), t_end=0.4, step=h, progress=False).slider("run")
+        off.append((abs(run["s"][-1] - exact.s), np.linalg.norm(run["position"][-1, :2] - exact.position)))
+    print(f"steps of 10, 5, 2.5 ms: s and position off by {off}")
+    assert max(off[0]) < 1e-3 and max(off[2]) < 1e-4 and off[1][1] < 0.5 * off[0][1]
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_invariants_in_flight(order: int) -> None:
+    import scenes
+    scene = fb.with_moving_meshes(scenes.body_on_beam(elements=6, degree=3).scene)
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.5, step=0.02, order=order, progress=False)
+    run = result.slider(scene.sliders[0].name)
+    drift = [result.drift(x) for x in ("total", "lin_mom", "ang_mom")]
+    print(f"order {order}: drift of energy and momenta {drift}")
+    assert max(drift) < 1e-12 and abs(run["s"][-1] - run["s"][0]) > 0.5
+
+
+def test_contact_force_is_what_the_bead_takes() -> None:
+    h = 0.0025
+    result = fb.simulate(fb.compile_scene(bead_scene(2, (0, -6, 0))), t_end=0.2, step=h, progress=False,
+                         observe=("slider", "reaction"))
+    run = result.slider("run")
+    x = run["position"]
+    mean = 0.5 * ((x[2:] - 2.0 * x[1:-1] + x[:-2]) / h**2 + (0, 6, 0))
+    late = slice(20, -5)
+    gap = np.linalg.norm(run["force"][1:-1][late] - mean[late], axis=1)
+    print(f"force {np.max(np.abs(mean[late])):.3g} N, off by {np.max(gap):.1e} N")
+    assert np.max(gap) < 0.05 * np.max(np.abs(mean[late]))
+
+
+def test_what_moving_meshes_refuse() -> None:
+    scene = bead_scene(2, (0, -6, 0))
+    model = fb.compile_scene(scene)
+    with pytest.raises(fb.SceneError, match="no elements that move"):
+        fb.solve_static(model)
+    with pytest.raises(fb.SceneError, match="no elements that move"):
+        fb.simulate(model, t_end=0.01, step=0.01, method="midpoint", progress=False)
+    with pytest.raises(fb.SceneError, match="does not stay in a plane"):
+        fb.compile_scene(scene, planar=True)
+    beam = scene.beams[0]
+    with pytest.raises(fb.SceneError, match="only its ends"):
+        fb.compile_scene(fb.Scene(*scene.parts, fb.Load("push", beam.node(3), force=(0, 1, 0))))
+    with pytest.raises(fb.SceneError, match="takes no drag"):
+        fb.compile_scene(fb.Scene(*scene.parts, fb.Drag("air", beam, linear=1.0)))
+    with pytest.raises(fb.SceneError, match="gravity_time"):
+        fb.compile_scene(fb.Scene(*scene.parts, gravity=(0, -1, 0), gravity_time=lambda t: 1.0))
+    rubbing = fb.Slider("rub", scene.masses[0], beam, at=START, friction=0.1)
+    with pytest.raises(fb.SceneError, match="has friction"):
+        fb.MovingMesh(beam, rubbing)
+    with pytest.raises(fb.SceneError, match="no element ends"):
+        fb.MovingMesh(beam, fb.Slider("off", scene.masses[0], beam, at=0.3))
+    other = fb.Beam.straight("other", (0, 1, 0), (1, 1, 0), section=SECTION, elements=2)
+    mass = fb.PointMass("m", mass=1.0)
+    with pytest.raises(fb.SceneError, match="belongs to none"):
+        fb.compile_scene(fb.Scene(*scene.parts, other, mass, fb.Slider("second", mass, other, at=0.5)))
+    with pytest.raises(fb.SceneError, match="move, and no node stays"):
+        fb.simulate(model, t_end=0.01, step=0.01, points={"x": (beam, 0.5)}, progress=False)
