@@ -189,9 +189,12 @@ class Encounters:
         self.between = False
         if is_impact or found:
             raise failure(self.stepper, replace(final, status=NOT_CONVERGED, steps=0), t, self.steps, h)
-        name = self.model.names["sliders"][slider]
-        self.event({"kind": "slider_end", "time": t, "slider": name, "end": end, "s": s,
-                    "text": f"slider {name!r} reached the {end} of its {self.model.track} at t = {t:.6g} s; the run ends here"})
+        if self.model.moving is not None:
+            found = self.model.moving.at_end(slider, self.stepper.state.q)
+        else:
+            name = self.model.names["sliders"][slider]
+            found = {"slider": name, "end": end, "s": s, "text": f"slider {name!r} reached the {end} of its {self.model.track}"}
+        self.event({"kind": "slider_end", "time": t, **found, "text": f"{found['text']} at t = {t:.6g} s; the run ends here"})
         return False
 
     def impact(self, slider: int, t: float, end: str, last: float) -> None:

@@ -37,6 +37,33 @@ class Moving(NamedTuple):
         """Numbers in the history: momenta."""
         return sum(12 * int(table.place[2]) + table.places.size for table in self.tables)
 
+    def gaps(self, q: Array) -> tuple[Array, Array, Array]:
+        """Ways between neighbouring contacts and ends of beams, at coordinates [12 N]; the least; lengths of the beams, m."""
+        found, least, lengths = [], [], []
+        for table in self.tables:
+            ways = np.diff(np.concatenate(([0.0], q[12 * table.places], table.length[:1])))
+            found.append(ways)
+            least.append(np.full(ways.size, table.length[1]))
+            lengths.append(np.full(ways.size, table.length[0]))
+        return np.concatenate(found), np.concatenate(least), np.concatenate(lengths)
+
+    def at_end(self, gap: int, q: Array) -> dict[str, Any]:
+        """What an event says of a contact at the end of its way, by the number of the gap."""
+        first = 0
+        for table in self.tables:
+            n = table.places.size
+            if gap <= n:
+                break
+            gap, first = gap - n - 1, first + n
+        k = min(gap, n - 1)
+        name, s = self.names[first + k], float(q[12 * table.places[k]])
+        if gap in (0, n):
+            end = "start" if gap == 0 else "end"
+            return {"slider": name, "end": end, "s": s, "text": f"slider {name!r} reached the {end} of its beam"}
+        other = self.names[first + gap - 1]
+        return {"slider": name, "end": other, "s": s, "text": f"sliders {other!r} and {name!r} met, between which elements of "
+                "their moving mesh vanish"}
+
     def check(self, method: str | None, static: bool) -> None:
         """Refuse what is no conserving step; method: one that it is compared with.
 
@@ -171,7 +198,7 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
     at = model.moving_place
     for mesh in rewritten.meshes:
         table = mesh.table(numbers, blocks, model.pattern.row_of, model.gravity)
-        table.place[0] = at
+        table.place[0], table.place[3] = at, len(names) + len(tables)
         at += 12 * int(table.place[2]) + table.places.size
         tables.append(table)
         names += [slider.name for slider in mesh.sliders]

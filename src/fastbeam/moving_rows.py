@@ -44,7 +44,7 @@ def add_moving(model: Model, state: State, out: Array) -> None:
     if model.moving is None:
         return
     for table in model.moving.tables:
-        at, first, n = table.place.tolist()
+        at, first, n = table.place[:3].tolist()
         own = state.history[at:at + 12 * n]
         there = slice(12 * first, 12 * (first + n))
         out[0] -= kinetic_energy(table, state.q, state.v)

@@ -16,6 +16,8 @@ from .workspace import scratch_of_moving
 Array = np.ndarray
 # differences of the strains of the reference along a beam that count as none
 UNIFORM = 1e-7
+# share of a beam that stays between two contacts, or a contact and an end; where they come nearer, a run ends
+SHORTEST = 5e-4
 
 
 class Mesh:
@@ -97,8 +99,8 @@ class Mesh:
         rho = np.array((section.inertia[0], 0.0, *section.inertia[1:]), dtype=float)
         return MovingBeam(
             np.ascontiguousarray(at[:, :n]), np.where(at >= 0, row_of[at], -1), block,
-            np.array((0, numbers.start(beam), beam.n_nodes), np.int64), slot, places, row_of[places].astype(np.int64), share,
-            np.array((beam.length,)), np.ascontiguousarray(np.stack((values, slopes))),
+            np.array((0, numbers.start(beam), beam.n_nodes, 0), np.int64), slot, places, row_of[places].astype(np.int64), share,
+            np.array((beam.length, SHORTEST * beam.length)), np.ascontiguousarray(np.stack((values, slopes))),
             np.stack((unit.mass_point_s[0], unit.mass_weight[0])), np.ascontiguousarray(np.stack((unit.phi[0], unit.phi_s[0]))),
             unit.weight[0].copy(), np.array(section.C, dtype=float), self.reference - beam.start_strain, rho,
             rho[0] * np.asarray(gravity, dtype=float), scratch_of_moving(n))

@@ -111,7 +111,8 @@ class Stepper:
         self.core, self.weights = core, np.ascontiguousarray(weights, dtype=float)
         # a step in one piece changes the state when it is done
         rates = method.parameters is not None
-        self.work = work_of(core, keep=self.weights.size > 1 or core.n_constraints > 0 or rates, rates=rates)
+        keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
+        self.work = work_of(core, keep=keep, rates=rates)
         self.inner = inner_of(core)
         self.contact = contact_of(core)
         self.rows: Constraints | None = None

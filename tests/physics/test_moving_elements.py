@@ -123,3 +123,43 @@ def test_what_moving_meshes_refuse() -> None:
         fb.compile_scene(fb.Scene(*scene.parts, other, mass, fb.Slider("second", mass, other, at=0.5)))
     with pytest.raises(fb.SceneError, match="move, and no node stays"):
         fb.simulate(model, t_end=0.01, step=0.01, points={"x": (beam, 0.5)}, progress=False)
+
+
+ROPE = fb.Section.circle(radius=0.005, E=1e9, rho=1500)
+
+
+def test_several_contacts_are_where_fine_meshes_have_them() -> None:
+    """Three beads on a hanging cable: 16 and 32 elements that move agree, and meshes that stand still come to them."""
+    def run(elements: int, moves: bool) -> np.ndarray:
+        cable = fb.Beam.straight("cable", (0, 0, 0), (10, 0, 0), section=ROPE, elements=elements)
+        beads = [fb.PointMass(f"m{k}", mass=0.3 + 0.2 * k) for k in range(3)]
+        scene = fb.Scene(cable, *beads, fb.Pin(cable.start), fb.Pin(cable.end), gravity=(0, 0, -9.81),
+                         *(fb.Slider(f"s{k}", bead, cable, at=2.0 + 2.5 * k) for k, bead in enumerate(beads)))
+        result = fb.simulate(fb.compile_scene(fb.with_moving_meshes(scene) if moves else scene), t_end=0.4, step=1e-3,
+                             progress=False)
+        assert result.drift("total") < 2e-12
+        return np.array([result.slider(f"s{k}")["s"][-1] for k in range(3)])
+
+    wanted = run(32, True)
+    assert np.max(np.abs(wanted - (2.0, 4.5, 7.0))) > 0.02
+    np.testing.assert_allclose(run(16, True), wanted, atol=2e-5)
+    # with the error of elements that cannot show a kink
+    off = np.abs(run(64, False) - wanted)
+    assert 1e-5 < np.max(off) < 5e-3
+
+
+@pytest.mark.parametrize("other", [None, 1.5])
+def test_a_run_ends_where_elements_vanish(other: float | None) -> None:
+    """A bead that runs freely reaches the end of the beam, or another that comes towards it, at the time of both speeds."""
+    cord = fb.Beam.straight("cord", (0, 0, 0), (2, 0, 0), section=ROPE, elements=8)
+    places = [(0.5, 2.0)] if other is None else [(0.5, 2.0), (other, -2.0)]
+    beads = [fb.PointMass(f"m{k}", mass=0.3) for k in range(len(places))]
+    sliders = [fb.Slider(f"s{k}", bead, cord, at=at, rate=rate) for k, (bead, (at, rate)) in enumerate(zip(beads, places))]
+    scene = fb.with_moving_meshes(fb.Scene(cord, *beads, *sliders, fb.Clamp(cord.start), fb.Clamp(cord.end)))
+    result = fb.simulate(fb.compile_scene(scene), t_end=1.0, step=1e-3, progress=False)
+    # up to the least length between contacts, 5e-4 of the beam
+    assert result.t[-1] == pytest.approx((1.499 if other is None else 0.4995) / 2.0, rel=1e-5)
+    event = result.events[-1]
+    assert event["kind"] == "slider_end" and event["end"] == ("end" if other is None else "s0")
+    assert result.slider("s0")["s"][-1] == pytest.approx(1.999 if other is None else 0.9995, rel=1e-6)
+    assert result.drift("total") < 1e-12

@@ -48,12 +48,12 @@ class MovingBeam(NamedTuple):
     node: np.ndarray     # int64 [E, n]
     row: np.ndarray      # int64 [E, n + 2]: of nodes, then of places of contacts; -1 at an end of the beam
     block: np.ndarray    # int64 [E, n + 2, n + 2]
-    place: np.ndarray    # int64 [3]: of the momenta in the history, first node, nodes
+    place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these
     slot: np.ndarray     # int64 [E, 2]: contacts that elements lie between, or -1
     places: np.ndarray   # int64 [S]: nodes whose first coordinate is s
     place_rows: np.ndarray  # int64 [S]
     share: np.ndarray    # float64 [E, 2]: f at both ends
-    length: np.ndarray   # float64 [1]
+    length: np.ndarray   # float64 [2]: of the beam, and least between two contacts
     mass_shape: np.ndarray  # float64 [2, points, n]: shape functions and slopes
     mass_point: np.ndarray  # float64 [2, points]: coordinates and weights
     shape: np.ndarray    # float64 [2, points, n]: at points of the strain energy

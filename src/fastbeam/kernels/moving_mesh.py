@@ -12,7 +12,7 @@ from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, zero3
 from .moving_beam import (MovingBeam, add_inertia, add_momenta, add_shape_stiffness, clear_element, energy_at, put_forms,
                           put_scales, put_slopes, put_stresses, rate_of, size_of, strains_at, sum_of)
-from .terms import Conserving, account, assemble, potential_energy, spread_nodes
+from .terms import Conserving, account, assemble, potential_energy, spread_nodes, within_limits
 
 
 @kernel
@@ -303,6 +303,23 @@ def account_moving(beam, system, h):
         for side in range(2):
             if beam.slot[e, side] >= 0:
                 state.history[p0 + 12 * beam.place[2] + beam.slot[e, side]] += 2.0 * w.momentum[12 * n + side]
+
+
+@within_limits.register(MovingBeam)
+@kernel
+def contacts_are_apart(beam, system, counts_out):
+    """False where a contact is as near to the next one, or to an end of the beam, as elements between them may be short."""
+    q = system.state.q
+    before = 0.0
+    for j in range(beam.places.shape[0] + 1):
+        s = beam.length[0]
+        if j < beam.places.shape[0]:
+            s = q[12 * beam.places[j]]
+        if not s - before >= beam.length[1]:
+            counts_out[3] = beam.place[3] + j
+            return False
+        before = s
+    return True
 
 
 @kernel
