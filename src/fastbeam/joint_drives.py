@@ -203,7 +203,7 @@ class Holds:
             gains, d = self.gains[driven], at_control.size
             law = np.array([self.laws[k].address if k in self.laws else 0 for k in self.driven[driven].tolist()], np.int64)
             control = JointControl(motion, at_control, gains[:, 0].astype(np.int64), np.ascontiguousarray(gains[:, 1:]), law,
-                                   np.zeros((d, 2)), np.zeros(2), np.zeros(d), np.ones(1))
+                                   np.zeros((d, 2)), np.zeros(2), np.zeros(d), np.ones(1), np.zeros(d))
         return JointsOfRun(motion, JointForces(motion) if acts else None, stops, drives, friction, control)
 
     def _press(self, k: int, kept: list[KeptLink], n_sliders: int) -> tuple[int, int]:

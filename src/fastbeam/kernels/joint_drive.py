@@ -59,6 +59,7 @@ class JointControl(NamedTuple):
     clock: np.ndarray      # float64 [2]: size of the step, and time of its middle, s
     start: np.ndarray      # float64 [D]: value at the start of the step, m or rad
     share: np.ndarray      # float64 [1]: of their forces, the load factor in an equilibrium
+    offset: np.ndarray     # float64 [D]: 0; of sliders on switches what a controller's value counts beside theirs
 
 
 class ControlTimes(NamedTuple):
