@@ -220,8 +220,13 @@ class Holds:
     @property
     def has_functions(self) -> bool:
         """Whether an equilibrium depends on the time of a given value, a motor or a drive."""
-        return any(callable(x.place) or callable(x.motor) or x.drive is not None and any(
-            callable(f) for f in (x.drive.position, x.drive.force)) for x in self.parts)
+        return self.pushes_in_time or any(callable(x.place) for x in self.parts)
+
+    @property
+    def pushes_in_time(self) -> bool:
+        """Whether forces in an equilibrium depend on the time of a motor or a drive."""
+        return any(callable(x.motor) or x.drive is not None and any(callable(f) for f in (x.drive.position, x.drive.force))
+                   for x in self.parts)
 
     def at_rest(self, control: JointControl, t: float, share: float) -> None:
         """What drives that push give in an equilibrium, at time t and with this share of it: rates are none."""

@@ -149,8 +149,8 @@ def linearised_at(who: str, model: Model, state: State | None, load_factor: floa
     about = Linearisation(model, state, ~stays, factors, flat, steady=None if steady is None else (who, steady))
     about.stepper.law_work[:2] = at_time or 0.0, load_factor
     if about.stepper.motion is not None:
-        if at_time is None and model.motions.holds.has_functions:
-            raise SceneError(f"{who}: motors, drives or given motions of joints are functions of time; say with at_time=... "
+        if at_time is None and model.motions.holds.pushes_in_time:
+            raise SceneError(f"{who}: motors or drives of joints are functions of time; say with at_time=... "
                              "where to evaluate them")
         about.core.motions.at_rest(about.stepper.motion, at_time or 0.0, load_factor)
     if not np.any(about.mass.diagonal() > 0.0):

@@ -4,7 +4,7 @@ The momenta of the nodes and of the places of contacts are remembered: their mea
 the kinetic energy by rates, their changes those by coordinates. Energy and both momenta are kept by that.
 
 Arrays: q, q_mid, q_end, v [12 N]; raw [84 n], with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; p [12 N]; out [9], of
-`potential_energy` [1].
+`potential_energy` [1]; counts_out [5].
 """
 from __future__ import annotations
 
@@ -307,7 +307,7 @@ def account_moving(beam, system, h):
 
 @within_limits.register(MovingBeam)
 @kernel
-def contacts_are_apart(beam, system, counts_out):
+def contacts_keep_distance(beam, system, counts_out):
     """False where a contact is as near to the next one, or to an end of the beam, as elements between them may be short."""
     q = system.state.q
     before = 0.0

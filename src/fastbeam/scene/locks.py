@@ -12,7 +12,8 @@ from fastbeam.scene.checks import ArrayField, Condition, Takes, WhenLike, called
 from fastbeam.scene.sliding import Place, Stops, needed_arguments
 
 if TYPE_CHECKING:
-    from fastbeam.scene.sliding import PlaceLike
+    from fastbeam.scene.beams import Beam
+    from fastbeam.scene.paths import Path
 
 TIME = Number(unit="s")
 START, END, STOP = "start", "end", "stop"
@@ -97,7 +98,7 @@ class Lock:
 
     when: WhenLike | None = None
     _: KW_ONLY
-    at: Takes[PlaceLike | None, float | tuple[str, float] | None] = None
+    at: Takes[float | tuple[Beam | Path | str, float] | None, float | tuple[str, float] | None] = None
     until: float | Condition | None = None
 
     def __post_init__(self) -> None:

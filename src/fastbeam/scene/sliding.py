@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from fastbeam.scene.beams import Beam
     from fastbeam.scene.paths import Path
 
-    PlaceLike = float | tuple[Beam | Path | str, float]
-
 NOT_NEGATIVE, LENGTH = Number(least=0.0), Number()
 # derivative from values at steps of SHORT s from now on, of fourth order
 SHORT, FORWARD = 1e-4, np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0
@@ -243,8 +241,8 @@ class Stops:
     kind: ClassVar[str] = "stops"
     __repr__ = called_with
 
-    start: Takes[PlaceLike | None, float | tuple[str, float] | None] = None
-    end: Takes[PlaceLike | None, float | tuple[str, float] | None] = None
+    start: Takes[float | tuple[Beam | Path | str, float] | None, float | tuple[str, float] | None] = None
+    end: Takes[float | tuple[Beam | Path | str, float] | None, float | tuple[str, float] | None] = None
     _: KW_ONLY
     stiffness: float | None = None
     restitution: float | None = None
