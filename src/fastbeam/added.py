@@ -44,6 +44,11 @@ class Added:
         """Numbers in `State.history`."""
         return self.node.size
 
+    @property
+    def turns(self) -> bool:
+        """Whether the masses turn with the sections."""
+        return bool(np.any(self.along != 0.0))
+
     def tables(self, row_of: Array, block: Array, first: int) -> AddedMass:
         """Tables; block: diagonal blocks [A]; first: place of the first momentum in the history."""
         return AddedMass(self.node, row_of[self.node], block, self.normal, self.along, first + np.arange(self.size))

@@ -23,7 +23,7 @@ from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import predict_sliders
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
-from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody, RigidConnection,
+from fastbeam.scene import (AddedMass, BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody, RigidConnection,
                             Scene, Section, Slider)
 from fastbeam.load_times import load_factors
 from fastbeam.workspace import contact_of, work_of
@@ -165,6 +165,13 @@ def _in_the_wind() -> Scene:
                  Drag("gust", body, normal=2.0, linear=1.0))
 
 
+def _in_water() -> Scene:
+    beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.4, section=DIAGONAL, elements=3, degree=2)
+    body = RigidBody("body", mass=2.0, inertia=(1, 1.3, 0.8), position=beam.reference(beam.length)[0][0] + (0.3, 0.1, -0.2))
+    return Scene(beam, body, RigidConnection(body, beam.end), AddedMass("round", beam, normal=30.0, tangential=1.0),
+                 AddedMass("blunt", body, normal=2.0, tangential=5.0))
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     f"{strain}-{section}-{family}": lambda a=(strain, section, family): _curved(*a)
     for strain in ("simo_reissner", "green_lagrange") for section in ("diagonal", "coupled") for family in FAMILIES}
@@ -186,6 +193,7 @@ SCENES |= {
     "beams at an angle": _beams_at_an_angle,
     "damped beams at an angle": _damped_beams_at_an_angle,
     "in the wind": _in_the_wind,
+    "in water": _in_water,
 }
 # (scene, s_n and s_n+1 of every slider as parts of the length)
 WHOLE = [(name, ()) for name in SCENES if not any(word in name for word in ("mass on", "rail")) or name == "mass on ball joint"]
@@ -236,6 +244,7 @@ class Kernels:
         """Residual and tangent at a trial step."""
         m, state, work = self.model, self.state, self.work
         state.q[:], state.v[:] = trial.q_n.reshape(-1), trial.v_n.reshape(-1)
+        m.start_added(state.history, state.q, state.v)
         state.s[:], state.force[:], work.s_end[:] = trial.s_n, trial.force.reshape(-1), trial.s_end
         self.load()
         if m.sliders is not None:
