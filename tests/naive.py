@@ -241,6 +241,14 @@ def compliances(tangent: Array, sliders: int) -> Array:
 
 
 # -------------------------------------------------------------------------------------------------------- the whole scene
+def turn(before: Array, after: Array) -> Array:
+    """The Cayley vector that leads three directors [3, 3] to others; of a tied node it is that of its target."""
+    mean = 0.5 * (before + after)
+    # theta x m = - skew(m) theta
+    rows = -np.array([[[0, -z, y], [z, 0, -x], [-y, x, 0]] for x, y, z in mean]).reshape(9, 3)
+    return np.asarray(np.linalg.lstsq(rows, (after - before).reshape(9), rcond=None)[0])
+
+
 class Twin:
     """All equations of one scene; `model` only numbers the nodes and says which connected coordinates are dependent."""
 
@@ -440,7 +448,7 @@ class Twin:
             normal, along = size * fluid.normal, size * (fluid.tangential - fluid.normal)
             v, w = step.v_n[k, 0], (q_n1[k, 0] - step.q_n[k, 0]) / h
             d0, d1 = step.q_n[k, 1], q_n1[k, 1]
-            theta = step.theta[k]
+            theta = turn(step.q_n[k, 1:], q_n1[k, 1:])
             g0 = along * (d0 @ v)
             g1 = 2.0 * along * (w @ (0.5 * (d0 + d1) - 0.25 * np.cross(theta, d1 - d0))) - g0
             p0, p1 = normal * v + g0 * d0, normal * (2.0 * w - v) + g1 * d1

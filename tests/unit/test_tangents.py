@@ -29,7 +29,7 @@ from fastbeam.load_times import load_factors
 from fastbeam.workspace import contact_of, work_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, dissipation, increments  # noqa: E402
+from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, dissipation, increments, turn  # noqa: E402
 
 Array = np.ndarray
 BORDER = 7  # unknowns of a slider: force, position, mean gap
@@ -253,6 +253,10 @@ class Kernels:
             work.s_end[:] = trial.s_end
         work.dphi[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta))[:, 0].reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)
+        if m.added is not None:
+            # those of tied nodes too
+            q_end = trial.q_n + twin.connected(increments(trial.q_n, trial.dphi, trial.theta))
+            work.theta[:] = np.concatenate([turn(a, b) for a, b in zip(trial.q_n[:, 1:], q_end[:, 1:])])
         kernels.assemble_all(*self.parts(), trial.h)
 
     def assemble_static(self, q: Array) -> None:
