@@ -11,8 +11,8 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "scene": ["AddedMass", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper",
-              "DistanceJoint", "DistributedLoad", "Drag", "Drive", "ForceElement", "Friction", "GROUND", "InitialVelocity", "LineForce",
-              "Load",
+              "DistanceJoint", "DistributedLoad", "Drag", "Drive", "ForceElement", "Friction", "GROUND", "InitialVelocity",
+              "LineForce", "Load",
               "Lock", "MovingMesh", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
               "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
               "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "Switch", "UniversalJoint", "UserForce",

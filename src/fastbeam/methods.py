@@ -125,8 +125,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     if composed and core.released is not None:
         raise SceneError("order=4: where a support lets go, velocities are of second order, and so is what follows; use order=2")
     if composed and core.added is not None and core.added.turns:
-        raise SceneError(f"order=4: {core.added.labels[0]}: where the mass along d1 is not that across it, velocities are of second "
-                         "order, and so is what follows; use order=2")
+        raise SceneError(f"order=4: {core.added.labels[0]}: where the mass along d1 is not that across it, velocities are of "
+                         "second order, and so is what follows; use order=2")
     if composed and core.slider_forces is not None and core.slider_forces.lets_go:
         raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
                          "follows; use order=2")

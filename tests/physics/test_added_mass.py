@@ -43,7 +43,7 @@ def drift(result: Result, *more: str) -> float:
 @pytest.mark.parametrize("order, normal, tangential, plane", [
     (2, 1.4, 0.3, False), (2, 1.4, 0.0, False), (4, 0.9, 0.9, False), (2, 0.2, 1.7, True)])
 def test_body_in_fluid(order: int, normal: float, tangential: float, plane: bool) -> None:
-    """The exact motion of an ellipsoid in an ideal fluid, whose mass depends on the direction, at order 2 (without a direction 4)."""
+    """The exact motion of an ellipsoid in an ideal fluid, whose mass depends on the direction, at order 2; where not, at 4."""
     v, w = np.array([1.0, 0.5, -0.3]), np.array([0.7, 1.0, -1.2])
     if plane:
         v[2] = w[0] = w[1] = 0.0
@@ -84,7 +84,7 @@ def test_pinned_beam() -> None:
     rest = model.q0.reshape(-1, 4, 3)[:, 0]
     # the phase of a step of w h: w^2 h^2/12
     late = (2 * np.pi / 400)**2 / 12 * 2 * np.pi
-    assert np.max(np.abs(q[1] - q[0])) < 2.0 * late * np.max(np.abs(q[0] - rest)) 
+    assert np.max(np.abs(q[1] - q[0])[:, 1]) < 2.0 * late * np.max(np.abs(q[0] - rest))
     assert run.drift("total") < 1e-12
 
 
@@ -96,7 +96,8 @@ def rope(planar: bool = False) -> fb.Scene:
     return fb.Scene(beam, body, bead, fb.RigidConnection(beam.end, body), fb.Slider("slides", bead, beam, at=0.7),
                     fb.RigidMotion(velocity=(0.4, 1.0, 0.0 if planar else 0.5), spin=(0, 0, 3.0) if planar else (0.5, -2.0, 3.0),
                                    about=(0.3, 0, 0)),
-                    fb.AddedMass("water", beam, normal=2.5, tangential=0.2), fb.AddedMass("ball", bead, normal=0.3, tangential=0.3),
+                    fb.AddedMass("water", beam, normal=2.5, tangential=0.2),
+                    fb.AddedMass("ball", bead, normal=0.3, tangential=0.3),
                     fb.AddedMass("blunt", body, normal=0.2, tangential=0.9))
 
 
@@ -109,7 +110,8 @@ def test_free_beam_keeps_its_invariants() -> None:
     half = fb.simulate(model, t_end=0.2, step=2e-3, progress=False)
     rest = fb.simulate(model, t_end=0.4, step=2e-3, start=half.checkpoint, progress=False)
     assert np.array_equal(rest.state.q, result.state.q) and np.array_equal(rest.state.history, result.state.history)
-    flat, space = (fb.simulate(fb.compile_scene(rope(True), planar=x), t_end=0.2, step=2e-3, progress=False) for x in (True, False))
+    flat, space = (fb.simulate(fb.compile_scene(rope(True), planar=x), t_end=0.2, step=2e-3, progress=False)
+                   for x in (True, False))
     assert max(drift(flat), drift(space)) < 1e-12
     np.testing.assert_allclose(flat.state.q, space.state.q, rtol=0, atol=1e-10)
     np.testing.assert_allclose(flat.state.history, space.state.history, rtol=0, atol=1e-9)

@@ -23,8 +23,8 @@ from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import predict_sliders
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
-from fastbeam.scene import (AddedMass, BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody, RigidConnection,
-                            Scene, Section, Slider)
+from fastbeam.scene import (AddedMass, BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody,
+                            RigidConnection, Scene, Section, Slider)
 from fastbeam.load_times import load_factors
 from fastbeam.workspace import contact_of, work_of
 

@@ -11,8 +11,8 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import dot
-from .kinds import (Plane, Space, add_cross, add_outer, add_stiffness, add_to, add_turn, cayley_vector, coordinates, cross_product,
-                    dim, on_spin, spin_cross, vector)
+from .kinds import (Plane, Space, add_cross, add_outer, add_stiffness, add_to, add_turn, cayley_vector, coordinates,
+                    cross_product, dim, on_spin, spin_cross, vector)
 from .terms import Conserving, account, assemble, spread_nodes
 
 

@@ -1,7 +1,7 @@
 """Mass of the fluid that beams, nets, bodies and masses carry along."""
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 
 from fastbeam.arguments import Name, Number, checked
