@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from fastbeam.basis import CurveBasis
-from fastbeam.scene import Beam, Drag, Path, PointMass, RigidBody, Scene, Slider
+from fastbeam.scene import AddedMass, Beam, Drag, Path, PointMass, RigidBody, Scene, Slider
+from fastbeam.scene.added_mass import added_masses
 
 Array = np.ndarray
 
@@ -240,6 +241,14 @@ def compliances(tangent: Array, sliders: int) -> Array:
 
 
 # -------------------------------------------------------------------------------------------------------- the whole scene
+def turn(before: Array, after: Array) -> Array:
+    """The Cayley vector that leads three directors [3, 3] to others; of a tied node it is that of its target."""
+    mean = 0.5 * (before + after)
+    # theta x m = - skew(m) theta
+    rows = -np.array([[[0, -z, y], [z, 0, -x], [-y, x, 0]] for x, y, z in mean]).reshape(9, 3)
+    return np.asarray(np.linalg.lstsq(rows, (after - before).reshape(9), rcond=None)[0])
+
+
 class Twin:
     """All equations of one scene; `model` only numbers the nodes and says which connected coordinates are dependent."""
 
@@ -421,12 +430,7 @@ class Twin:
     def resistance(self, drag: Drag, velocity: Array, d1: Array) -> Array:
         """Minus the forces of the air on all nodes [N, 3]; theory.md (4.12)."""
         f = np.zeros((self.n, 3))
-        size = np.zeros(self.n)
-        if isinstance(drag.on, Beam):
-            at = self.number(drag.on.start) + drag.on.basis.element_nodes
-            np.add.at(size, at, drag.on.basis.mass_phi.sum(axis=2))
-        else:
-            size[self.number(drag.on)] = 1.0
+        size = self.sizes(drag.on)
         for k in np.flatnonzero(size):
             w = velocity[k] - drag.air
             t = d1[k] / np.linalg.norm(d1[k]) * isinstance(drag.on, Beam)
@@ -434,6 +438,32 @@ class Twin:
             f[k] = size[k] * (drag.normal * np.linalg.norm(across) * across + drag.tangential * np.linalg.norm(along) * along
                               + drag.linear * w)
         return f
+
+    def of_fluid(self, fluid: AddedMass, step: Step, q_n1: Array) -> tuple[Array, Array]:
+        """Forces and moments of the fluid on all nodes [N, 3] each, in a step that begins with the momenta of its velocities;
+        theory.md (4.34)."""
+        force, moment = np.zeros((self.n, 3)), np.zeros((self.n, 3))
+        h = step.h
+        for k, size in enumerate(self.sizes(fluid.on)):
+            normal, along = size * fluid.normal, size * (fluid.tangential - fluid.normal)
+            v, w = step.v_n[k, 0], (q_n1[k, 0] - step.q_n[k, 0]) / h
+            d0, d1 = step.q_n[k, 1], q_n1[k, 1]
+            theta = turn(step.q_n[k, 1:], q_n1[k, 1:])
+            g0 = along * (d0 @ v)
+            g1 = 2.0 * along * (w @ (0.5 * (d0 + d1) - 0.25 * np.cross(theta, d1 - d0))) - g0
+            p0, p1 = normal * v + g0 * d0, normal * (2.0 * w - v) + g1 * d1
+            force[k] = (p0 - p1) / h
+            moment[k] = -np.cross(w, 0.5 * (p0 + p1))
+        return force, moment
+
+    def sizes(self, on: Any) -> Array:
+        """Of all nodes the length of a beam that they stand for, or 1 for a body [N]."""
+        size = np.zeros(self.n)
+        if isinstance(on, Beam):
+            np.add.at(size, self.number(on.start) + on.basis.element_nodes, on.basis.mass_phi.sum(axis=2))
+        else:
+            size[self.number(on)] = 1.0
+        return size
 
     def reduced(self, q_mid: Array, f: Array) -> Array:
         """Forces of dependent coordinates moved to the others, projected, held unknowns removed: [N, 6]."""
@@ -449,6 +479,8 @@ class Twin:
         f -= self.load_forces(q_mid, *self.dead_loads(factor))
         for drag in self.scene.drags:
             f[:, 0] += self.resistance(drag, dq[:, 0] / step.h, q_mid[:, 1])
+        for fluid in added_masses(self.scene):
+            f -= self.load_forces(q_mid, *self.of_fluid(fluid, step, q_n1))
         contact = np.zeros((len(self.scene.sliders), 4))
         for k, slider in enumerate(self.scene.sliders):
             pull, contact[k] = self.slider_terms(slider, step.s_n[k], step.s_end[k], step.force[k], step.q_n, q_n1)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _WHERE = {
-    "scene": ["BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-              "DistributedLoad", "Drag", "Drive", "ForceElement", "Friction", "GROUND", "InitialVelocity", "LineForce", "Load",
+    "scene": ["AddedMass", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper",
+              "DistanceJoint", "DistributedLoad", "Drag", "Drive", "ForceElement", "Friction", "GROUND", "InitialVelocity",
+              "LineForce", "Load",
               "Lock", "MovingMesh", "Net", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass", "PrescribedMotion",
               "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene", "Section",
               "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "Switch", "UniversalJoint", "UserForce",
@@ -45,6 +46,7 @@ __all__ = ["__version__", *sorted(_HOME)]
 if TYPE_CHECKING:
     # what type checkers and editors read: the names of _WHERE once more
     from .scene import (
+        AddedMass as AddedMass,
         BallJoint as BallJoint, Beam as Beam, Bushing as Bushing, Clamp as Clamp, Controller as Controller,
         Crossing as Crossing,
         CylindricalJoint as CylindricalJoint,

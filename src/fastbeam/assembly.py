@@ -97,7 +97,8 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
         drag = drag._replace(air=drag.air.copy())
     if drag is not None and model.dragged.windy and law_work is not None:
         drag = drag._replace(wind=drag.wind._replace(work=law_work))
-    others = prescribed, loads, bodies, drag, *links, *free, model.ties, reactions, held
+    added = None if static else model.added_tables
+    others = prescribed, loads, bodies, drag, added, *links, *free, model.ties, reactions, held
     return (*terms, *losses, *(x for x in others if x is not None))
 
 

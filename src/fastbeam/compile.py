@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from .added import with_added
 from .arguments import Anything, Flag, Word, checked, shown
 from .bushings import BushingRows
 from .condensing import Condensed, condense as choose
@@ -207,7 +208,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
     model = replace(model, motions=motions_of(links, blocks, row_of, joints.spin_root.astype(np.int64), model))
-    return replace(model, sleeves=with_twist(scene, model))
+    return with_added(replace(model, sleeves=with_twist(scene, model)), unpacked.added, blocks.diagonal)
 
 
 def _springs(links: Links, tables: tuple[Any, ...]) -> list[Any]:

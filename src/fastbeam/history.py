@@ -8,9 +8,10 @@ from .kernels.twist import TWIST
 
 class HistoryLayout:
     """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, supports that have let go,
-    coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, and controllers, in
-    this order."""
+    coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, momenta of added mass,
+    and controllers, in this order."""
 
+    n_nodes: int
     slider_forces: Any
     accounts_loads: Any
     damped: Any
@@ -21,12 +22,25 @@ class HistoryLayout:
     motions: Any
     twisting: Any
     moving: Any
+    added: Any
     controllers: Any
 
     @property
     def history_size(self) -> int:
         """Numbers that terms remember of the steps before, and controllers, whose numbers come last."""
-        return self.moving_place + (0 if self.moving is None else int(self.moving.size)) + sum(x.size for x in self.controllers)
+        own = 0 if self.added is None else int(self.added.size)
+        return self.added_place + own + sum(x.size for x in self.controllers)
+
+    @property
+    def added_place(self) -> int:
+        """Where the momenta of added mass begin."""
+        return self.moving_place + (0 if self.moving is None else int(self.moving.size))
+
+    def start_added(self, history: Any, q: Any, v: Any) -> None:
+        """Momenta of added mass into a history, from coordinates and their rates [12 N], in a plane [4 N]."""
+        if self.added is not None:
+            own = self.added.momenta(q.reshape(self.n_nodes, -1), v.reshape(self.n_nodes, -1))
+            history[self.added_place:self.added_place + own.size] = own
 
     @property
     def moving_place(self) -> int:

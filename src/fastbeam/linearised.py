@@ -73,7 +73,10 @@ class Linearisation:
             self.contacts.loose = motions.holds.loose(self.stepper.core_state.history)
         self.free = np.flatnonzero(self.contacts.free(self.size))
         self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
-        self._inertia = inertia = mass_map(own)
+        inertia = mass_map(own)
+        if own.added is not None:
+            inertia = inertia + own.added.mass_map(self.q)
+        self._inertia = inertia
         self.mass = (self.lift.T @ (inertia @ self.lift)).tocsr()
         self._shift_mass = self.lift.T @ inertia
         self.loads = np.zeros_like(self.stepper.work.f_ext)

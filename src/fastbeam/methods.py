@@ -114,6 +114,7 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     laws = [f"user force {name!r}" for name in model.user_forces]
     absent = [*(["supports that move"] if core.prescribed is not None else []),
               *(["supports that let go"] if core.released is not None else []), *laws, *core.losses,
+              *(["added mass"] if core.added is not None else []),
               *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
     if compared and absent:
@@ -123,6 +124,9 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
         backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
     if composed and core.released is not None:
         raise SceneError("order=4: where a support lets go, velocities are of second order, and so is what follows; use order=2")
+    if composed and core.added is not None and core.added.turns:
+        raise SceneError(f"order=4: {core.added.labels[0]}: where the mass along d1 is not that across it, velocities are of "
+                         "second order, and so is what follows; use order=2")
     if composed and core.slider_forces is not None and core.slider_forces.lets_go:
         raise SceneError("order=4: where a slider is locked, let go or lifts off, velocities are of second order, and so is what "
                          "follows; use order=2")

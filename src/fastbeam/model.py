@@ -104,6 +104,8 @@ class Model(HistoryLayout):
         Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links.
     dragged : dissipation.Dragged or None
         Nodes with drag; `drag` its tables.
+    added : added.Added or None
+        Nodes with added mass; `added_tables` its tables.
     prescribed : prescribed.PrescribedMotions or None
         Supports that move.
     released : released.Released or None
@@ -176,6 +178,8 @@ class Model(HistoryLayout):
     find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
     dragged: Any = None
     drag: Any = None
+    added: Any = None
+    added_tables: Any = None
     prescribed: Any = None
     released: Any = None
     accounts_loads: bool = False
@@ -347,6 +351,7 @@ class Model(HistoryLayout):
             parts += [self.dragged.node, self.dragged.coefficient, self.dragged.air]
             parts += [np.array([time is None for time in self.dragged.times])] if self.dragged.timed else []
             parts += [self.dragged.wind.first, self.dragged.wind.parameters] if self.dragged.windy else []
+        parts += [] if self.added is None else [self.added.node, self.added.normal, self.added.along]
         for x in parts:
             digest.update(b"-" if x is None else f"{x.dtype.str}{x.shape}".encode())
             if x is not None:
@@ -376,6 +381,7 @@ class Model(HistoryLayout):
             history[:self.work_place] = self.slider_forces.initial_history
         if self.moving is not None:
             history[self.moving_place:][:self.moving.size] = self.moving.start(self.q0, self.v0)
+        self.start_added(history, self.q0, self.v0)
         own = [x for one in self.controllers for x in (one.start, 0.0, *one.memory)]
         history[history.size - len(own):] = own
         return State(self.q0.copy(), self.v0.copy(), self.s0.copy(), np.zeros(self.n_forces), history)

@@ -9,6 +9,7 @@ from .connections import NO_PAIRS, Connections, connect
 from .initial import place_points
 from .links import Links
 from .numbering import NodeList
+from .scene.added_mass import added_masses
 from .scene import RigidBody, Scene
 
 Array = np.ndarray
@@ -29,7 +30,7 @@ class Numbered:
     links : Links
         Springs and joints with multipliers.
     dragged : int64 [*]
-        Nodes with drag.
+        Nodes with drag or added mass.
     always : int64 [N]
         What supports that do not let go hold of the unknowns of every node.
     """
@@ -43,7 +44,7 @@ class Numbered:
 
     @property
     def touched(self) -> Array:
-        """Nodes that links and drag touch; they are not eliminated inside elements and beams."""
+        """Nodes that links, drag and added mass touch; they are not eliminated inside elements and beams."""
         return np.union1d(self.links.touched, self.dragged)
 
 
@@ -61,7 +62,7 @@ def number(scene: Scene) -> Numbered:
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
     joints, hinges, always = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
-    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(drag.on)] for drag in scene.drags)])
+    dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])
     return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .added import add_energies
 from .arguments import Listing, Names, Word, real, shown
 from .errors import SceneError
 from .kernels import observe as kernels
@@ -146,6 +147,7 @@ class Observer:
         if self.energy or self.momentum:
             self._motion(state.q, state.v)
             add_moving(model, state, self._out)
+            add_energies(model, state, self._out)
             self.scale["lin_mom"] = max(self.scale["lin_mom"], float(self._out[7]))
             self.scale["ang_mom"] = max(self.scale["ang_mom"], float(self._out[8]))
         if self.momentum:

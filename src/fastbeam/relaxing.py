@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .added import refuse_added
 from .arguments import Anything, Count, Flag, Number, Word, checked
 from .damping_matrix import check_still_air
 from .dynamics import failure
@@ -110,6 +111,7 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_model("relax", model)
     check_slider_forces("relax", model, np.zeros(model.n_sliders, bool))
     refuse_winches("relax", model)
+    refuse_added("relax", model, "no equilibrium depends on it; leave it out")
     check_backend(backend)
     check_at_rest("relax", model.motions)
     check_twist(model, True)

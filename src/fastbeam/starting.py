@@ -287,7 +287,9 @@ def mended(model: Model, state: State) -> State:
         mass = (lift.T @ inertia @ lift).tocsr()
         right = _given_rates(model, across @ state.v) - across @ led
         found = nearest(mass, (across @ lift).tocsr(), right, found, free % 6 >= 3)
-    return State(q.reshape(-1), lift @ found + led, s, state.force.copy(), state.history.copy())
+    out = State(q.reshape(-1), lift @ found + led, s, state.force.copy(), state.history.copy())
+    model.start_added(out.history, out.q, out.v)
+    return out
 
 
 def _lift(model: Model, q: Array, state: State) -> tuple[Any, Array]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arguments import Anything, Number, Vector, checked, real, shown
+from .added import refuse_added
 from .errors import SceneError
 from .kernels.kinds import SPACE
 from .kernels.layout import layout_of
@@ -128,6 +129,7 @@ def check_steady(who: str, model: Model, motion: Spin | Travel, factors: Array) 
     if model.dragged is not None:
         raise SceneError(f"{who}: drag of {model.dragged.labels[0]} resists the steady motion itself, which would not go on; "
                          "leave it out")
+    refuse_added(who, model, "the fluid does not take part in a steady motion; leave it out")
     if model.user_forces:
         raise SceneError(f"{who}: user force {model.user_forces[0]!r} is not known in a steady motion; leave it out")
     if isinstance(motion, Spin):

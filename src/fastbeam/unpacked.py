@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .connections import Connections
+from .added import Added, added_of
 from .dissipation import Dragged, dragged_of
 from .initial import initial_state
 from .multipliers import KeptLink
@@ -56,6 +57,8 @@ class Unpacked:
         Supports that move.
     dragged : Dragged or None
         Nodes with drag.
+    added : Added or None
+        Nodes with added mass.
     """
 
     numbered: Numbered
@@ -69,6 +72,7 @@ class Unpacked:
     projected: str
     prescribed: PrescribedMotions | None
     dragged: Dragged | None
+    added: Added | None
 
     @property
     def nodes(self) -> NodeList:
@@ -98,7 +102,8 @@ def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpa
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]
     return Unpacked(numbered, elements, *_bodies(scene, nodes), loads, np.array(scene.gravity), kept, state, projected,
-                    prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements))
+                    prescribed_of(scene, nodes, joints, numbered.length), dragged_of(scene, nodes, elements),
+                    added_of(scene, nodes, elements))
 
 
 def _with_mass(scene: Scene) -> list[Any]:

@@ -320,6 +320,8 @@ def calls(folder: Path) -> dict[str, Call]:
         "Drag": Call(fb.Drag, dict(name="d", on=BEAM, normal=1.0), dict(
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real,
             linear=is_real, air=VECTOR, time=is_function, wind=is_function, parameters=VECTOR)),
+        "AddedMass": Call(fb.AddedMass, dict(name="w", on=BEAM, normal=1.0), dict(
+            name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
             until=either(is_real, is_function))),

@@ -23,13 +23,13 @@ from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.slider import predict_sliders
 from fastbeam.kernels.terms import Conserving, Equilibrium
 from fastbeam.model import Model
-from fastbeam.scene import (BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody, RigidConnection,
-                            Scene, Section, Slider)
+from fastbeam.scene import (AddedMass, BallJoint, Beam, Clamp, DistributedLoad, Drag, Load, Pin, PointMass, RigidBody,
+                            RigidConnection, Scene, Section, Slider)
 from fastbeam.load_times import load_factors
 from fastbeam.workspace import contact_of, work_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, dissipation, increments  # noqa: E402
+from naive import Step, Twin, augmented_increment, cay, cayley_vector, compliances, dissipation, increments, turn  # noqa: E402
 
 Array = np.ndarray
 BORDER = 7  # unknowns of a slider: force, position, mean gap
@@ -165,6 +165,13 @@ def _in_the_wind() -> Scene:
                  Drag("gust", body, normal=2.0, linear=1.0))
 
 
+def _in_water() -> Scene:
+    beam = Beam.helix("b", radius=1.0, pitch=0.5, turns=0.4, section=DIAGONAL, elements=3, degree=2)
+    body = RigidBody("body", mass=2.0, inertia=(1, 1.3, 0.8), position=beam.reference(beam.length)[0][0] + (0.3, 0.1, -0.2))
+    return Scene(beam, body, RigidConnection(body, beam.end), AddedMass("round", beam, normal=30.0, tangential=1.0),
+                 AddedMass("blunt", body, normal=2.0, tangential=5.0))
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     f"{strain}-{section}-{family}": lambda a=(strain, section, family): _curved(*a)
     for strain in ("simo_reissner", "green_lagrange") for section in ("diagonal", "coupled") for family in FAMILIES}
@@ -186,6 +193,7 @@ SCENES |= {
     "beams at an angle": _beams_at_an_angle,
     "damped beams at an angle": _damped_beams_at_an_angle,
     "in the wind": _in_the_wind,
+    "in water": _in_water,
 }
 # (scene, s_n and s_n+1 of every slider as parts of the length)
 WHOLE = [(name, ()) for name in SCENES if not any(word in name for word in ("mass on", "rail")) or name == "mass on ball joint"]
@@ -236,6 +244,7 @@ class Kernels:
         """Residual and tangent at a trial step."""
         m, state, work = self.model, self.state, self.work
         state.q[:], state.v[:] = trial.q_n.reshape(-1), trial.v_n.reshape(-1)
+        m.start_added(state.history, state.q, state.v)
         state.s[:], state.force[:], work.s_end[:] = trial.s_n, trial.force.reshape(-1), trial.s_end
         self.load()
         if m.sliders is not None:
@@ -244,6 +253,10 @@ class Kernels:
             work.s_end[:] = trial.s_end
         work.dphi[:] = twin.connected(increments(trial.q_n, trial.dphi, trial.theta))[:, 0].reshape(-1)
         work.theta[:] = trial.theta.reshape(-1)
+        if m.added is not None:
+            # those of tied nodes too
+            q_end = trial.q_n + twin.connected(increments(trial.q_n, trial.dphi, trial.theta))
+            work.theta[:] = np.concatenate([turn(a, b) for a, b in zip(trial.q_n[:, 1:], q_end[:, 1:])])
         kernels.assemble_all(*self.parts(), trial.h)
 
     def assemble_static(self, q: Array) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._jit import compile_in_background, kernel
 from .._records import in_memory, item_type
-from . import along, beams, compared_sliders, constraints, damping, drag, knots, load_work, moving_mesh  # noqa: F401
+from . import added_mass, along, beams, compared_sliders, constraints, damping, drag, knots, load_work, moving_mesh  # noqa: F401
 from . import prescribed, slider, tied  # noqa: F401
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor

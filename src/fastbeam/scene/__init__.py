@@ -8,6 +8,7 @@ from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing
 from fastbeam.scene.curves import Arc, FittedCurve, Helix, StraightLine
 from fastbeam.scene.distance_joint import DistanceJoint
+from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import GROUND
 from fastbeam.scene.joints import PrismaticJoint, RevoluteJoint
@@ -33,8 +34,9 @@ from fastbeam.scene.user_force import UserForce
 from fastbeam.scene.winch import Winch
 
 __all__ = [
-    "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper", "DistanceJoint",
-    "DistributedLoad", "Drag", "Drive", "FittedCurve", "ForceElement", "Friction", "GROUND", "Helix", "InitialVelocity",
+    "AddedMass", "Arc", "BallJoint", "Beam", "Bushing", "Clamp", "Controller", "Crossing", "CylindricalJoint", "Damper",
+    "DistanceJoint", "DistributedLoad", "Drag", "Drive", "FittedCurve", "ForceElement", "Friction", "GROUND", "Helix",
+    "InitialVelocity",
     "LineForce", "Load", "Lock", "MovingMesh", "Net", "NetBeam", "NodeRef", "OneSided", "Path", "Pin", "PlanarJoint", "PointMass",
     "PrescribedMotion", "PrismaticJoint", "Release", "RevoluteJoint", "RigidBody", "RigidConnection", "RigidMotion", "Scene",
     "Section", "Signal", "Sleeve", "Slider", "SphericalJoint", "Spring", "Stops", "StraightLine", "Switch", "UniversalJoint",

@@ -7,6 +7,7 @@ import numpy as np
 
 from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array
+from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.links import Link
 from fastbeam.scene.parts import (
@@ -51,7 +52,7 @@ def owners(part: Any) -> list[Any]:
         found.append(part.beam)
     if isinstance(part, RigidMotion):
         found.extend(part.objects or ())
-    if isinstance(part, Drag):
+    if isinstance(part, (Drag, AddedMass)):
         found.append(part.on)
     return found
 

@@ -16,6 +16,7 @@ from fastbeam.scene.beams import Beam, NodeRef
 from fastbeam.scene.checks import Array, Factor, TimeFactor
 from fastbeam.scene.controller import Controller
 from fastbeam.scene.crossings import Crossing, Knot
+from fastbeam.scene.added_mass import AddedMass
 from fastbeam.scene.drag import Drag
 from fastbeam.scene.fixed import Ground
 from fastbeam.scene.follower import as_force
@@ -39,12 +40,13 @@ from fastbeam.scene.winch import Winch
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-Part = (Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad | InitialVelocity
-        | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch | Controller | MovingMesh)
+Part = (AddedMass | Beam | Net | RigidBody | PointMass | Clamp | Pin | RigidConnection | BallJoint | Load | DistributedLoad
+        | InitialVelocity | RigidMotion | Slider | Crossing | Link | PrescribedMotion | Drag | UserForce | Winch | Controller
+        | MovingMesh)
 KINDS: tuple[type, ...] = (Beam, Net, RigidBody, PointMass, Clamp, Pin, RigidConnection, BallJoint, Load, DistributedLoad,
                            InitialVelocity, RigidMotion, Slider, Sleeve, Crossing, Link, PrescribedMotion, Drag, UserForce,
-                           Winch, Controller, MovingMesh)
-PLURALS = {"body": "bodies", "point mass": "point masses", "initial velocity": "initial velocities"}
+                           AddedMass, Winch, Controller, MovingMesh)
+PLURALS = {"body": "bodies", "added mass": "added masses", "point mass": "point masses", "initial velocity": "initial velocities"}
 Joint = RigidConnection | BallJoint
 P = TypeVar("P")
 
@@ -486,15 +488,13 @@ class Scene(notebook.Parts):
     def __repr__(self) -> str:
         items = []
         for kind in [*KINDS, *dict.fromkeys(type(link) for link in self.links)]:
-            found = [part for part in self.parts if type(part) is kind]
-            if not found:
+            if not (found := [part for part in self.parts if type(part) is kind]):
                 continue
             noun = PLURALS.get(kind.kind, kind.kind + "s") if len(found) > 1 else kind.kind
             named = (Beam, Net, RigidBody, PointMass, Load, DistributedLoad, Slider, Sleeve, PrescribedMotion, Drag, UserForce,
-                     Winch, Controller)
+                     AddedMass, Winch, Controller)
             names = [repr(part.name) for part in found[:4] if kind in named]
-            more = ", ..." if len(found) > 4 else ""
-            items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{more})" if names else ""))
+            items.append(f"{len(found)} {noun}" + (f" ({', '.join(names)}{', ...' if len(found) > 4 else ''})" if names else ""))
         if np.any(self.gravity):
             items.append(f"gravity {checks.shown(self.gravity)}")
         return f"<{self.label}: {', '.join(items) or 'empty'}>"

@@ -1,0 +1,69 @@
+"""Mass of the fluid that beams, nets, bodies and masses carry along."""
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import Any, ClassVar
+
+from fastbeam.arguments import Name, Number, checked
+from fastbeam.errors import SceneError
+from fastbeam.scene.beams import Beam
+from fastbeam.scene.checks import noun
+from fastbeam.scene.drag import InAir
+from fastbeam.scene.nets import Net
+from fastbeam.scene.parts import PointMass, RigidBody
+
+NOT_NEGATIVE = Number(least=0.0)
+
+
+@checked(name=Name(), on=InAir(), normal=NOT_NEGATIVE, tangential=NOT_NEGATIVE)
+@noun
+class AddedMass:
+    """Mass of fluid that a part carries along (theory.md (4.34)): 1/2 v . (m_n I + (m_t - m_n) d1 d1) v in the kinetic energy.
+
+    It turns with the section: across d1 it is `normal`, along d1 `tangential`. It has no weight. On beams and nets both are
+    those of a length, and stand at the nodes; on bodies they stand at the centre, d1 the first axis of the body.
+
+    Parameters
+    ----------
+    name : str
+    on : Beam, Net, RigidBody, PointMass
+    normal, tangential : float
+        Across and along d1, kg/m, of a body kg; >= 0. Of a round cylinder of diameter d in a fluid of the density rho across it
+        is rho pi d^2/4 and along it next to nothing. A PointMass has no direction: give both, equal, half the displaced mass
+        for a ball.
+
+    Raises
+    ------
+    SceneError
+        A coefficient is negative, both are zero, or those of a point mass differ.
+    """
+
+    kind: ClassVar[str] = "added mass"
+
+    name: str
+    on: Beam | Net | RigidBody | PointMass
+    _: KW_ONLY
+    normal: float = 0.0
+    tangential: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.normal == self.tangential == 0.0:
+            raise SceneError(f"{self.label}: give normal or tangential")
+        if isinstance(self.on, PointMass) and self.normal != self.tangential:
+            raise SceneError(f"{self.label}: {self.on.label} has no direction; give tangential={self.normal:g}, equal to normal, "
+                             "or use a RigidBody")
+
+    @property
+    def label(self) -> str:
+        """`added mass 'name'`."""
+        return f"{self.kind} {self.name!r}"
+
+    @property
+    def is_slender(self) -> bool:
+        """Whether coefficients are those of a length."""
+        return isinstance(self.on, (Beam, Net))
+
+
+def added_masses(scene: Any) -> list[AddedMass]:
+    """All added mass of a scene."""
+    return [part for part in scene.parts if isinstance(part, AddedMass)]
