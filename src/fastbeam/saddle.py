@@ -23,6 +23,7 @@ import numpy as np
 from .errors import BackendError
 from .halves import on_threads, settings
 from .kernels import sparse as kernels
+from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
 from .linsolve import SuperLU, _inertia, load_mkl
 
@@ -102,7 +103,7 @@ class Factors:
         self._tables = PardisoTables(
             np.zeros(64, np.int64), settings(self._settings), np.array([1, 1, self._kind, 0, n, m, 0, 0], np.int32),
             np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
-            np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
+            np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 1, 1)), np.zeros(5, np.int64), np.zeros(2))
 
     @property
     def perturbed(self) -> int:
@@ -122,6 +123,15 @@ class Factors:
         with on_threads(self._mkl, self._threads):
             code = kernels.call_pardiso(t, kernels.SOLVE, t.b, t.x)
         return t.x.reshape(right.shape).copy() if code == 0 else np.full(right.shape, np.nan)
+
+    def solve_refined(self, right: Array, row: Array, column: Array, refinements: int = 2) -> tuple[Array, float]:
+        """Of the last matrix with rows and columns by these factors [n]: solution for one right-hand side [n], refined as long as
+        that helps, and its relative residual."""
+        t, x = self._tables, np.empty(right.size)
+        assert t is not None
+        with on_threads(self._mkl, self._threads):
+            left = kernels.solve_refined(t, right, row, column, x, refinements)
+        return x, float(left)
 
     def _release(self) -> None:
         if self._tables is not None and self._tables.handle.any():
@@ -247,7 +257,7 @@ class Saddle:
                     return row * (self.matrix @ (column * x))
 
                 b = row * right
-                x, self.residual = _refine(solved, lambda x: b - times(x), b)
+                x, self.residual = factors.solve_refined(b, row, column)
                 if self.residual <= REGULAR and not factors.perturbed:
                     return column * x
                 if self._is_fair(x, b, row, column) and least_singular_value(solved, times, b.size) > CLEARLY_REGULAR:
@@ -451,24 +461,8 @@ def signs_between(matrix: Any, multiplier: Array) -> tuple[int, int] | None:
 def equilibrated(matrix: Any) -> tuple[Array, Array]:
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
     same for both where the matrix is symmetric. 1 for those without entries."""
-    from scipy.sparse import csr_matrix
-    size = abs(matrix).tocsr()
-    n = size.shape[0]
-    rows, columns = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
-    by_column = csr_matrix((np.arange(size.nnz), columns, size.indptr), shape=size.shape).tocsc().data
-    ends = [np.concatenate(([0], np.cumsum(np.bincount(x, minlength=m)))) for x, m in ((rows, n), (columns, size.shape[1]))]
-    row, column = np.ones(n), np.ones(size.shape[1])
-    for _ in range(SWEEPS):
-        data = size.data * row[rows] * column[columns]
-        most = (_largest(data, ends[0]), _largest(data[by_column], ends[1]))
-        row, column = (x / np.sqrt(np.where(y > 0.0, y, 1.0)) for x, y in zip((row, column), most))
+    by_rows = matrix.tocsr()
+    row, column = (np.ones(n) for n in by_rows.shape)
+    balance(np.abs(by_rows.data), *(x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices)), SWEEPS, row, column,
+            np.zeros(row.size), np.zeros(column.size))
     return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
-
-
-def _largest(data: Array, ends: Array) -> Array:
-    """Of each part of non-negative data between ends [n + 1]; 0 of those without any."""
-    out = np.zeros(ends.size - 1)
-    live = np.flatnonzero(np.diff(ends))
-    if live.size:
-        out[live] = np.maximum.reduceat(data, ends[live])
-    return out

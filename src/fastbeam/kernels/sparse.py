@@ -237,3 +237,62 @@ def solve_sparse(t, blocks, panel, width, dofs):
         return False
     store_solution(t, panel, width)
     return True
+
+
+@kernel
+def solve_once(t, b, row, column, x):
+    """x = solution for b [n] of the matrix whose rows and columns are multiplied by row, column [n]; NaN where PARDISO fails.
+
+    Arrays: b, row, column, x [n]
+    """
+    for i in range(x.shape[0]):
+        t.b[0, i] = b[i] / row[i]
+    code = call_pardiso(t, SOLVE, t.b, t.x)
+    for i in range(x.shape[0]):
+        x[i] = t.x[0, i] / column[i] if code == 0 else np.nan
+
+
+@kernel
+def rest_of(t, b, row, column, x, rest):
+    """rest = b - K x of the same; returns its norm. t.data: single entries by rows.
+
+    Arrays: b, row, column, x, rest [n]
+    """
+    size = 0.0
+    for i in range(x.shape[0]):
+        s = 0.0
+        for k in range(t.indptr[i], t.indptr[i + 1]):
+            j = t.indices[k]
+            s += t.data[k] * (column[j] * x[j])
+        rest[i] = b[i] - row[i] * s
+        size += rest[i] * rest[i]
+    return np.sqrt(size)
+
+
+@kernel
+def solve_refined(t, b, row, column, x, refinements):
+    """Solution of the same, refined as long as that helps, so many times at most; returns the relative norm of what it leaves.
+
+    Arrays: b, row, column, x [n]
+    """
+    rest = t.r[0]
+    better = t.y[0]
+    size = 0.0
+    for i in range(x.shape[0]):
+        size += b[i] * b[i]
+    size = np.sqrt(size) if size > 0.0 else 1.0
+    solve_once(t, b, row, column, x)
+    left = rest_of(t, b, row, column, x, rest) / size
+    for _ in range(refinements):
+        if not 1e-15 < left < 1e3:
+            break
+        solve_once(t, rest, row, column, better)
+        for i in range(x.shape[0]):
+            better[i] += x[i]
+        found = rest_of(t, b, row, column, better, rest) / size
+        if not found < left:
+            break
+        for i in range(x.shape[0]):
+            x[i] = better[i]
+        left = found
+    return left
