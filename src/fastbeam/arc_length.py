@@ -82,8 +82,6 @@ class PathSolver(SlidingSolver):
         self._structure: tuple[Array, ...] | None = None
         self._places: tuple[Array, ...] = ()
         self._whole: Any = None
-        # scales of the first matrix of those with this structure
-        self._measured_in: tuple[Array, Array] | None = None
         # largest stiffness in the metric of the steps
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
@@ -171,15 +169,13 @@ class PathSolver(SlidingSolver):
         if self._structure is None or not all(np.array_equal(x, y) for x, y in zip(self._structure, kind)):
             self._structure = tuple(x.copy() for x in kind)
             self._places = _bordered_places(*kind)
-            self._measured_in = None
-            self._whole = sparse.csr_matrix((np.zeros(self._places[1].size), self._places[1], self._places[0]), shape=(n + 1, n + 1))
+            self._whole = sparse.csr_matrix((np.zeros(self._places[1].size), self._places[1], self._places[0]),
+                                            shape=(n + 1, n + 1))
         indptr, indices, of_inner, of_column = self._places
         data = np.empty(indices.size)
         data[of_inner], data[of_column] = inner.data, -column[kind[2]]
         data[indptr[n]:-1], data[-1] = row[kind[3]], corner
-        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path, self._measured_in)
-        if whole.measured_in is None and self._of_path is not None and whole.is_finite:
-            whole.measured_in = self._measured_in = whole.scales
+        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path)
         x = whole.solve(np.append(right, last))
         return x if x is not None and np.isfinite(x).all() else None
 
