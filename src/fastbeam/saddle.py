@@ -103,7 +103,7 @@ class Factors:
         self._tables = PardisoTables(
             np.zeros(64, np.int64), settings(self._settings), np.array([1, 1, self._kind, 0, n, m, 0, 0], np.int32),
             np.zeros(max(n, 1), np.int32), matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), none, none,
-            np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 1, 1)), np.zeros(5, np.int64), np.zeros(2))
+            np.zeros(matrix.nnz), *(np.zeros((k, n)) for k in (m, m, 0, 0)), np.zeros(5, np.int64), np.zeros(2))
 
     @property
     def perturbed(self) -> int:
@@ -123,15 +123,6 @@ class Factors:
         with on_threads(self._mkl, self._threads):
             code = kernels.call_pardiso(t, kernels.SOLVE, t.b, t.x)
         return t.x.reshape(right.shape).copy() if code == 0 else np.full(right.shape, np.nan)
-
-    def solve_refined(self, right: Array, row: Array, column: Array, refinements: int = 2) -> tuple[Array, float]:
-        """Of the last matrix with rows and columns by these factors [n]: solution for one right-hand side [n], refined as long as
-        that helps, and its relative residual."""
-        t, x = self._tables, np.empty(right.size)
-        assert t is not None
-        with on_threads(self._mkl, self._threads):
-            left = kernels.solve_refined(t, right, row, column, x, refinements)
-        return x, float(left)
 
     def _release(self) -> None:
         if self._tables is not None and self._tables.handle.any():
@@ -257,7 +248,7 @@ class Saddle:
                     return row * (self.matrix @ (column * x))
 
                 b = row * right
-                x, self.residual = factors.solve_refined(b, row, column)
+                x, self.residual = _refine(solved, lambda x: b - times(x), b)
                 if self.residual <= REGULAR and not factors.perturbed:
                     return column * x
                 if self._is_fair(x, b, row, column) and least_singular_value(solved, times, b.size) > CLEARLY_REGULAR:
