@@ -49,8 +49,9 @@ def fastbeam(scene: str, elements: int) -> tuple[list[float], float]:
         load = fb.Load("end", rod.end, moment=(0, 0, 2.0 * np.pi * c["EI"]))
     elif scene in ARCHES:
         half, value = ARCHES[scene]
-        rod = fb.Beam.arc("rod", (-np.sin(half), np.cos(half), 0), (np.cos(half), np.sin(half), 0), (np.sin(half), -np.cos(half), 0),
-                          radius=1.0, angle=2.0 * half, section=section, elements=elements)
+        x, y = np.sin(half), np.cos(half)
+        rod = fb.Beam.arc("rod", (-x, y, 0), (y, x, 0), (x, -y, 0), radius=1.0, angle=2.0 * half, section=section,
+                          elements=elements)
         top = rod.at(rod.length / 2)
         if scene == "deep":
             load = fb.Load("top", top, force=(0, -value, 0))

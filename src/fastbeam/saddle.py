@@ -454,6 +454,6 @@ def equilibrated(matrix: Any) -> tuple[Array, Array]:
     same for both where the matrix is symmetric. 1 for those without entries."""
     by_rows = matrix.tocsr()
     row, column = (np.ones(n) for n in by_rows.shape)
-    balance(np.abs(by_rows.data), *(x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices)), SWEEPS, row, column,
-            np.zeros(row.size), np.zeros(column.size))
+    structure = (x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices))
+    balance(np.abs(by_rows.data), *structure, SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
     return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
