@@ -12,6 +12,7 @@ from .kernels.planar_follower import PlanarFollowers
 from .kernels.user_force import UserForces
 from .kernels.work import State
 from .law_path import LawPath
+from .maps import with_values
 from .model import Model
 from .saddle import Saddle, factors_for
 from .static_sliders import Increment, SlidingSolver
@@ -80,6 +81,7 @@ class PathSolver(SlidingSolver):
         # structure of the matrix with border
         self._structure: tuple[Array, ...] | None = None
         self._places: tuple[Array, ...] = ()
+        self._whole: Any = None
         # largest stiffness in the metric of the steps
         self._stiffest = 1.0
         # what the last step has added to the unknowns, to first order
@@ -167,12 +169,14 @@ class PathSolver(SlidingSolver):
         if self._structure is None or not all(np.array_equal(x, y) for x, y in zip(self._structure, kind)):
             self._structure = tuple(x.copy() for x in kind)
             self._places = _bordered_places(*kind)
+            self._whole = sparse.csr_matrix((np.zeros(self._places[1].size), self._places[1], self._places[0]),
+                                            shape=(n + 1, n + 1))
         indptr, indices, of_inner, of_column = self._places
         data = np.empty(indices.size)
         data[of_inner], data[of_column] = inner.data, -column[kind[2]]
         data[indptr[n]:-1], data[-1] = row[kind[3]], corner
-        matrix = sparse.csr_matrix((data, indices, indptr), shape=(n + 1, n + 1))
-        x = Saddle(matrix, np.append(saddle.multiplier, True), self._of_path).solve(np.append(right, last))
+        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path)
+        x = whole.solve(np.append(right, last))
         return x if x is not None and np.isfinite(x).all() else None
 
     def product(self, a: Direction, b: Direction) -> float:

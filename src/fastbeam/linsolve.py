@@ -212,10 +212,12 @@ class SuperLU:
         """
         matrix = self.matrix(blocks)
         found = _inertia(0.5 * (matrix + matrix.T))
+        if symmetric or found == (0, 0):
+            return found
         # next to the diagonal: stiffnesses differ by many powers of ten
         scale = np.sqrt(1.0 / _diagonal(matrix))
         skew = (matrix - matrix.T).tocoo()
-        if symmetric or found == (0, 0) or np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0) <= 1e-8:
+        if np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0) <= 1e-8:
             return found
         return (1, 0) if self._determinant_sign(matrix) < 0 else None
 

@@ -1,6 +1,7 @@
 """Linear maps of a compiled scene between its unknowns, velocities and coordinates, for whoever needs them outside of a step."""
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -159,3 +160,10 @@ def gap_rates(model: Model, state: State) -> tuple[Any, list[Array], Array]:
     bent = [link.law.bend(*(y[list(link.node)] for y in (q, rates))) for link in kept]
     every = sparse.vstack((matrix.tocsr(), gap_matrix(kept, q)), format="csr")
     return every, tangents, np.concatenate((convective.reshape(-1), *bent))
+
+
+def with_values(matrix: Any, data: Array) -> Any:
+    """A sparse matrix with the structure of this one, shared, and other values: making one anew looks at the structure."""
+    out = copy(matrix)
+    out.data = data
+    return out

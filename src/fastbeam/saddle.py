@@ -23,6 +23,7 @@ import numpy as np
 from .errors import BackendError
 from .halves import on_threads, settings
 from .kernels import sparse as kernels
+from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
 from .linsolve import SuperLU, _inertia, load_mkl
 
@@ -451,24 +452,8 @@ def signs_between(matrix: Any, multiplier: Array) -> tuple[int, int] | None:
 def equilibrated(matrix: Any) -> tuple[Array, Array]:
     """Factors of rows and columns [n], powers of two, with which the largest entry of each comes close to 1 (D. Ruiz, 2001); the
     same for both where the matrix is symmetric. 1 for those without entries."""
-    from scipy.sparse import csr_matrix
-    size = abs(matrix).tocsr()
-    n = size.shape[0]
-    rows, columns = np.repeat(np.arange(n), np.diff(size.indptr)), size.indices
-    by_column = csr_matrix((np.arange(size.nnz), columns, size.indptr), shape=size.shape).tocsc().data
-    ends = [np.concatenate(([0], np.cumsum(np.bincount(x, minlength=m)))) for x, m in ((rows, n), (columns, size.shape[1]))]
-    row, column = np.ones(n), np.ones(size.shape[1])
-    for _ in range(SWEEPS):
-        data = size.data * row[rows] * column[columns]
-        most = (_largest(data, ends[0]), _largest(data[by_column], ends[1]))
-        row, column = (x / np.sqrt(np.where(y > 0.0, y, 1.0)) for x, y in zip((row, column), most))
+    by_rows = matrix.tocsr()
+    row, column = (np.ones(n) for n in by_rows.shape)
+    structure = (x.astype(np.int32, copy=False) for x in (by_rows.indptr, by_rows.indices))
+    balance(np.abs(by_rows.data), *structure, SWEEPS, row, column, np.zeros(row.size), np.zeros(column.size))
     return tuple(np.exp2(np.round(np.log2(x))) for x in (row, column))  # type: ignore[return-value]
-
-
-def _largest(data: Array, ends: Array) -> Array:
-    """Of each part of non-negative data between ends [n + 1]; 0 of those without any."""
-    out = np.zeros(ends.size - 1)
-    live = np.flatnonzero(np.diff(ends))
-    if live.size:
-        out[live] = np.maximum.reduceat(data, ends[live])
-    return out

@@ -17,7 +17,7 @@ import numpy as np
 
 from .coordinates import Coordinate
 from .mapping import shapes_at
-from .maps import tie_map, velocity_map
+from .maps import tie_map, velocity_map, with_values
 from .model import Model
 from .multipliers import Distance, KeptLink, gap_matrix
 from .pattern import Pattern
@@ -405,6 +405,7 @@ class SaddleMatrix:
         order = np.argsort(row * self.n + column)
         self._keys, self._blocks = (row * self.n + column)[order], at[order]
         self._known = np.zeros(0, np.int64)
+        self._nodes_alone: Any = None
         self._merge(self._known)
 
     def _merge(self, keys: Array) -> None:
@@ -439,7 +440,9 @@ class SaddleMatrix:
         m, s = self.nodes, self.sliders
         if self.n == m and not self._known.size and not border.bent.nnz:
             # nodes alone
-            return sparse.csr_matrix((2.0 * blocks[self._source], self._indices, self._indptr), shape=(m, m))
+            if self._nodes_alone is None:
+                self._nodes_alone = sparse.csr_matrix((np.zeros(self._indices.size), self._indices, self._indptr), shape=(m, m))
+            return with_values(self._nodes_alone, 2.0 * blocks[self._source])
         free = sliding.astype(float)
         gradient, slide, bent, turns = (x.tocoo() for x in (border.gradient, border.slide, border.bent, border.turns))
         dim = border.tangent.shape[1]

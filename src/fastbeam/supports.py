@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -24,6 +25,18 @@ def check_supports(model: Model, flat: bool = False, may_turn: bool = False) -> 
     SceneError
         Names the part and the motion that nothing prevents.
     """
+    known = _HELD.setdefault(model, {})
+    if (flat, may_turn) not in known:
+        known[flat, may_turn] = _checked(model, flat, may_turn)
+    return known[flat, may_turn]
+
+
+# what was found of models that are held
+_HELD: WeakKeyDictionary[Model, dict[tuple[bool, bool], bool]] = WeakKeyDictionary()
+
+
+def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
+    """As `check_supports`, found anew."""
     held_in_space = True
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
