@@ -3,7 +3,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from .kernels.twist import TWIST
+
+Array = np.ndarray
 
 
 class HistoryLayout:
@@ -36,7 +40,7 @@ class HistoryLayout:
         """Where the momenta of added mass begin."""
         return self.moving_place + (0 if self.moving is None else int(self.moving.size))
 
-    def start_added(self, history: Any, q: Any, v: Any) -> None:
+    def start_added(self, history: Array, q: Array, v: Array) -> None:
         """Momenta of added mass into a history, from coordinates and their rates [12 N], in a plane [4 N]."""
         if self.added is not None:
             own = self.added.momenta(q.reshape(self.n_nodes, -1), v.reshape(self.n_nodes, -1))
