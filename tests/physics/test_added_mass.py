@@ -180,3 +180,19 @@ def test_what_it_does_not_go_with() -> None:
     stops = fb.Slider("s", ball, beam, at=1.0, stops=fb.Stops(start=0.5, end=1.5))
     with pytest.raises(fb.SceneError, match="blows"):
         fb.compile_scene(fb.Scene(beam, water, clamp, ball, stops))
+
+
+def test_response_and_step_control() -> None:
+    """A body on a spring along its axis answers as one of its mass and that of the fluid along it; steps of any size conserve."""
+    body = fb.RigidBody("body", mass=2.0, inertia=(1, 1, 1), position=(1, 0, 0))
+    spring = fb.Spring(fb.GROUND.point((0, 0, 0)), body, stiffness=50.0, damping=1.0)
+    model = fb.compile_scene(fb.Scene(body, spring, fb.AddedMass("water", body, normal=3.0, tangential=0.5),
+                                      fb.Load("push", body, force=(2, 0, 0))))
+    found = fb.frequency_response(model, [0.5], load_factor=0.0, loads={"push": 1.0}, points={"body": body})
+    exact = 2.0 / abs(50.0 - 2.5 * np.pi**2 + 1j * np.pi)
+    assert np.max(np.abs(found.points["body"])) == pytest.approx(exact, rel=1e-12)
+    free = fb.RigidBody("free", mass=MASS, inertia=INERTIA, position=(0, 0, 0), velocity=(1, 0.5, -0.3), spin=(0.7, 1, -1.2))
+    run = fb.simulate(fb.compile_scene(fb.Scene(free, fb.AddedMass("water", free, normal=1.4, tangential=0.3))),
+                      t_end=2.0, step=0.02,
+                      tolerance=1e-5, progress=False)
+    assert drift(run) < 1e-12
