@@ -190,7 +190,7 @@ def test_response_and_step_control() -> None:
                                       fb.Load("push", body, force=(2, 0, 0))))
     found = fb.frequency_response(model, [0.5], load_factor=0.0, loads={"push": 1.0}, points={"body": body})
     exact = 2.0 / abs(50.0 - 2.5 * np.pi**2 + 1j * np.pi)
-    assert np.max(np.abs(found.points["body"])) == pytest.approx(exact, rel=1e-12)
+    assert np.max(np.abs(found.point("body"))) == pytest.approx(exact, rel=1e-12)
     free = fb.RigidBody("free", mass=MASS, inertia=INERTIA, position=(0, 0, 0), velocity=(1, 0.5, -0.3), spin=(0.7, 1, -1.2))
     run = fb.simulate(fb.compile_scene(fb.Scene(free, fb.AddedMass("water", free, normal=1.4, tangential=0.3))),
                       t_end=2.0, step=0.02,
