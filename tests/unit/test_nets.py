@@ -1,7 +1,6 @@
 """Nets from arrays: the same motion as beams and joints one by one, shared rows, errors, and no work in Python for each beam."""
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
+from counted import calls
 from fastbeam.newton import Stepper
 from fastbeam.workspace import work_of
 
@@ -265,22 +265,6 @@ def test_no_other_spin_is_held(case: str) -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------------- large scenes
-def calls(work: Callable[[], Any]) -> int:
-    """Python and C functions that are called."""
-    count = 0
-
-    def step(frame: Any, event: str, arg: Any) -> None:
-        nonlocal count
-        count += event in ("call", "c_call")
-
-    sys.setprofile(step)
-    try:
-        work()
-    finally:
-        sys.setprofile(None)
-    return count
-
-
 @pytest.mark.parametrize("condense", [True, False])
 @pytest.mark.parametrize("joints", ["rigid", "ball"])
 def test_compiling_a_net_calls_no_function_for_each_beam(joints: str, condense: bool) -> None:
