@@ -257,6 +257,15 @@ def test_viscous_bar_swings_and_creeps(tau: float) -> None:
     np.testing.assert_allclose(zeta, 0.5e-4 * undamped.angular, rtol=1e-6)
 
 
+def test_round_off_is_no_damping_of_free_motions() -> None:
+    """A bar on two pins turns freely about itself; its damping there is a sum of large numbers that cancel."""
+    beam = bar(damping=2e-3, elements=6)
+    found = fb.modes(fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), fb.Pin(beam.end))), n=4, damped=True)
+    free = found.undamped < 1e-6
+    assert np.sum(free) == 2 and not np.any(found.rates[free]) and not np.any(found.damping_ratios[free])
+    assert np.all(found.decay[~free] > 0.0)
+
+
 def test_linear_drag_lets_free_motions_decay() -> None:
     """r (m r + c) = 0 for a flight: one free motion and one that decays, in each direction."""
     beam = bar(elements=3)
