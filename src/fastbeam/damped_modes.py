@@ -48,10 +48,10 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     damping = about.damping()
     span, frequencies = found.vectors, np.real(found.values)
     small = span[:k].T @ (damping @ span[:k])
-    # what round-off makes of the damping of free motions, in which parts of any size cancel
-    size = np.abs(span[:k])
-    left = np.where(frequencies == 0.0, ZERO * np.sum(size * (abs(damping) @ size), axis=0), 0.0)
-    rates, parts = _projected(np.diag(frequencies), small, left, n)
+    # free motions are not damped by round-off, which is as large as the parts that cancel in them
+    free, size = frequencies == 0.0, np.abs(span[:k])
+    small[(np.abs(small) <= ZERO * (size.T @ (abs(damping) @ size))) & (free | free[:, None])] = 0.0
+    rates, parts = _projected(np.diag(frequencies), small, n)
     pencil = with_still(pencil, np.zeros(k))
     system = DynamicStiffness(pencil, damping, backend=backend)
     terms = abs(pencil.stiffness), abs(damping), abs(pencil.mass)
@@ -64,9 +64,9 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
                   np.array([left for *_, left in out]))
 
 
-def _projected(stiffness: Array, damping: Array, left: Array, n: int) -> tuple[Array, Array]:
+def _projected(stiffness: Array, damping: Array, n: int) -> tuple[Array, Array]:
     """Rates [m] of the equation in the span of modes of unit mass, and vectors [modes, m]: those that belong to the first n
-    modes, of complex pairs one. left [modes]: rates that are round-off in each of them."""
+    modes, of complex pairs one."""
     m = len(damping)
     zero, one = np.zeros((m, m)), np.eye(m)
     rates, vectors = np.linalg.eig(np.block([[zero, one], [-stiffness, -damping]]))
@@ -77,8 +77,7 @@ def _projected(stiffness: Array, damping: Array, left: Array, n: int) -> tuple[A
     flat = np.abs(np.imag(rates)) <= 1e-9 * np.abs(rates)
     picks = [j for j in order if flat[j] or np.imag(rates[j]) > 0.0]
     rates = np.where(flat, np.real(rates), rates)
-    least = np.maximum(ZERO * np.max(np.abs(rates), initial=0.0), left @ np.abs(vectors)**2)
-    rates[np.abs(rates) <= least] = 0.0
+    rates[np.abs(rates) <= ZERO * np.max(np.abs(rates), initial=0.0)] = 0.0
     rates, vectors = rates[picks], vectors[:, picks]
     # of a zero that comes several times a dense solver may return one vector several times: free motions themselves
     free = np.flatnonzero(np.diag(stiffness) == 0.0)
@@ -106,7 +105,11 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: compl
         size = np.abs(x)
         whole = terms[0] @ size
         whole[:k] += abs(rate) * (terms[1] @ size[:k]) + abs(rate)**2 * (terms[2] @ size[:k])
-        return left, float(np.linalg.norm(left) / max(float(np.linalg.norm(whole)), 1e-300))
+        reference = max(float(np.linalg.norm(whole)), 1e-300)
+        if rate == 0.0:
+            # of a free motion of a part that nothing strains, where all terms are round-off
+            reference = max(reference, float(terms[0].max()) * float(np.linalg.norm(size)))
+        return left, float(np.linalg.norm(left)) / reference
 
     left, size = residual(rate, x)
     best = rate, x, size
