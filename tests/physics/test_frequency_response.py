@@ -270,7 +270,8 @@ def test_round_off_is_no_damping_of_free_motions() -> None:
 def test_turns_that_nothing_holds_have_rate_zero(twist: float) -> None:
     """A ball on a rod of 0.4 m in a shoulder that damps the swing: the twist is free, or has its damper alone."""
     ball = fb.RigidBody("ball", mass=3.0, inertia=(0.02, 0.02, 0.02), position=(0, 0, -0.4))
-    shoulder = fb.SphericalJoint(fb.GROUND, ball.point((0, 0, 0.4)), "shoulder", axis=(0, 0, -1), stiffness=(5.0, 0.0), damping=(0.5, twist))
+    shoulder = fb.SphericalJoint(fb.GROUND, ball.point((0, 0, 0.4)), "shoulder", axis=(0, 0, -1), stiffness=(5.0, 0.0),
+                                 damping=(0.5, twist))
     found = fb.modes(fb.compile_scene(fb.Scene(ball, shoulder, gravity=(0, 0, -9.81))), n=3, damped=True)
     swing = np.roots([0.02 + 3.0 * 0.4**2, 0.5, 5.0 + 3.0 * 9.81 * 0.4])
     assert sum(abs(found.rates - swing[np.imag(swing) > 0]) < 1e-9) == 2
