@@ -48,6 +48,9 @@ def damped_of(about: Linearisation, found: Eigen, n: int, backend: str) -> Dampe
     damping = about.damping()
     span, frequencies = found.vectors, np.real(found.values)
     small = span[:k].T @ (damping @ span[:k])
+    # free motions are not damped by round-off, which is as large as the parts that cancel in them
+    free, size = frequencies == 0.0, np.abs(span[:k])
+    small[(np.abs(small) <= ZERO * (size.T @ (abs(damping) @ size))) & (free | free[:, None])] = 0.0
     rates, parts = _projected(np.diag(frequencies), small, n)
     pencil = with_still(pencil, np.zeros(k))
     system = DynamicStiffness(pencil, damping, backend=backend)
@@ -102,7 +105,11 @@ def _improved(system: DynamicStiffness, terms: tuple[Any, Any, Any], rate: compl
         size = np.abs(x)
         whole = terms[0] @ size
         whole[:k] += abs(rate) * (terms[1] @ size[:k]) + abs(rate)**2 * (terms[2] @ size[:k])
-        return left, float(np.linalg.norm(left) / max(float(np.linalg.norm(whole)), 1e-300))
+        reference = max(float(np.linalg.norm(whole)), 1e-300)
+        if rate == 0.0:
+            # of a free motion of a part that nothing strains, where all terms are round-off
+            reference = max(reference, float(terms[0].max()) * float(np.linalg.norm(size)))
+        return left, float(np.linalg.norm(left)) / reference
 
     left, size = residual(rate, x)
     best = rate, x, size

@@ -114,7 +114,8 @@ class Motions:
         out = np.zeros((len(starts), len(self.rows)))
         for column, k in enumerate(self.rows.tolist()):
             motor = self.motors[k]
-            out[:, column] = mean_factors(motor, starts, lengths, self.labels[k]) if callable(motor) else motor or 0.0
+            who = f"(motor) of {self.labels[k]}"
+            out[:, column] = mean_factors(motor, starts, lengths, who) if callable(motor) else motor or 0.0
         return out
 
     def at_rest(self, tables: JointsOfRun, t: float, share: float) -> None:

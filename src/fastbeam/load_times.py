@@ -88,9 +88,15 @@ def factor_at(time: Callable[[float], float], t: float, who: str = "of a load or
     Raises
     ------
     SceneError
-        It returned something else, or nothing finite.
+        It failed, or returned something else, or nothing finite.
     """
-    value = time(t)
+    try:
+        value = time(t)
+    except SceneError:
+        raise
+    except Exception as error:
+        text = f"must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+        raise SceneError(f"time function {who}: {text}") from error
     factor = real(value)
     if factor is None or not abs(factor) <= LARGEST:
         raise SceneError(f"time function {who}: must return a finite number, got "

@@ -167,7 +167,7 @@ class DampedModes:
     def __init__(self, rates: Array, displacements: Array, spins: Array, slides: Array, residuals: Array, source: Any,
                  info: dict[str, Any], names: Mapping[str, list[Any]], positions: Array, directors: Array) -> None:
         self.rates = rates
-        self.decay, self.angular, self.undamped = -np.real(rates), np.imag(rates), np.abs(rates)
+        self.decay, self.angular, self.undamped = 0.0 - np.real(rates), np.imag(rates), np.abs(rates)
         self.frequencies = self.angular / (2.0 * np.pi)
         self.damping_ratios = np.divide(self.decay, self.undamped, out=np.zeros(rates.size), where=self.undamped > 0.0)
         self.displacements, self.spins, self.slides, self.residuals = displacements, spins, slides, residuals

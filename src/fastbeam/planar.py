@@ -84,10 +84,12 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     # round-off of spins and moments has no axis
     if unpacked.dragged is not None and unpacked.dragged.windy:
         raise NotPlanar("wind= of a drag may lead out of a plane")
+    # nodes of rows that are not those of all nodes
+    places: dict[int, Array] = {}
     if unpacked.dragged is not None:
-        air = np.zeros((len(q), 3))
-        air[unpacked.dragged.node] = unpacked.dragged.air
-        within.append((air, "the air at {} moves out of the plane"))
+        # several drags may act on one node, each with air of its own
+        places[len(within)] = unpacked.dragged.node
+        within.append((unpacked.dragged.air, "the air at {} moves out of the plane"))
     if unpacked.prescribed is not None:
         for way, axes in unpacked.prescribed.directions(len(q)):
             within.append((way, "the motion of {} leaves the plane"))
@@ -111,8 +113,8 @@ def _plane_of(unpacked: Unpacked) -> Plane:
     axes = _axes(normal)
     normal = axes[2]
     check_plane(unpacked.numbered.links.of(Bushing)[0], normal)
-    for x, why in within:
-        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked)
+    for of, (x, why) in enumerate(within):
+        _refuse(np.abs(x @ normal), TOLERANCE * np.max(np.linalg.norm(x, axis=1)), why, unpacked, places.get(of))
     along = some_axes * normal
     _refuse(np.linalg.norm(along - (along @ normal)[:, None] * normal, axis=1), TOLERANCE,
             "the support of {} holds axes that are oblique to the plane", unpacked, partly)

@@ -126,7 +126,8 @@ class ResultWriter:
             if self._file is not None:
                 with suppress(OSError, RuntimeError):
                     self._file.close()
-            if isinstance(error, OSError) and lock(self._raw, "LOCK_EX"):
+            # half a file is none, also where Ctrl-C cut it short
+            if lock(self._raw, "LOCK_EX"):
                 self._where.unlink(missing_ok=True)
             self._raw.close()
             if not isinstance(error, OSError):

@@ -117,8 +117,9 @@ def _checked(model: Model, flat: bool, may_turn: bool) -> bool:
         how = "turn about " + _axis(turn) if np.linalg.norm(turn) > 0.5 else "move along " + _axis(shift)
         n_free = int(np.sum(values <= 1e-9))
         kind = "3 rigid motions in its plane" if flat else "6 rigid motions"
+        hangs = " (relax finds how it hangs)" if how.startswith("turn") and np.any(mask[nodes]) and np.any(model.gravity) else ""
         raise SceneError(f"{what}: nothing holds it in statics, it can {how} ({n_free} of {kind} are free); "
-                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}"
+                         f"{'add a Clamp or Pins' if flat else 'add a Clamp, or Pins that do not lie on one line'}{hangs}"
                          + ("" if flat else _planar_hint(model, shift, turn)))
     return held_in_space
 

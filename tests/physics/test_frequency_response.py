@@ -257,6 +257,29 @@ def test_viscous_bar_swings_and_creeps(tau: float) -> None:
     np.testing.assert_allclose(zeta, 0.5e-4 * undamped.angular, rtol=1e-6)
 
 
+def test_round_off_is_no_damping_of_free_motions() -> None:
+    """A bar on two pins turns freely about itself; its damping there is a sum of large numbers that cancel."""
+    beam = bar(damping=2e-3, elements=6)
+    found = fb.modes(fb.compile_scene(fb.Scene(beam, fb.Pin(beam.start), fb.Pin(beam.end))), n=4, damped=True)
+    free = found.undamped < 1e-6
+    assert np.sum(free) == 2 and not np.any(found.rates[free]) and not np.any(found.damping_ratios[free])
+    assert np.all(found.decay[~free] > 0.0)
+
+
+@pytest.mark.parametrize("twist", [0.0, 0.1])
+def test_turns_that_nothing_holds_have_rate_zero(twist: float) -> None:
+    """A ball on a rod of 0.4 m in a shoulder that damps the swing: the twist is free, or has its damper alone."""
+    ball = fb.RigidBody("ball", mass=3.0, inertia=(0.02, 0.02, 0.02), position=(0, 0, -0.4))
+    shoulder = fb.SphericalJoint(fb.GROUND, ball.point((0, 0, 0.4)), "shoulder", axis=(0, 0, -1), stiffness=(5.0, 0.0),
+                                 damping=(0.5, twist))
+    found = fb.modes(fb.compile_scene(fb.Scene(ball, shoulder, gravity=(0, 0, -9.81))), n=3, damped=True)
+    swing = np.roots([0.02 + 3.0 * 0.4**2, 0.5, 5.0 + 3.0 * 9.81 * 0.4])
+    assert sum(abs(found.rates - swing[np.imag(swing) > 0]) < 1e-9) == 2
+    turns = sorted(np.real(found.rates[found.angular == 0.0]))
+    np.testing.assert_allclose(turns, [-twist / 0.02, 0.0], rtol=1e-9)
+    assert not turns[-1] and np.all(found.damping_ratios >= 0.0) and np.max(found.residuals) < 1e-10
+
+
 def test_linear_drag_lets_free_motions_decay() -> None:
     """r (m r + c) = 0 for a flight: one free motion and one that decays, in each direction."""
     beam = bar(elements=3)

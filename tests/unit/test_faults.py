@@ -164,6 +164,19 @@ def test_failure_at_either_end_of_a_file_is_told_as_such(place: str, monkeypatch
         assert list(tmp_path.iterdir()) == []
 
 
+def test_ctrl_c_while_a_file_is_created_leaves_no_half_of_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    create = store.ResultWriter._create
+
+    def stop(self: store.ResultWriter, texts: bytes) -> None:
+        create(self, texts)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store.ResultWriter, "_create", stop)
+    with pytest.raises(KeyboardInterrupt):
+        fb.simulate(fb.compile_scene(bead()), t_end=0.1, step=H, file=tmp_path / "run.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
 class Brittle:
     """A file that cannot be cut twice."""
 

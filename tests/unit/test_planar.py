@@ -73,6 +73,18 @@ def test_planes_next_to_a_coordinate_plane_are_found(tilt: float) -> None:
     assert (found.label == "plane normal to z") == (tilt < 1e-13)
 
 
+def test_the_air_of_every_drag_of_a_beam_lies_in_the_plane() -> None:
+    """Hanging along z any plane through z would do, but for the air of one of two drags."""
+    rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -2), section=SECTION, elements=2)
+    wind, settle = fb.Drag("wind", rope, normal=2.0, air=(2, 0, 0)), fb.Drag("settle", rope, linear=0.1)
+    across = fb.Drag("gust", rope, normal=2.0, air=(0, 1, 0))
+    for drags in ((wind, settle), (settle, wind)):
+        model = fb.compile_scene(fb.Scene(rope, fb.Pin(rope.start), *drags, gravity=(0, 0, -9.81)))
+        assert abs(model.plane.axes[2] @ (0, 1, 0)) == 1.0
+    model = fb.compile_scene(fb.Scene(rope, fb.Pin(rope.start), wind, across, gravity=(0, 0, -9.81)))
+    assert model.plane is None and "the air at beam 'rope' node" in model.not_planar
+
+
 def test_points_of_a_plane_count_its_height_along_the_normal() -> None:
     turn = plane()
     shift = fb.Beam.straight("beam", vector(turn, 0, 0, 5), vector(turn, 3, 0.5, 5), section=SECTION, elements=3, d2=turn[:, 2])

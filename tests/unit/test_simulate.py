@@ -601,6 +601,14 @@ def test_time_function_that_stops_giving_numbers_is_named(what: str, value: Any,
         fb.solve_static(model, at_time=1.0)
 
 
+def test_time_function_that_fails_on_the_way_is_told_with_the_time() -> None:
+    beam = straight("beam", (0, 0, 0), (3, 0, 0))
+    load = fb.Load("pull", beam.end, force=(0, 0, 1), time=lambda t: 1.0 if t < 0.005 else 1 / 0)
+    model = fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start), load))
+    with pytest.raises(fb.SceneError, match="must not fail, at t = 0.005.* s it raises ZeroDivisionError"):
+        fb.simulate(model, t_end=0.01, step=1e-3, progress=False)
+
+
 @pytest.mark.parametrize("answer", [np.True_, True])
 def test_callback_ends_the_run_with_a_true_answer_only(answer: Any) -> None:
     assert run(callback=lambda t, state: answer, every=1).events[-1]["kind"] == "stopped"

@@ -400,3 +400,11 @@ def test_drift_of_the_energy_is_measured_by_the_motion_where_springs_are_loaded_
     scene = fb.Scene(BOB, fb.Spring(ORIGIN, BOB, "s", stiffness=200.0, length=0.7), gravity=(0, 0, -9.81))
     result = fb.simulate(fb.compile_scene(scene), t_end=0.1, step=0.01, progress=False)
     assert result.info["scale"]["total"] == pytest.approx(np.max(np.abs(result.series["potential"])), rel=0.5)
+
+
+def test_drift_of_the_energy_is_measured_by_the_motion_where_beams_are_prestressed() -> None:
+    wire = fb.Section.circle(radius=0.002, E=2e11, rho=7850.0)
+    string = fb.Beam.straight("string", (0, 0, 0), (10, 0, 0), section=wire, elements=4, prestress=2e4)
+    scene = fb.Scene(string, fb.Pin(string.start), fb.Pin(string.end), gravity=(0, 0, -9.81))
+    result = fb.simulate(fb.compile_scene(scene), t_end=0.02, step=0.01, progress=False)
+    assert result.info["scale"]["total"] == pytest.approx(0.5 * 2e4**2 * 10 / wire.EA, rel=0.01)

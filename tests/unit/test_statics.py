@@ -92,6 +92,12 @@ def test_three_pins_off_one_line_hold_a_bent_beam() -> None:
     assert np.min(q[:, 2]) < -1e-3
 
 
+def test_what_hangs_on_one_pin_is_sent_to_relax() -> None:
+    rope = fb.Beam.straight("rope", (0, 0, 0), (0, 0, -2), section=fb.Section.circle(radius=0.01, E=1e8, rho=1e3), elements=2)
+    with pytest.raises(fb.SceneError, match="can turn about .*add a Clamp or Pins .relax finds how it hangs"):
+        fb.solve_static(fb.compile_scene(fb.Scene(rope, fb.Pin(rope.start), gravity=(0, 0, -9.81))))
+
+
 def test_loose_mass_and_loose_body_are_refused() -> None:
     b = beam()
     mass = fb.PointMass("ball", mass=1.0, position=(1, 1, 1))
