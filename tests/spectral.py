@@ -27,9 +27,9 @@ def chebyshev(n: int, length: float) -> tuple[Array, Array, Array]:
 
 @dataclass
 class Rod:
-    """A rod of length L, its reference along x, with loads a length `load` [2] and forces `pull` [2] times the coordinates; `turned`
-    the same of the angle. ends: what vanishes there, less what is given in `values`. gyro: 2 gyro times the masses couple both
-    velocities."""
+    """A rod of length L, its reference along x, with loads a length `load` [2] and forces `pull` [2] times the coordinates;
+    `turned` the same of the angle. ends: what vanishes there, less what is given in `values`. gyro: 2 gyro times the masses
+    couple both velocities."""
 
     length: float
     EA: float

@@ -103,10 +103,12 @@ def elastic_catenary(length: float, stiffness: float, weight: float, to: tuple[f
     from the origin to a point beside and above it (H. M. Irvine, Cable Structures, 1981)."""
     def place(s: Any, across: float, up: float) -> Any:
         left, right = up / across, (up - weight * s) / across
-        return np.array([across * s / stiffness + across / weight * (np.arcsinh(left) - np.arcsinh(right)),
-                         -s / stiffness * (up - 0.5 * weight * s) - across / weight * (np.hypot(1.0, left) - np.hypot(1.0, right))])
+        x = across * s / stiffness + across / weight * (np.arcsinh(left) - np.arcsinh(right))
+        fall = s / stiffness * (up - 0.5 * weight * s) + across / weight * (np.hypot(1.0, left) - np.hypot(1.0, right))
+        return np.array([x, -fall])
 
-    found = root(lambda y: place(length, *y) - to, [max(0.8, stiffness * (1.0 / length - 1.0)), 0.45 * weight * length], tol=1e-13)
+    first = max(0.8, stiffness * (1.0 / length - 1.0)), 0.45 * weight * length
+    found = root(lambda y: place(length, *y) - to, first, tol=1e-13)
     assert np.max(np.abs(found.fun)) < 1e-10
     return float(found.x[0]), float(found.x[1]), lambda s: place(s, *found.x)
 

@@ -229,7 +229,8 @@ def test_a_hanging_chain_with_bending_converges_with_order_eight() -> None:
     y = rod.equilibrium(spectral.guess(rod, lambda s: s, np.zeros_like, lambda s: G * (1.0 - s)))
     exact = rod.angular(y)[:3]
     assert exact[0] == pytest.approx(1.20241277884789 * np.sqrt(G), rel=0.01)
-    rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1.0, EI2=bending, EI3=bending, rhoA=1.0, rhoI2=1e-6, rhoI3=1e-6)
+    rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1.0, EI2=bending, EI3=bending, rhoA=1.0, rhoI2=1e-6,
+                      rhoI3=1e-6)
     errors = []
     for elements in (8, 16):
         chain = fb.Beam.straight("chain", (0, 0, 0), (0, 0, -1), section=rope, elements=elements, degree=4)
