@@ -80,6 +80,7 @@ class PathSolver(SlidingSolver):
         self._push: Array | None = None
         # structure of the matrix with border
         self._structure: tuple[Array, ...] | None = None
+        self._whole_scales: tuple[Array, Array] | None = None
         self._places: tuple[Array, ...] = ()
         self._whole: Any = None
         # largest stiffness in the metric of the steps
@@ -166,8 +167,8 @@ class PathSolver(SlidingSolver):
         from scipy import sparse
         inner, n = saddle.matrix, column.size
         kind = inner.indptr, inner.indices, column != 0.0, row != 0.0
-        if self._structure is None or not all(np.array_equal(x, y) for x, y in zip(self._structure, kind)):
-            self._structure = tuple(x.copy() for x in kind)
+        if self._structure is None or not all(x is y or np.array_equal(x, y) for x, y in zip(self._structure, kind)):
+            self._structure, self._whole_scales = kind, None
             self._places = _bordered_places(*kind)
             self._whole = sparse.csr_matrix((np.zeros(self._places[1].size), self._places[1], self._places[0]),
                                             shape=(n + 1, n + 1))
@@ -175,7 +176,9 @@ class PathSolver(SlidingSolver):
         data = np.empty(indices.size)
         data[of_inner], data[of_column] = inner.data, -column[kind[2]]
         data[indptr[n]:-1], data[-1] = row[kind[3]], corner
-        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path)
+        whole = Saddle(with_values(self._whole, data), np.append(saddle.multiplier, True), self._of_path, self._whole_scales)
+        if self._whole_scales is None and self._of_path is not None:
+            whole.measured_in = self._whole_scales = whole.scales
         x = whole.solve(np.append(right, last))
         return x if x is not None and np.isfinite(x).all() else None
 

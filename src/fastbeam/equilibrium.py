@@ -13,7 +13,7 @@ from .kernels.user_force import UserForces
 from .kernels.work import State
 from .model import Model
 from .newton import Stepper
-from .static_motion import StaticMotion, StaticShift, assemble_moved
+from .static_motion import Carrying, StaticMotion, StaticShift, coordinates_of
 
 Array = np.ndarray
 # an increment of a fifth of the scene or of 0.8 rad at once is not a Newton step any more
@@ -39,6 +39,7 @@ class StaticSolver:
         self.interrupts = Interrupts()
         # supports on their way to where they are at the time of the loads
         self.motion: StaticMotion | StaticShift | None = None
+        self._carrying: Carrying | None = None
         self.linear = self.stepper.linear
         self.inner = self.stepper.inner
 
@@ -104,6 +105,7 @@ class StaticSolver:
         if status == SINGULAR and not self.stepper.pivots_everywhere:
             state.q[:] = before
             self.fallback.set_time(*self.stepper.law_work[:2])
+            self.fallback.motion = self.motion
             status, sizes = self.fallback.equilibrium(factors)
             self.linear.fallbacks += status == OK
         if status != OK:
@@ -113,23 +115,54 @@ class StaticSolver:
 
     def _carry(self, factors: Array) -> int:
         """Where supports move, one iteration that takes the scene along with them."""
-        given = None if self.motion is None else self.motion.pending(self.state.q)
+        if self.motion is None:
+            return OK
+        core, own = self.core, self.motion.own
+        given = self.motion.pending(coordinates_of(self.stepper, own))
         if given is None:
             return OK
         if np.isnan(given).any():
             return NOT_CONVERGED
-        at = self if self.stepper.pivots_everywhere else self.fallback
-        at.set_time(*self.stepper.law_work[:2])
-        stepper = at.stepper
-        at._load(factors)
+        if self.linear.is_compiled and core.substructures is None and np.all(core.pattern.row_of[own] < core.pattern.n):
+            before = self.stepper.core_state.q.copy()
+            if self._carried(given) == OK:
+                return OK
+            self.stepper.core_state.q[:] = before
+        if self.stepper.pivots_everywhere:
+            return self._carried(given)
+        self.fallback.set_time(*self.stepper.law_work[:2])
+        self.fallback.motion = self.motion
+        self.fallback._load(factors)
+        return self.fallback._carried(given)
+
+    def _carried(self, given: Array) -> int:
+        """The same with what is missing, under the loads in `work.f_ext`."""
+        stepper = self.stepper
+        assert self.motion is not None
         x = self.motion.rows(given, stepper.core, None if stepper.plane is None else stepper.plane.axes)
-        stepper.parts.start(0.0)
-        assemble_moved(stepper, x)
+        terms, system = stepper.records
+        kernels.begin(terms, system, 0.0)
+        self.carrying.assemble(stepper, system, x)
         # increments are minus half the solution
         stepper.work.r[:8 * len(x)].reshape(-1, 8)[:, :x.shape[1]] -= 2.0 * x
-        if not stepper.parts.solve():
+        if self.linear.is_compiled:
+            kernels.fill_right(terms, system)
+            self.linear.begin_step()
+            with self.linear.threads():
+                good = kernels.all_regular(terms, system) and kernels.solve_right(system)
+        else:
+            good = stepper.parts.solve()
+        if not good:
             return SINGULAR
-        return OK if stepper.parts.update() < LARGEST_INCREMENT else NOT_FINITE
+        return OK if kernels.update(terms, system) < LARGEST_INCREMENT else NOT_FINITE
+
+    @property
+    def carrying(self) -> Carrying:
+        """Of the supports that move."""
+        if self._carrying is None:
+            assert self.motion is not None
+            self._carrying = Carrying(self.stepper, self.motion.own)
+        return self._carrying
 
     def _uneliminated(self, planar: bool) -> StaticSolver:
         uneliminated = self.stepper.model.uneliminated

@@ -411,7 +411,7 @@ class ExactSolver(SlidingSolver):
         observer = Observer(model, observed.kinds, {name: found.cut.point(what) for name, what in observed.points.items()})
         row = observer.row(t, solver.state)
         if observer.needs_forces:
-            reactions = StaticReactions(solver).at(factors) if observer.reactions else ()
+            reactions = StaticReactions(solver).at(factors, solver.state) if observer.reactions else ()
             observer.add_forces(row, np.concatenate((solver.state.force, reactions)), share)
         if "force_along" in row:
             # the curve has a kink at the contact

@@ -19,6 +19,7 @@ import numpy as np
 from ._jit import link_library
 from .errors import BackendError, SceneError
 from .halves import Each, Halves, cut, on_threads, settings
+from .kernels import band
 from .kernels import sparse as kernels
 from .kernels.sparse import REFINE_AT, REFUSE_AT, PardisoTables
 from .pattern import Pattern
@@ -37,6 +38,8 @@ ILL_CONDITIONED = 1e-2
 ZERO_EIGENVALUE = 1e-13
 # where all pivots lie above this share of their diagonal entries no eigenvalue is zero
 CLEAR_PIVOT = 1e-6
+# of a matrix that is factored as a band to count signs: entries beside its diagonal, and operations
+WIDEST, MOST_IN_BAND = 128, 2e7
 
 
 def check_backend(backend: str) -> None:
@@ -210,8 +213,11 @@ class SuperLU:
         (Bendixson). Else (1, 0) where its determinant is negative, which takes an odd number of negative eigenvalues. None where
         neither decides, or the eigenvalues cannot be counted.
         """
+        clear = self._clear_signs(blocks)
+        if clear is not None and (symmetric or clear == (0, 0)):
+            return clear
         matrix = self.matrix(blocks)
-        found = _inertia(0.5 * (matrix + matrix.T))
+        found = clear or _inertia(0.5 * (matrix + matrix.T))
         if symmetric or found == (0, 0):
             return found
         # next to the diagonal: stiffnesses differ by many powers of ten
@@ -220,6 +226,15 @@ class SuperLU:
         if np.max(np.abs(skew.data) * scale[skew.row] * scale[skew.col], initial=0.0) <= 1e-8:
             return found
         return (1, 0) if self._determinant_sign(matrix) < 0 else None
+
+    def _clear_signs(self, blocks: Array) -> tuple[int, int] | None:
+        """The same from pivots in the order of the rows; None where the band is wide or a pivot is small."""
+        rows = np.repeat(np.arange(self.n), np.diff(self._indptr))
+        upper = band_of(self.size * self.n, self.size * (int(np.max(np.abs(rows - self._columns), initial=0)) + 1) - 1)
+        if upper is None:
+            return None
+        band.add_blocks(rows, self._columns, blocks, self.size, upper)
+        return clear_signs(upper)
 
     @staticmethod
     def _determinant_sign(matrix: Any) -> int:
@@ -252,6 +267,18 @@ class SuperLU:
         size = np.linalg.norm(b, axis=1)
         worst = float(np.max(np.linalg.norm(b - (matrix @ x.T).T, axis=1) / np.where(size > 0.0, size, 1.0)))
         return worst if np.isfinite(worst) else np.inf
+
+
+def band_of(n: int, width: int) -> Array | None:
+    """Room for a symmetric matrix [n, n] with so many entries beside its diagonal (`kernels.band`); None where that is no way to
+    count its signs."""
+    return None if width > WIDEST or n * width * width > MOST_IN_BAND else np.zeros((n, width + 2))
+
+
+def clear_signs(upper: Array) -> tuple[int, int] | None:
+    """Numbers of negative and of zero eigenvalues of the matrix in a band, which is overwritten; None where a pivot is small."""
+    count = int(band.negative_pivots(upper, CLEAR_PIVOT))
+    return None if count < 0 else (count, 0)
 
 
 def _inertia(matrix: Any) -> tuple[int, int] | None:

@@ -65,7 +65,7 @@ class PathWalk:
         row = {**self.observer.row(0.0, state), "iterations": iterations, "step_size": size,
                "load_factor": self.solver.factor, "unstable_directions": np.nan if unstable is None else float(unstable)}
         if self.observer.needs_forces:
-            found = self.reactions.at(self.solver.load_factors) if self.reactions else ()
+            found = self.reactions.at(self.solver.load_factors, state) if self.reactions else ()
             self.observer.add_forces(row, np.concatenate((state.force, found)))
         self.buffer.append(row, self.length)
         q = state.q.reshape(-1, 4, 3)

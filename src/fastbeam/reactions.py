@@ -59,6 +59,11 @@ class Reactions:
         self.count = len(stepper.model.reaction_names)
         n = len(holding.parent)
         hanging = np.flatnonzero(holding.parent >= 0)
+        of_supports = holding.supports
+        # moments of those that turn, forces along axes that they leave free, and what another holds already
+        self._turns_freely = stepper.model.held_mask[of_supports] & 56 == 0
+        self._free_axes = ~held_axes(holding.masks)
+        self._shared = np.zeros(of_supports.size, bool) if core.ties is None else np.diff(core.ties.start)[of_supports] > 0
         self._below = None
         if hanging.size and len(holding.joints):
             from scipy.sparse import coo_matrix, identity
@@ -111,18 +116,17 @@ class Reactions:
             force, moment = self._rows()
         out[:s, 0], out[:s, 1] = force[holding.supports], moment[holding.supports]
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])
-        held = self.stepper.model.held_mask[holding.supports]
-        out[:s, 1][held & 56 == 0] = 0.0
+        out[:s, 1][self._turns_freely] = 0.0
         # along axes that a support leaves free its force is what others at the node do
-        masks = holding.masks.copy()
+        out[:s, 0][self._free_axes] = 0.0
         if isinstance(self.own.supports, OwnSupports):
             # of those that have let go only round-off is left
-            masks[self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]] = 0
-            out[:s, 1][masks == 0] = 0.0
-        out[:s, 0][~held_axes(masks)] = 0.0
-        shared = self._is_tied(holding.supports)
-        out[:s][shared] = np.nan
-        at, multipliers = 3 * self.stepper.model.n_sliders, self.stepper.state.force
+            gone = self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]
+            out[gone] = 0.0
+        # nothing tells the shares of what another support holds already
+        out[:s][self._shared] = np.nan
+        at = 3 * self.stepper.model.n_sliders
+        multipliers = self.stepper.state.force if self.links else np.zeros(0)
         kept = out[s + len(holding.joints):]
         kept[:] = 0.0
         for link, k in self.links:
@@ -133,11 +137,6 @@ class Reactions:
             kept[k, 1] += by_spin.T @ multipliers[at:at + m] + np.cross(x[b] - x[link.node[0]], push)
             at += m
         return out.reshape(-1)
-
-    def _is_tied(self, node: Array) -> Array:
-        """Supports of what another support holds already: nothing tells their shares."""
-        ties = self.own.core.ties
-        return np.zeros(node.size, bool) if ties is None else np.diff(ties.start)[node] > 0
 
     def _rows(self) -> tuple[Array, Array]:
         """Forces and moments [N, 3] that the equations of the nodes lack."""
@@ -170,11 +169,11 @@ class StaticReactions:
         self.solver = solver if solver.stepper.pivots_everywhere else solver.fallback
         self.reactions = Reactions(self.solver.stepper, static=True)
 
-    def at(self, factors: Array) -> Array:
-        """At the last equilibrium, that of load factors [K]: [6 R]."""
+    def at(self, factors: Array, state: State) -> Array:
+        """At the last equilibrium, whose state in space this is, that of load factors [K]: [6 R]."""
         self.solver.set_time(*self.main.stepper.law_work[:2])
         self.solver.load_all(factors)
-        return self.reactions.of_equilibrium(self.solver.state.q.reshape(-1, 4, 3))
+        return self.reactions.of_equilibrium(state.q.reshape(-1, 4, 3))
 
 
 class ReactingStepper(Stepper):

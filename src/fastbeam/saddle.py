@@ -22,16 +22,19 @@ import numpy as np
 
 from .errors import BackendError
 from .halves import on_threads, settings
+from .kernels import band
 from .kernels import sparse as kernels
 from .kernels.scaling import balance
 from .kernels.sparse import PardisoTables
-from .linsolve import SuperLU, _inertia, load_mkl
+from .linsolve import SuperLU, _inertia, band_of, clear_signs, load_mkl
 
 Array = np.ndarray
 # sweeps of the equilibration; each halves the exponent of what is missing
 SWEEPS = 12
 # relative residual of a regular matrix; of a solution that is accepted; backward error that is round-off
 REGULAR, FAIR, ROUND_OFF = 1e-12, 1e-2, 1e-12
+# one that is not refined any more
+GOOD = 1e-14
 # a smaller pivot next to the largest tells a singular matrix
 LEAST_PIVOT = 1e-15
 # of the scaled matrix: singular values that are round-off, what is added to the diagonal so that it can be factored, and null
@@ -340,6 +343,10 @@ class Saddle:
 
         A + p B^T B has on these motions the signs of A, whatever p is. Its negative eigenvalues less those of
         B (A + p B^T B)^-1 B^T are the number (Haynsworth), which is 0 where A + p B^T B has none."""
+        if not self.multiplier.any():
+            clear = self._clear_signs()
+            if clear is not None and (symmetric or clear == (0, 0)):
+                return clear
         # the same factor for a row and its column
         row, column = self._measure
         factor = np.sqrt(np.abs(row * column))
@@ -352,6 +359,15 @@ class Saddle:
         if np.max(np.abs(skew.data) * factor[skew.row] * factor[skew.col], initial=0.0) <= 1e-8:
             return found
         return (1, 0) if self.determinant_sign() < 0 else None
+
+    def _clear_signs(self) -> tuple[int, int] | None:
+        """The same from pivots in the order of the rows; None where the band is wide or a pivot is small."""
+        n, indptr, indices = self.multiplier.size, self.matrix.indptr, self.matrix.indices
+        upper = band_of(n, int(np.max(np.abs(indices - np.repeat(np.arange(n), np.diff(indptr))), initial=0)))
+        if upper is None:
+            return None
+        band.add_entries(indptr, indices, self.matrix.data, upper)
+        return clear_signs(upper)
 
     def determinant_sign(self) -> int:
         """Of A among the motions that the constraints allow: 1, -1, or 0 where it is singular."""
@@ -372,7 +388,7 @@ def _refine(solved: Callable[[Array], Array], rest_of: Callable[[Array], Array],
     rest = rest_of(x)
     left = _norm(rest) / size
     for _ in range(refinements):
-        if not 1e-15 < left < 1e3:
+        if not GOOD < left < 1e3:
             break
         better = x + solved(rest)
         rest = rest_of(better)

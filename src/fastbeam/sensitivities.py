@@ -153,7 +153,7 @@ class Sensitivity:
         t, factor = (float(x) for x in at.stepper.law_work[:2])
         row = observer.row(t, at.state)
         if observer.needs_forces:
-            reactions = StaticReactions(at).at(at.factors) if observer.reactions else np.zeros(0)
+            reactions = StaticReactions(at).at(at.factors, at.state) if observer.reactions else np.zeros(0)
             observer.add_forces(row, np.concatenate((at.state.force, reactions)), factor)
         return {key: np.asarray(x) for key, x in row.items()}
 

@@ -1,6 +1,7 @@
 """Supports that move in statics: where they are at a load factor, and the iteration that takes the scene along (theory.md 8)."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ class StaticMotion:
 
     def __init__(self, model: Model, q: Array, from_start: bool, at_time: float) -> None:
         self.of = model.prescribed
+        self.own = self.of.own
+        self._along, self._turns = held_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
         self.model, self.from_start, self.at_time = model, from_start, at_time
         self.share = 0.0
         own = self.of.own
@@ -46,47 +49,49 @@ class StaticMotion:
         start = q.reshape(-1, 4, 3)[own]
         self._start = start[:, 0].copy(), start[:, 1:].copy()
         self._size = model.length + float(np.max(np.abs(q.reshape(-1, 12)[:, :3])))
+        motions = self.of.motions
+        self._first = [(motion.place(0.0), motion.turn(0.0)) for motion in motions]
+        self._off = [self._start[0][k] - self._at(k, 0.0)[0] for k in range(len(motions))] if from_start else []
 
     def _at(self, k: int, t: float) -> tuple[Array, Array]:
         """Place and triad of support k at time t."""
-        motion = self.of.motions[k]
-        place = motion.place(t) if motion.position is not None else self._place[k] + motion.place(t) - motion.place(0.0)
-        return place, self._triads[k] @ motion.turn(0.0) @ motion.turn(t).T
+        motion, (place, turn) = self.of.motions[k], self._first[k]
+        now = motion.place(t)
+        triad = self._triads[k] if motion.rotation is None else self._triads[k] @ turn @ motion.turn(t).T
+        return now if motion.position is not None else self._place[k] + now - place, triad
 
     def targets(self) -> tuple[Array, Array]:
         """Places [M, 3] and triads [M, 3, 3] at the load factor `share`."""
         places, triads = self._start[0].copy(), self._start[1].copy()
         for k in range(len(places)):
             if self.from_start:
-                off = places[k] - self._at(k, 0.0)[0]
                 place, triads[k] = self._at(k, self.share * self.at_time)
-                places[k] = place + (1.0 - self.share) * off
+                places[k] = place + (1.0 - self.share) * self._off[k]
             else:
                 place, triad = self._at(k, self.at_time)
                 places[k] += self.share * (place - places[k])
                 triads[k] = triads[k] @ _turned_by(self.share * _vector(triad.T @ triads[k])).T
         return places, triads
 
-    def pending(self, q: Array) -> Array | None:
-        """What is missing at a shape [12 N] up to the load factor `share`: position and Cayley vector, [M, 6]; None where nothing
-        is. NaN where a support would turn too far at once."""
+    def pending(self, now: Array) -> Array | None:
+        """What is missing at coordinates [M, 4, 3] of what moves up to the load factor `share`: position and Cayley vector,
+        [M, 6]; None where nothing is. NaN where a support would turn too far at once."""
         places, triads = self.targets()
-        now = q.reshape(-1, 4, 3)[self.of.own]
-        masks = self.of.masks
-        out = np.zeros((len(masks), 6))
-        out[:, :3] = np.where(held_axes(masks), places - now[:, 0], 0.0)
-        # rows are directors: D' = D R^T
-        turn = triads.transpose(0, 2, 1) @ now[:, 1:]
-        size = 1.0 + np.trace(turn, axis1=1, axis2=2)
-        turns = masks & 56 != 0
-        with np.errstate(divide="ignore"):
-            out[turns, 3:] = (2.0 * _axial(turn) / size[:, None])[turns]
-        out[:, :3][np.abs(out[:, :3]) <= ROUND_OFF * self._size] = 0.0
-        out[:, 3:][np.abs(out[:, 3:]) <= ROUND_OFF] = 0.0
-        # |cayley vector| = 2 tan(angle/2)
-        if np.any(np.linalg.norm(out[:, 3:], axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size[turns] < 1e-3):
-            return np.full_like(out, np.nan)
-        return out if np.any(out) else None
+        out = np.zeros((len(now), 6))
+        place = np.where(self._along, places - now[:, 0], 0.0)
+        out[:, :3] = np.where(np.abs(place) <= ROUND_OFF * self._size, 0.0, place)
+        turns = self._turns
+        if turns.size:
+            # rows are directors: D' = D R^T
+            turn = triads[turns].transpose(0, 2, 1) @ now[turns, 1:]
+            size = 1.0 + np.trace(turn, axis1=1, axis2=2)
+            with np.errstate(divide="ignore"):
+                vector = 2.0 * _axial(turn) / size[:, None]
+            out[turns, 3:] = np.where(np.abs(vector) <= ROUND_OFF, 0.0, vector)
+            # |cayley vector| = 2 tan(angle/2)
+            if np.any(np.linalg.norm(out[:, 3:], axis=1) > 2.0 * np.tan(0.5 * LARGEST_TURN)) or np.any(size < 1e-3):
+                return np.full_like(out, np.nan)
+        return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
         """The same as increments of rows, [rows, unknowns of a node]; axes: of the plane of `core`.
@@ -96,7 +101,7 @@ class StaticMotion:
         SceneError
             A support leaves the plane.
         """
-        return _rows(given, core, axes, self.of.own, self._size, [motion.label for motion in self.of.motions])
+        return _rows(given, core, axes, self.own, self._size, lambda k: self.of.motions[k].label)
 
     def moved(self, q: Array, given: Array) -> Array:
         """Coordinates [12 N] where the supports and what hangs rigidly on them have gone on by that."""
@@ -131,13 +136,13 @@ class StaticShift:
         row = model.pattern.row_of
         self._nodes = [np.flatnonzero(row == row[node]) for node in self.own]
 
-    def pending(self, q: Array) -> Array | None:
+    def pending(self, now: Array) -> Array | None:
         """As `StaticMotion.pending`."""
         out = np.zeros((self.own.size, 6))
         target = self._start + (self.share - self._first) * self.shifts
-        out[:, :3] = np.where(self.shifts != 0.0, target - q.reshape(-1, 4, 3)[self.own, 0], 0.0)
+        out[:, :3] = np.where(self.shifts != 0.0, target - now[:, 0], 0.0)
         out[np.abs(out) <= ROUND_OFF * self._size] = 0.0
-        return out if np.any(out) else None
+        return out if out.any() else None
 
     def rows(self, given: Array, core: Model, axes: Array | None) -> Array:
         """As `StaticMotion.rows`.
@@ -146,7 +151,7 @@ class StaticShift:
         ------
         SceneError
         """
-        return _rows(given, core, axes, self.own, self._size, [self.model.labels[node] for node in self.own])
+        return _rows(given, core, axes, self.own, self._size, lambda k: self.model.labels[self.own[k]])
 
     def moved(self, q: Array, given: Array) -> Array:
         """As `StaticMotion.moved`."""
@@ -156,30 +161,55 @@ class StaticShift:
         return follow(self.model, out).reshape(-1)
 
 
-def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, labels: list[str]) -> Array:
+def coordinates_of(stepper: Any, nodes: Array) -> Array:
+    """Coordinates in space [M, 4, 3] of some nodes of a stepper."""
+    q = stepper.core_state.q
+    return q.reshape(-1, 4, 3)[nodes] if stepper.plane is None else stepper.plane.vectors_of(q[None], nodes, True)[0]
+
+
+def _rows(given: Array, core: Model, axes: Array | None, own: Array, size: float, label: Callable[[int], str]) -> Array:
     """Motions [M, 6] of nodes as increments of rows."""
-    x = np.zeros((core.pattern.n, 6))
-    np.add.at(x, core.pattern.row_of[own], given)
-    if axes is None:
-        return x
-    off = np.abs(given[:, :3] @ axes[2]) + np.linalg.norm(given[:, 3:] - (given[:, 3:] @ axes[2])[:, None] * axes[2], axis=1)
-    if np.any(off > OUT_OF_PLANE * size):
-        raise SceneError(f"{labels[int(np.argmax(off))]}: it leaves the plane of the scene; compile the scene with planar=False")
-    return np.concatenate((x[:, :3] @ axes[:2].T, x[:, 3:] @ axes[2:].T), axis=1)
+    x = np.zeros((core.pattern.n, 6 if axes is None else 3))
+    flat = given
+    if axes is not None:
+        place, turn = given[:, :3] @ axes.T, given[:, 3:] @ axes.T
+        off = np.abs(place[:, 2]) + np.abs(turn[:, :2]).sum(axis=1)
+        if np.any(off > OUT_OF_PLANE * size):
+            raise SceneError(f"{label(int(np.argmax(off)))}: it leaves the plane of the scene; compile the scene with "
+                             "planar=False")
+        flat = np.concatenate((place[:, :2], turn[:, 2:]), axis=1)
+    np.add.at(x, core.pattern.row_of[own], flat)
+    return x
 
 
-def assemble_moved(stepper: Any, x: Array) -> None:
-    """Half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which those of held
-    unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. Around solvers without elimination of inner nodes."""
-    core, work, size = stepper.core, stepper.work, x.shape[1]
-    held, pattern = core.static_held, core.pattern
-    system = stepper.records[1]
-    kernels.assemble_all(Record(tuple(term for term in stepper.terms if term is not held)), system, 0.0)
-    moved = np.flatnonzero(np.any(x != 0.0, axis=1)[pattern.columns])
-    blocks = work.blocks[:8 * size * pattern.keys.size].reshape(-1, size, 8)[moved][:, :, :size]
-    r = work.r[:8 * pattern.n].reshape(-1, 8)[:, :size]
-    np.add.at(r, pattern.rows[moved], 2.0 * np.einsum("kij,kj->ki", blocks, x[pattern.columns[moved]]))
-    kernels.assemble_some(Record((held,)), system, 0.0)
+class Carrying:
+    """What an iteration needs that takes the scene of a stepper along with its supports.
+
+    Parameters
+    ----------
+    stepper : Stepper
+    own : int [M]
+        Nodes that are moved.
+    """
+
+    def __init__(self, stepper: Any, own: Array) -> None:
+        core = stepper.core
+        held, pattern = core.static_held, core.pattern
+        self.free = Record(tuple(term for term in stepper.terms if term is not held))
+        self.held = Record((held,))
+        columns = pattern.columns
+        self.block = np.flatnonzero(np.isin(columns, pattern.row_of[own]))
+        self.row, self.column = pattern.rows[self.block], columns[self.block]
+
+    def assemble(self, stepper: Any, system: Record, x: Array) -> None:
+        """Half the static tangent and the residual of the rows, as `Iteration.assemble` does, for increments of which those of
+        held unknowns are x [rows, unknowns of a node]: K_ff x_f = -r_f - K_fh x_h. system: what terms share."""
+        work, size = stepper.work, x.shape[1]
+        kernels.assemble_all(self.free, system, 0.0)
+        blocks = work.blocks[:8 * size * stepper.core.pattern.keys.size].reshape(-1, size, 8)[self.block, :, :size]
+        r = work.r[:8 * len(x)].reshape(-1, 8)[:, :size]
+        np.add.at(r, self.row, 2.0 * np.einsum("kij,kj->ki", blocks, x[self.column]))
+        kernels.assemble_some(self.held, system, 0.0)
 
 
 def _axial(turn: Array) -> Array:

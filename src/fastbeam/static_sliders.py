@@ -19,7 +19,7 @@ from .saddle import Saddle, factors_for
 from .static_along import RESERVE, StaticAlong
 from .static_contact import Border, SaddleMatrix, StaticContacts
 from .static_joints import StaticJoints
-from .static_motion import assemble_moved
+from .static_motion import coordinates_of
 from .steady import SteadyForces
 
 Array = np.ndarray
@@ -312,12 +312,12 @@ class SlidingSolver(StaticSolver):
         if self.steady is not None:
             work.f_ext[:] += self.steady.loads(q)
             border = border._replace(bent=border.bent + self.steady.stiffness(q))
-        given = None if self.motion is None else self.motion.pending(q)
+        given = None if self.motion is None else self.motion.pending(coordinates_of(self.stepper, self.motion.own))
         if given is None:
             self.stepper.parts.assemble(0.0)
         else:
             x = self.motion.rows(given, model, self.contacts.axes)
-            assemble_moved(self.stepper, x)
+            self.carrying.assemble(self.stepper, self.stepper.records[1], x)
         matrix = self._matrix.of(work.blocks, border, sliding, drag)
         r = work.r[:8 * n].reshape(n, 8)[:, :size].reshape(-1)
         if given is not None:

@@ -203,12 +203,12 @@ def solve_static(model: Model, *, load_step: float = 0.25, largest_load_step: fl
     begin = time.perf_counter()
 
     def record(factor: float, iterations: int, size: float) -> None:
-        row = {**observer.row(at_time or 0.0, solver.state), "iterations": iterations, "step_size": size}
+        state = shown = solver.state
+        row = {**observer.row(at_time or 0.0, state), "iterations": iterations, "step_size": size}
         loads = factor * factors if raise_loads else factors
-        shown = solver.state
         if observer.needs_forces:
-            found = reactions.at(loads) if reactions else ()
-            observer.add_forces(row, np.concatenate((solver.state.force, found)), factor)
+            found = reactions.at(loads, state) if reactions else ()
+            observer.add_forces(row, np.concatenate((state.force, found)), factor)
         if isinstance(solver, ExactSolver) and solver.found is not None:
             row |= solver.row(Observed(observed, points or {}), at_time or 0.0, loads, factor)
             shown = solver.shown

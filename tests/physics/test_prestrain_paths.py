@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize_scalar, root
 
 import fastbeam as fb
 
@@ -96,3 +96,51 @@ def test_prestrains_that_cannot_be_are_refused(prestrains: Any, message: str) ->
     model = fb.compile_scene(fb.Scene(column, fb.Clamp(column.start)))
     with pytest.raises(fb.SceneError, match=message):
         fb.solve_path(model, prestrains={beams.get(name, name): value for name, value in prestrains.items()})
+
+
+def elastic_catenary(length: float, stiffness: float, weight: float, to: tuple[float, float]) -> tuple[float, float, Any]:
+    """Force across, force upward at the start, and places of a cable of this unstressed length and weight a length that hangs
+    from the origin to a point beside and above it (H. M. Irvine, Cable Structures, 1981)."""
+    def place(s: Any, across: float, up: float) -> Any:
+        left, right = up / across, (up - weight * s) / across
+        x = across * s / stiffness + across / weight * (np.arcsinh(left) - np.arcsinh(right))
+        fall = s / stiffness * (up - 0.5 * weight * s) + across / weight * (np.hypot(1.0, left) - np.hypot(1.0, right))
+        return np.array([x, -fall])
+
+    first = max(0.8, stiffness * (1.0 / length - 1.0)), 0.45 * weight * length
+    found = root(lambda y: place(length, *y) - to, first, tol=1e-13)
+    assert np.max(np.abs(found.fun)) < 1e-10
+    return float(found.x[0]), float(found.x[1]), lambda s: place(s, *found.x)
+
+
+def test_a_slack_cable_that_is_shortened_is_an_elastic_catenary_at_every_length() -> None:
+    """Unstressed lengths as the parameter of a path: a prestrain e leaves (1 - e) L, with the stiffness (1 - e) EA of the same
+    wire and the weight w / (1 - e) of the same mass; from slack to a tension eight times as large."""
+    stiffness, weight, length, to, most = 200.0, 1.0, 1.05, (1.0, 0.1), 0.08
+    rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1e-3, EI2=1e-9, EI3=1e-9, rhoA=weight / 9.81, rhoI2=1e-9,
+                      rhoI3=1e-9)
+    cable = fb.Beam.straight("cable", (0, 0, 0), (length, 0, 0), section=rope, elements=16)
+    model = fb.compile_scene(fb.Scene(cable, fb.Pin(cable.start), fb.Pin(cable.end), gravity=(0, 0, -9.81)), planar=True)
+    start = model.state()
+    nodes = start.q.reshape(-1, 4, 3)
+    across, up, place = elastic_catenary(length, stiffness, weight, to)
+    s = nodes[:, 0, 0].copy()
+    nodes[:, 0, 0], nodes[:, 0, 2] = place(s)
+    size = np.hypot(across, up - weight * s)
+    c, d = across / size, (weight * s - up) / size
+    turn = np.zeros((s.size, 3, 3))
+    turn[:, 0, 0] = turn[:, 2, 2] = c
+    turn[:, 2, 0], turn[:, 0, 2], turn[:, 1, 1] = d, -d, 1.0
+    nodes[:, 1:] = np.einsum("nij,nkj->nki", turn, nodes[:, 1:])
+    rest = fb.solve_static(model, start=start)
+    path = fb.solve_path(model, start=rest.state, prestrains={cable: most}, points={"middle": cable.at(length / 2)},
+                         observe=("reaction",))
+    assert path.series["load_factor"][-1] == 1.0 and len(path.t) > 8
+    for row, factor in enumerate(path.series["load_factor"]):
+        share = 1.0 - most * factor
+        across, up, place = elastic_catenary(share * length, share * stiffness, weight / share, to)
+        x, _, z = path.point("middle")[row]
+        np.testing.assert_allclose((x, z), place(0.5 * share * length), atol=2e-7)
+        force = path.series["reaction"][row, 0, 0]
+        np.testing.assert_allclose((-force[0], force[2]), (across, up), rtol=2e-7)
+    assert across > 8.0 * -path.series["reaction"][0, 0, 0, 0]

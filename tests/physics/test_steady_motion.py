@@ -1,6 +1,8 @@
 """Equilibria and modes of steady motion against exact whirl, rotating blades, moving strings and beams, rings, runs in time."""
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,8 @@ from scipy.optimize import brentq, newton
 
 import fastbeam as fb
 from fastbeam.mode_shapes import SteadyModes
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import spectral  # noqa: E402
 
 Array = np.ndarray
 L, EI, GA, EA, RHO_A, RHO_I = 10.0, 1e3, 1e5, 2e5, 1.0, 0.05
@@ -89,6 +93,26 @@ def test_a_rotating_blade_in_the_limit_of_a_stiff_thin_beam() -> None:
         table = (2**k * table[1:] - table[:-1]) / (2**k - 1)
     lag = np.sqrt(np.square(exact) - eta**2)
     np.testing.assert_allclose(table[0], [lag[0], exact[0], lag[1], exact[1]], rtol=1e-6)
+
+
+def test_a_rotating_blade_converges_with_order_six() -> None:
+    """With stretch, shear and the inertia of sections, across the plane of rotation (flap) and in it (lag), by Chebyshev
+    polynomials: nothing is a limit."""
+    eta, stiff, inertia = 2.0, 1e3, 1e-6
+    exact = []
+    for pull, more in (((eta**2, 0.0), dict(turned=eta**2)), ((eta**2, eta**2), dict(gyro=eta))):
+        rod = spectral.Rod(1.0, stiff, stiff, 1.0, 1.0, inertia, (spectral.CLAMP, spectral.FREE), pull=pull, **more)
+        y = rod.equilibrium(spectral.guess(rod, lambda s: s, np.zeros_like, lambda s: 0.5 * eta**2 * (1.0 - s * s)))
+        exact += rod.angular(y)[:2].tolist()
+    assert exact[:2] == pytest.approx([4.1373, 22.6149], rel=0.02)
+    errors = []
+    for elements in (4, 8, 16):
+        beam = straight(1.0, elements, 3, EA=stiff, GA2=stiff, GA3=stiff, GJ=1.0, EI2=1.0, EI3=1.0, rhoA=1.0, rhoI2=inertia,
+                        rhoI3=inertia)
+        found = modes_of(fb.compile_scene(fb.Scene(beam, fb.Clamp(beam.start))), fb.Spin(eta), 8)
+        errors.append([nearest(found.angular, w) for w in exact])
+    first, second, third = np.array(errors)
+    assert np.all(np.log2(first / second) > 5.7) and np.all(np.log2(second / third)[[1, 3]] > 5.9) and np.all(third < 1e-8)
 
 
 def test_friction_inside_a_shaft_makes_it_whirl_beyond_its_critical_speed() -> None:

@@ -1,6 +1,8 @@
 """Natural vibrations against exact frequencies of the same model, published limits, and runs in time."""
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,8 @@ from scipy.optimize import brentq
 
 import fastbeam as fb
 from fastbeam.mode_shapes import Modes
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import spectral  # noqa: E402
 
 Array = np.ndarray
 G = 9.81
@@ -167,6 +171,75 @@ def test_sagging_cable_of_irvine() -> None:
     for k in (2, 4):
         table = (2**k * table[1:] - table[:-1]) / (2**k - 1)
     assert table[0] == pytest.approx(exact, rel=1e-6)
+
+
+def sagging(sag: float, bending: float, points: int, inertia: float = 1e-6) -> tuple[spectral.Rod, Array]:
+    """A cable of lambda^2 = 10 and its equilibrium, by Chebyshev polynomials."""
+    stiffness = 10.0 / (64.0 * sag**2)
+    end = 1.0 + 1.0 / stiffness - 8.0 / 3.0 * sag**2
+    rod = spectral.Rod(1.0, stiffness, stiffness, bending, 1.0, inertia, (spectral.PIN, spectral.PIN), points=points,
+                       values=((0.0,) * 3, (end, 0.0, 0.0)), load=(0.0, -8.0 * sag))
+    return rod, rod.equilibrium(spectral.guess(rod, lambda s: s, lambda s: -4.0 * sag * s * (1.0 - s), np.ones_like))
+
+
+def test_chebyshev_polynomials_find_exact_beams_and_the_cable_of_irvine() -> None:
+    """The reference of the next tests itself."""
+    for ends, held in (("cf", (spectral.CLAMP, spectral.FREE)), ("cp", (spectral.CLAMP, spectral.PIN))):
+        rod = spectral.Rod(L, EA, GA, EI, RHO_A, RHO_I, held, ((0.0,) * 3, (L if ends == "cp" else 0.0, 0.0, 0.0)))
+        y = np.zeros((6, rod.points))
+        y[spectral.X] = rod.s
+        found = rod.angular(rod.equilibrium(y))
+        assert max(np.min(np.abs(found / w - 1.0)) for w in exact_beam(ends, 3)) < 1e-9
+    table = []
+    for sag in (0.04, 0.02, 0.01, 0.005):
+        # bending stiffens by its share of k^2, and by what the ends add
+        bending = np.array([4e-5, 2e-5, 1e-5])
+        found = [rod.angular(y)[0] / np.pi for rod, y in (sagging(sag, x, 80, 1e-10) for x in bending)]
+        table.append(np.linalg.solve(np.stack((np.ones(3), bending, bending**1.5), axis=1), found)[0])
+    for k in (2, 4, 6):
+        table = [(2**k * b - a) / (2**k - 1) for a, b in zip(table, table[1:])]
+    assert table[0] == pytest.approx(1.34512451139044, rel=1e-6)
+
+
+@pytest.mark.parametrize("bending", [1e-3, 1e-6])
+def test_a_sagging_cable_converges_with_order_six(bending: float) -> None:
+    """With sag, stretch, shear and bending: nothing is a limit."""
+    sag = 0.05
+    rod, y = sagging(sag, bending, 40 if bending > 1e-4 else 160)
+    exact = rod.angular(y)[:3]
+    errors = []
+    for elements in (8, 16, 32):
+        rope = fb.Section(EA=rod.EA, GA2=rod.GA, GA3=rod.GA, GJ=1e-3, EI2=bending, EI3=bending, rhoA=1.0, rhoI2=1e-6, rhoI3=1e-6)
+        cable = fb.Beam.straight("cable", (0, 0, 0), (1, 0, 0), section=rope, elements=elements, degree=3)
+        model = fb.compile_scene(fb.Scene(cable, fb.Pin(cable.start), fb.Pin(cable.end), gravity=(0, 0, -8.0 * sag)), planar=True)
+        start = model.state()
+        x = start.q.reshape(-1, 4, 3)[:, 0]
+        s = x[:, 0].copy()
+        x[:, 0], x[:, 2] = s * rod.values[1][0], -4.0 * sag * s * (1.0 - s)
+        found = fb.modes(model, state=fb.solve_static(model, start=start).state, n=6)
+        errors.append([nearest(found, w) for w in exact])
+    first, second, third = np.array(errors)
+    assert np.all(np.log2(second / third)[1:] > 5.8) and np.all(third < 1e-8)
+
+
+def test_a_hanging_chain_with_bending_converges_with_order_eight() -> None:
+    """Its lower end, without tension, bends most."""
+    bending, stiffness = 1e-2, 1e3
+    rod = spectral.Rod(1.0, stiffness, stiffness, bending, 1.0, 1e-6, (spectral.PIN, spectral.FREE), load=(G, 0.0))
+    y = rod.equilibrium(spectral.guess(rod, lambda s: s, np.zeros_like, lambda s: G * (1.0 - s)))
+    exact = rod.angular(y)[:3]
+    assert exact[0] == pytest.approx(1.20241277884789 * np.sqrt(G), rel=0.01)
+    rope = fb.Section(EA=stiffness, GA2=stiffness, GA3=stiffness, GJ=1.0, EI2=bending, EI3=bending, rhoA=1.0, rhoI2=1e-6,
+                      rhoI3=1e-6)
+    errors = []
+    for elements in (8, 16):
+        chain = fb.Beam.straight("chain", (0, 0, 0), (0, 0, -1), section=rope, elements=elements, degree=4)
+        held = fb.solve_static(fb.compile_scene(fb.Scene(chain, fb.Clamp(chain.start), gravity=(0, 0, -G))))
+        model = fb.compile_scene(fb.Scene(chain, fb.Pin(chain.start), gravity=(0, 0, -G)), planar=True)
+        found = fb.modes(model, state=held.state_for(model), n=6)
+        errors.append([nearest(found, w) for w in exact])
+    first, second = np.array(errors)
+    assert np.all(np.log2(first / second)[1:] > 7.6) and np.all(second < 1e-8)
 
 
 # --- sliders --------------------------------------------------------------------------------------------------------------

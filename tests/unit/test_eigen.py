@@ -10,6 +10,9 @@ from scipy import sparse
 
 from fastbeam import eigen
 from fastbeam.eigen import Pencil, Shifted, SingularError, lowest
+from fastbeam.linsolve import SuperLU
+from fastbeam.orthogonal import orthonormal
+from fastbeam.saddle import Saddle
 
 Array = np.ndarray
 
@@ -129,3 +132,44 @@ def test_what_krylov_vectors_miss_is_found_by_the_count(counts: str, monkeypatch
     found = lowest(pencil(whole, sparse.eye(n).tocsr(), multipliers), 8)
     assert found.is_complete and len(calls) == 2 and calls[1] > 0.0
     np.testing.assert_allclose(found.values, exact[:8], rtol=1e-9)
+
+
+@pytest.mark.parametrize("shift", [0.0, 3.0, 40.0])
+def test_negative_eigenvalues_are_counted_as_pivots_of_a_band(shift: float) -> None:
+    draw = np.random.default_rng(4)
+    n, size = 7, 3
+    rows, columns = np.nonzero(np.abs(np.subtract.outer(np.arange(n), np.arange(n))) <= 2)
+    blocks = np.zeros((rows.size, size, 8))
+    blocks[:, :, :size] = draw.standard_normal((rows.size, size, size))
+    blocks[rows == columns, :, :size] += (12.0 - shift) * np.eye(size)
+    whole = np.zeros((n, size, n, size))
+    whole[rows, :, columns] = blocks[:, :, :size]
+    whole = whole.reshape(n * size, n * size)
+    values = np.linalg.eigvalsh(0.5 * (whole + whole.T))
+    solver = SuperLU(rows, columns, n, size)
+    assert solver._clear_signs(blocks) == (int(np.sum(values < 0.0)), 0) == solver.signs(blocks, True)
+    assert Saddle(sparse.csr_matrix(whole), np.zeros(n * size, bool)).signs() == (int(np.sum(values < 0.0)), 0)
+
+
+def test_a_small_pivot_of_a_band_is_left_to_others() -> None:
+    matrix = sparse.csr_matrix(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]))
+    saddle = Saddle(matrix, np.zeros(3, bool))
+    assert saddle._clear_signs() is None and saddle.signs() == (1, 0)
+
+
+@pytest.mark.parametrize("near", [1.0, 1e-9])
+def test_blocks_become_orthonormal_in_the_mass(near: float) -> None:
+    """By Cholesky, and one by one where vectors are nearly dependent."""
+    draw = np.random.default_rng(5)
+    n = 40
+    mass = sparse.diags(draw.uniform(0.5, 2.0, n), format="csr")
+    known, _, _ = orthonormal(draw.standard_normal((n, 3)), np.zeros(3), np.zeros((n, 0)), mass)
+    x = draw.standard_normal((n, 4))
+    x[:, 3] = x[:, 2] + near * x[:, 3]
+    for _ in range(2):
+        x -= known @ (known.T @ (mass @ x))
+    q, r, heavy = orthonormal(x, np.zeros(4), known, mass)
+    np.testing.assert_allclose(q.T @ (mass @ q), np.eye(4), atol=1e-13)
+    np.testing.assert_allclose(known.T @ (mass @ q), np.zeros((3, 4)), atol=1e-12)
+    np.testing.assert_allclose(q @ r, x, atol=1e-12)
+    np.testing.assert_allclose(heavy, mass @ q, atol=1e-13)
