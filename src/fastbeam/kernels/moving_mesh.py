@@ -115,7 +115,8 @@ def add_weight(beam, e, state, work):
     n = beam.node.shape[1]
     h = 0.5 * (size_of(beam, e, state.q, state.v) + size_of(beam, e, work.q_end, state.v))
     df = beam.share[e, 1] - beam.share[e, 0]
-    force = ld3(beam.weighs, 0, 1)
+    # of the load vectors, the mean factor of gravity over the step
+    force = work.f_ext[8 * beam.place_rows[0] + 1] * ld3(beam.weighs, 0, 1)
     for g in range(beam.mass_point.shape[1]):
         for a in range(n):
             m = beam.mass_point[1, g] * beam.mass_shape[0, g, a]
@@ -126,6 +127,19 @@ def add_weight(beam, e, state, work):
                 w.force[12 * n + side] -= way * height
                 add3(w.column, 12 * (n * side + a), 1, (-0.5 * m * way) * force)
                 add3(w.line, 12 * (n * side + a), 1, (-0.5 * m * way) * force)
+
+
+@kernel
+def height_of(beam, q, v):
+    """Work of the full weight on its way from the origin: sum of h m phi . rhoA g."""
+    out = 0.0
+    for e in range(beam.node.shape[0]):
+        h = size_of(beam, e, q, v)
+        for g in range(beam.mass_point.shape[1]):
+            for a in range(beam.node.shape[1]):
+                m = h * beam.mass_point[1, g] * beam.mass_shape[0, g, a]
+                out += m * dot(ld3(beam.weighs, 0, 1), ld3(q, 12 * beam.node[e, a], 1))
+    return out
 
 
 @kernel
@@ -281,7 +295,7 @@ def assemble_moving(beam, method, system, h):
 @account.register(MovingBeam)
 @kernel
 def account_moving(beam, system, h):
-    """Momenta at the end of the step: twice their means less those at its start."""
+    """Momenta at the end of the step: twice their means less those at its start; work of the weight."""
     state, work = system.state, system.work
     w = beam.scratch
     n = beam.node.shape[1]
@@ -294,6 +308,8 @@ def account_moving(beam, system, h):
         spread_nodes.call(system.dofs, system.method, state, work, h, k, k + 1)
     for i in range(p0, p0 + size):
         state.history[i] = -state.history[i]
+    way = height_of(beam, work.q_end, state.v) - height_of(beam, state.q, state.v)
+    state.history[p0 + size] += work.f_ext[8 * beam.place_rows[0] + 1] * way
     for e in range(beam.node.shape[0]):
         clear_element(w)
         sum_momenta(beam, e, state, work, h)
