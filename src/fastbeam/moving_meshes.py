@@ -79,7 +79,7 @@ class Moving(NamedTuple):
     def start(self, q: Array, v: Array) -> Array:
         """These at coordinates and rates [12 N]."""
         return np.concatenate([x for table in self.tables
-                               for x in (momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)), np.zeros(1))])
+                               for x in (momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1), np.zeros(1))])
 
     def work_of_weight(self, history: Array) -> float:
         """That of gravity on all moving beams since the start, J."""
@@ -87,7 +87,8 @@ class Moving(NamedTuple):
 
 
 def _size(table: Any) -> int:
-    return 12 * int(table.place[2]) + int(table.places.size) + 1
+    """Numbers of a beam in the history."""
+    return 12 * len(table.node) * table.mass_point.shape[1] + 1
 
 
 class Rewritten(NamedTuple):
