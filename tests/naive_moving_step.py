@@ -1,8 +1,8 @@
 """The conserving step on a mesh that moves (theory.md 5.12) in plain NumPy, in space, with directors: what it lacks of balance
 at a given start and end.
 
-One beam from 0 to `length` with one contact. q, v [n, 4, 3] of its nodes at both ends of a step, s and ds/dt; P0 are the momenta
-at the start. All is written with whole arrays, and discrete derivatives by the names of their factors.
+One beam from 0 to `length` with one contact. q, v [n, 4, 3] of its nodes at both ends of a step, s and ds/dt; m0 are the momenta
+of points at the start. All is written with whole arrays, and discrete derivatives by the names of their factors.
 """
 from __future__ import annotations
 
@@ -44,26 +44,35 @@ class Step:
         a = np.einsum("gn,enkc->egkc", self.N, x.v[self.at])
         return self.sizes(x.s)[:, None], self.along * x.rate, a, np.einsum("gn,enkc->egkc", self.D, x.q[self.at])
 
-    def momenta(self, start: Ends, end: Ends) -> tuple[Array, float]:
-        """Their means over the step."""
-        (h0, x0, a0, g0), (h1, x1, a1, g1) = self.fields(start), self.fields(end)
-        h, x, a, g = (0.5 * (y0 + y1) for y0, y1 in ((h0, h1), (x0, x1), (a0, a1), (g0, g1)))
-        p = self.w[:, None, None] * self.rho[:, None] * (h[..., None, None] * a - x[..., None, None] * g)
-        out = np.zeros_like(start.q)
-        np.add.at(out, self.at, np.einsum("gn,egkc->enkc", self.N, p))
-        mixed, square = (0.5 * (np.sum(y0, axis=3) + np.sum(y1, axis=3)) for y0, y1 in ((a0 * g0, a1 * g1), (g0**2, g1**2)))
-        by_rate = self.w[:, None] * self.rho * (square * (0.5 * (1.0 / h0 + 1.0 / h1) * x)[..., None] - mixed)
-        return out, float(np.sum(by_rate * self.along[..., None]))
+    def momentum(self, x: Ends) -> Array:
+        """Of points by mass, h a - dx/dt g, from the rates of one end [e, g, 4, 3]."""
+        h, rate, a, g = self.fields(x)
+        return h[..., None, None] * a - rate[..., None, None] * g
 
-    def forces(self, start: Ends, end: Ends) -> tuple[Array, float]:
-        """Discrete derivatives of T - V by q and s."""
+    def mean(self, start: Ends, end: Ends) -> Array:
+        """The same as a mean over the step."""
         (h0, x0, a0, g0), (h1, x1, a1, g1) = self.fields(start), self.fields(end)
-        x, xh, xx = 0.5 * (x0 + x1), 0.5 * (x0**2 / h0 + x1**2 / h1), 0.5 * (x0**2 + x1**2)
-        slope = 0.5 * (g0 + g1) * xh[..., None, None] - 0.5 * (a0 + a1) * x[..., None, None]
+        size = 1.0 / (0.5 * (1.0 / h0 + 1.0 / h1))
+        return size[..., None, None] * 0.5 * (a0 + a1) - 0.5 * (x0 + x1)[..., None, None] * 0.5 * (g0 + g1)
+
+    def sums(self, m: Array, x: Ends) -> tuple[Array, float]:
+        """Momenta of nodes [n, 4, 3] and of s, of those m of points at one end."""
+        h, _, _, g = self.fields(x)
+        p = self.w[:, None, None] * self.rho[:, None] * m
+        out = np.zeros_like(x.q)
+        np.add.at(out, self.at, np.einsum("gn,egkc->enkc", self.N, p))
+        return out, -float(np.sum(p * g / h[..., None, None] * self.along[..., None, None]))
+
+    def forces(self, start: Ends, end: Ends, m0: Array) -> tuple[Array, float]:
+        """Discrete derivatives of T - V by q and s; m0: momenta of points at the start."""
+        (h0, x0, _, g0), (h1, x1, _, g1) = self.fields(start), self.fields(end)
+        mean, x = self.mean(start, end), 0.5 * (x0 + x1)
+        m1 = 2.0 * mean - m0
+        slope = -(x * 0.5 * (1.0 / h0 + 1.0 / h1))[..., None, None] * mean
         out = np.zeros_like(start.q)
         np.add.at(out, self.at, np.einsum("gn,egkc->enkc", self.D, self.w[:, None, None] * self.rho[:, None] * slope))
-        aa, gg = (0.5 * (np.sum(y0**2, axis=3) + np.sum(y1**2, axis=3)) for y0, y1 in ((a0, a1), (g0, g1)))
-        of_size = 0.5 * np.sum(self.w[:, None] * self.rho * (aa - gg * (xx / (h0 * h1))[..., None]), axis=(1, 2))
+        square, mixed = 0.5 * np.sum(m0**2 + m1**2, axis=3), 0.5 * np.sum(m0 * g0 + m1 * g1, axis=3)
+        of_size = np.sum(self.w[:, None] * self.rho * (0.5 * square + x[..., None] * mixed), axis=(1, 2)) / (h0 * h1)[:, 0]
         # weight
         mean = 0.5 * (start.q + end.q)
         lumps = self.w @ self.N
@@ -119,10 +128,10 @@ class Step:
         np.add.at(out, self.at, np.einsum("gn,egkc->enkc", self.Ns, of_values) + np.einsum("gn,egkc->enkc", self.Ds, of_slopes))
         return out, np.sum(self.ws * by_size, axis=1)
 
-    def unbalance(self, start: Ends, end: Ends, before: tuple[Array, float], h: float) -> tuple[Array, Array, float]:
-        """Forces and moments [n, 3] that the step lacks, of the nodes and of s; before: momenta at its start."""
-        p, of_s = self.momenta(start, end)
-        f, force = self.forces(start, end)
-        lacking = 2.0 / h * (p - before[0]) - f
+    def unbalance(self, start: Ends, end: Ends, m0: Array, h: float) -> tuple[Array, Array, float]:
+        """Forces and moments [n, 3] that the step lacks, of the nodes and of s; m0: momenta of points at its start."""
+        (p0, s0), (p1, s1) = self.sums(m0, start), self.sums(2.0 * self.mean(start, end) - m0, end)
+        f, force = self.forces(start, end, m0)
+        lacking = (p1 - p0) / h - f
         moment = np.cross(0.5 * (start.q + end.q)[:, 1:], lacking[:, 1:]).sum(axis=1)
-        return lacking[:, 0], moment, 2.0 / h * (of_s - before[1]) - force
+        return lacking[:, 0], moment, (s1 - s0) / h - force

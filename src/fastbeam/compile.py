@@ -61,6 +61,8 @@ SOLVERS = ("auto", "chain", "sparse")
 CHOICE = Flag(("auto",))
 # mass of a point without mass in the tangent, as a share of that of an element beside it (kernels/knots.py)
 KNOT_SHARE = 1e-6
+# why scenes with moving meshes have no tables of a plane
+IN_SPACE = "moving meshes run in space"
 
 
 @checked(scene=Anything(), solver=Word(SOLVERS), eliminate_inner=Flag(), planar=CHOICE, condense=CHOICE)
@@ -101,12 +103,12 @@ def compile_scene(scene: Scene, *, solver: str = "auto", eliminate_inner: bool =
     as_given, moving = scene, rewrite(scene)
     if moving is not None:
         if planar is True:
-            raise _out_of_plane(scene, "moving meshes run in space")
+            raise _out_of_plane(scene, IN_SPACE)
         scene, planar, condense = moving.scene, False, False
     scene.check()
     numbered = number(scene)
     unpacked = unpack(scene, numbered, None if moving is None else initial(moving, numbered))
-    found, not_planar = find_plane(unpacked) if planar else (None, "planar=False")
+    found, not_planar = find_plane(unpacked) if planar else (None, "planar=False" if moving is None else IN_SPACE)
     if planar is True and found is None:
         raise _out_of_plane(scene, not_planar)
     condensed = choose(scene, unpacked, condense)

@@ -34,8 +34,8 @@ class Moving(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Numbers in the history: momenta."""
-        return sum(12 * int(table.place[2]) + table.places.size for table in self.tables)
+        """Numbers in the history: of every beam momenta, and the work of its weight."""
+        return sum(_size(table) for table in self.tables)
 
     def gaps(self, q: Array) -> tuple[Array, Array, Array]:
         """Ways between neighbouring contacts and ends of beams, at coordinates [12 N]; the least; lengths of the beams, m."""
@@ -78,7 +78,17 @@ class Moving(NamedTuple):
 
     def start(self, q: Array, v: Array) -> Array:
         """These at coordinates and rates [12 N]."""
-        return np.concatenate([momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)) for table in self.tables])
+        return np.concatenate([x for table in self.tables
+                               for x in (momenta(table, q.reshape(-1, 4, 3), v.reshape(-1, 4, 3)).reshape(-1), np.zeros(1))])
+
+    def work_of_weight(self, history: Array) -> float:
+        """That of gravity on all moving beams since the start, J."""
+        return sum(float(history[int(table.place[0]) + _size(table) - 1]) for table in self.tables)
+
+
+def _size(table: Any) -> int:
+    """Numbers of a beam in the history."""
+    return 12 * len(table.node) * table.mass_point.shape[1] + 1
 
 
 class Rewritten(NamedTuple):
@@ -104,14 +114,14 @@ def rewrite(scene: Scene) -> Rewritten | None:
     fields = [InitialVelocity(part.beam, velocity=part.velocity or (0, 0, 0), spin=part.spin or (0, 0, 0)) for part in parts
               if part.velocity is not None or part.spin is not None]
     given = Scene(*(part for part in scene.parts if not isinstance(part, MovingMesh)), *fields, name=scene.name,
-                  gravity=scene.gravity, project_velocities=scene.project_velocities)
+                  gravity=scene.gravity, gravity_time=scene.gravity_time, project_velocities=scene.project_velocities)
     given.check()
     meshes = [Mesh(part.beam, list(part.sliders)) for part in parts]
     contacts = [BallJoint(mesh.contact(k), slider.point, name=slider.name)
                 for mesh in meshes for k, slider in enumerate(mesh.sliders)]
     kept = [part for part in given.parts if not isinstance(part, (Slider, InitialVelocity, RigidMotion))]
     out = Scene(*kept, *contacts, *(place for mesh in meshes for place in mesh.places), name=scene.name, gravity=scene.gravity,
-                project_velocities=True)
+                gravity_time=scene.gravity_time, project_velocities=True)
     out.moving = tuple(meshes)
     return Rewritten(out, meshes, given)
 
@@ -144,8 +154,6 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
         for node in _inner(x, beams):
             raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
                              "can be held, joined and loaded")
-    if scene.gravity_time is not None:
-        raise SceneError(f"{who}: gravity_time is not known to moving meshes; leave it out")
 
 
 def _inner(part: Any, beams: list[Beam]) -> list[Any]:
@@ -199,7 +207,7 @@ def with_tables(model: Any, rewritten: Rewritten | None, blocks: Any) -> Any:
     for mesh in rewritten.meshes:
         table = mesh.table(numbers, blocks, model.pattern.row_of, model.gravity)
         table.place[0], table.place[3] = at, len(names) + len(tables)
-        at += 12 * int(table.place[2]) + table.places.size
+        at += _size(table)
         tables.append(table)
         names += [slider.name for slider in mesh.sliders]
         places += table.places.tolist()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .kernels.moving_mesh import kinetic_energy, momentum_sums
+from .kernels.moving_mesh import momentum_sums, motion_of
 from .kernels.work import State
 from .model import Model
 
@@ -40,16 +40,13 @@ class MeshRows:
 
 
 def add_moving(model: Model, state: State, out: Array) -> None:
-    """Kinetic energy P . V - T and momenta of all moving beams, as `observe.motion` puts them."""
+    """Kinetic energy and momenta of all moving beams, as `observe.motion` puts them."""
     if model.moving is None:
         return
+    p = np.zeros_like(state.q)
     for table in model.moving.tables:
-        at, first, n = table.place[:3].tolist()
-        own = state.history[at:at + 12 * n]
-        there = slice(12 * first, 12 * (first + n))
-        out[0] -= kinetic_energy(table, state.q, state.v)
-        out[0] += own @ state.v[there] + state.history[at + 12 * n:][:table.places.size] @ state.v[12 * table.places]
-        momentum_sums(state.q[there].copy(), own.copy(), out)
+        out[0] += motion_of(table, state.q, state.history, p)
+    momentum_sums(state.q, p, out)
 
 
 def moving_weight(model: Model, q: Array) -> float:

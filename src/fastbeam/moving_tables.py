@@ -124,11 +124,11 @@ def _reference(beam: Beam) -> Array:
 
 
 def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
-    """Of nodes [n, 4, 3] and places [S] as one array, at coordinates and rates [N, 4, 3]."""
-    first, n = int(table.place[1]), int(table.place[2])
-    out, of_places = np.zeros((n, 4, 3)), np.zeros(table.places.size)
+    """Of points of the elements, by mass, as the history has them [E, points, 4, 3], at coordinates and rates [N, 4, 3]; 0 for
+    fields without inertia."""
     values, slopes = table.mass_shape
-    x, weight = table.mass_point
+    x, _ = table.mass_point
+    out = np.zeros((len(table.node), x.size, 4, 3))
     for e, nodes in enumerate(table.node):
         s = [0.0, float(table.length[0])]
         rate = [0.0, 0.0]
@@ -138,12 +138,6 @@ def momenta(table: MovingBeam, q: Array, v: Array) -> Array:
         begin, end = table.share[e]
         h, f = (end - begin) * (s[1] - s[0]), begin + x * (end - begin)
         along = (1.0 - f) * rate[0] + f * rate[1]
-        g = np.einsum("gn,nkc->gkc", slopes, q[nodes])
-        u = np.einsum("gn,nkc->gkc", values, v[nodes]) - (along / h)[:, None, None] * g
-        p = weight[:, None, None] * h * table.rho[:, None] * u
-        np.add.at(out, nodes - first, np.einsum("gn,gkc->nkc", values, p))
-        by_x = -np.einsum("gkc,gkc->g", p, g) / h
-        for side, part in ((0, 1.0 - f), (1, f)):
-            if table.slot[e, side] >= 0:
-                of_places[table.slot[e, side]] += part @ by_x
-    return np.concatenate((out.reshape(-1), of_places))
+        out[e] = (h * np.einsum("gn,nkc->gkc", values, v[nodes])
+                  - along[:, None, None] * np.einsum("gn,nkc->gkc", slopes, q[nodes]))
+    return out * (table.rho != 0.0)[:, None]

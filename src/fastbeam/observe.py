@@ -163,7 +163,7 @@ class Observer:
             factor = 1.0 if model.gravity_time is None else factor_at(model.gravity_time, t)
             out["gravity"] = -factor * float(model.gravity_weight @ (phi @ model.gravity))
             self._weight = weight_energy(model, state.q)
-            out["gravity"] += self._weight + moving_weight(model, state.q)
+            out["gravity"] += self._weight + factor * moving_weight(model, state.q)
             out["potential"] = out["strain"] + out["gravity"] - float(np.sum(model.constant_load * phi))
             if model.slider_forces is not None:
                 out["potential"] += float(np.sum(model.slider_forces.stop_energy(state.s, state.history)))
@@ -229,6 +229,8 @@ class Observer:
         sizes += [float(np.sum(np.abs(x))) for x in (lost, put_in)]
         if model.accounts_loads:
             out["external_work"] = float(state.history[model.work_place])
+            if model.moving is not None:
+                out["external_work"] += model.moving.work_of_weight(state.history)
             # their potential is in the total as if they were constant
             stored = out["kinetic"] + out["strain"] + self._weight - out["external_work"]
             sizes.append(abs(out["external_work"]))

@@ -152,7 +152,11 @@ def _loads(scene: Scene, nodes: NodeList, elements: list[Elements], row_root: Ar
         if net.masses is not None:
             weight[nodes.start(net) + net.junction] += net.masses
     if np.any(scene.gravity):
-        group(scene.gravity_time)[:, :3] += weight[:, None] * scene.gravity
+        vector = group(scene.gravity_time)
+        vector[:, :3] += weight[:, None] * scene.gravity
+        for mesh in scene.moving:
+            # on a coordinate that is held: where kernels/moving_mesh.py finds the factor of gravity
+            vector[nodes.start(mesh.places[0]), 1] = 1.0
     constant = np.zeros((n, 3))
     for net in scene.nets:
         if net.loads is not None:

@@ -162,7 +162,7 @@ def scratch_of_moving(n: int) -> Scratch:
     """Work arrays of beams whose elements move, for elements of n nodes."""
     size = 12 * n
     return Scratch(np.zeros((4 * n, 4 * n)), np.zeros(size + 2), np.zeros(2 * size), np.zeros(2 * size), np.zeros((2, 2)),
-                   np.zeros(size + 2), np.zeros(7 * size), np.zeros(7 * size), np.zeros(42 * n), np.zeros(42 * n),
+                   np.zeros(7 * size), np.zeros(7 * size), np.zeros(42 * n), np.zeros(42 * n),
                    np.zeros((7, 7)), np.zeros((2, 6, 7)), np.zeros((2, 7)), np.zeros((5, 7)), np.zeros((3, 6)), np.zeros(7),
                    np.zeros((6 * n + 2, 6 * n + 2)))
 

@@ -5,8 +5,8 @@ that with the derivative g = sum N_A' q_A by the coordinate of the element, 0 to
 
     velocity  a - xr g/h,   a = sum N_A q_A',       T = 1/2 int rho (h a.a - 2 xr a.g + xr^2 g.g/h)
 
-Derivatives of T, of the strains and of h are discrete ones: products of means and differences of what rigid motions do not
-change.
+Its momenta by length of the reference are remembered, m = h a - xr g at every point: T = 1/2 int rho m.m/h. Derivatives of T, of
+the strains and of h are discrete ones: products of means and differences of what rigid motions do not change.
 
 Arrays: u, v, q [12 N]; shape [2, points, n]; reference [6]; stiffness [6, 6]; out [84 n].
 """
@@ -28,7 +28,6 @@ class Scratch(NamedTuple):
     column: np.ndarray   # float64 [24 n]: derivatives of forces on coordinates by both places
     line: np.ndarray     # float64 [24 n]: derivatives of forces on places by coordinates
     corner: np.ndarray   # float64 [2, 2]: by places
-    momentum: np.ndarray  # float64 [12 n + 2]: mean momenta
     left: np.ndarray     # float64 [84 n]: gradients of the forms of strain at the mean
     right: np.ndarray    # float64 [84 n]: at the end
     rows: np.ndarray     # float64 [42 n]: these for unknowns of the nodes
@@ -48,7 +47,8 @@ class MovingBeam(NamedTuple):
     node: np.ndarray     # int64 [E, n]
     row: np.ndarray      # int64 [E, n + 2]: of nodes, then of places of contacts; -1 at an end of the beam
     block: np.ndarray    # int64 [E, n + 2, n + 2]
-    place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these
+    place: np.ndarray    # int64 [4]: of the momenta in the history, first node, nodes; contacts and ends of beams before these.
+    # The momenta: h (a - xr g/h) of every element, mass point and field, [E, points, 4, 3]; behind them the work of the weight
     slot: np.ndarray     # int64 [E, 2]: contacts that elements lie between, or -1
     places: np.ndarray   # int64 [S]: nodes whose first coordinate is s
     place_rows: np.ndarray  # int64 [S]
@@ -112,7 +112,6 @@ def clear_element(w):
             w.iso[i, j] = 0.0
     for i in range(w.force.shape[0]):
         w.force[i] = 0.0
-        w.momentum[i] = 0.0
     for i in range(w.column.shape[0]):
         w.column[i] = 0.0
         w.line[i] = 0.0
@@ -123,87 +122,89 @@ def clear_element(w):
 
 # --- kinetic energy -----------------------------------------------------------------------------------------------------
 @kernel
+def density_place(beam, e, g, k):
+    """Where the momentum of field k at mass point g stands in the history."""
+    return beam.place[0] + 12 * (e * beam.mass_point.shape[1] + g) + 3 * k
+
+
+@kernel
 def means_of_point(beam, e, g, k, state, work, h):
-    """Of field k: rates a and slopes g at both ends of the step."""
+    """Of field k: mean rate a over the step, slopes g at both ends."""
     a0 = sum_of(beam, e, beam.mass_shape, 0, g, state.v, k)
-    a1 = a0 + h * sum_of(beam, e, beam.mass_shape, 0, g, work.u, k)
+    a = a0 + 0.5 * h * sum_of(beam, e, beam.mass_shape, 0, g, work.u, k)
     g0 = sum_of(beam, e, beam.mass_shape, 1, g, state.q, k)
     g1 = sum_of(beam, e, beam.mass_shape, 1, g, work.q_end, k)
-    return a0, a1, g0, g1
+    return a, g0, g1
 
 
 @kernel
 def rates_of_point(beam, e, g, state, work, h):
-    """Length of the element and dx/dt at both ends of the step, and f."""
+    """Length of the element at both ends of the step, mean dx/dt, and f."""
     h0 = size_of(beam, e, state.q, state.v)
     h1 = size_of(beam, e, work.q_end, state.v)
     x0, f = rate_of(beam, e, g, state.q, state.v)
     more, _ = rate_of(beam, e, g, state.q, work.u)
-    return h0, h1, x0, x0 + h * more, f
+    return h0, h1, x0 + 0.5 * h * more, f
 
 
 @kernel
-def add_momenta(beam, e, g, k, state, work, h):
-    """Mean momenta, derivatives of T by rates, of field k at point g."""
-    w = beam.scratch
-    h0, h1, x0, x1, f = rates_of_point(beam, e, g, state, work, h)
-    a0, a1, g0, g1 = means_of_point(beam, e, g, k, state, work, h)
-    c = beam.mass_point[1, g] * beam.rho[k]
-    by_rate = (0.5 * c * (0.5 * (h0 + h1))) * (a0 + a1) - (0.5 * c * (0.5 * (x0 + x1))) * (g0 + g1)
-    n = beam.node.shape[1]
-    for a in range(n):
-        add3(w.momentum, 12 * a + 3 * k, 1, beam.mass_shape[0, g, a] * by_rate)
-    by_x = c * (0.25 * (dot(g0, g0) + dot(g1, g1)) * (1.0 / h0 + 1.0 / h1) * 0.5 * (x0 + x1) - 0.5 * (dot(a0, g0) + dot(a1, g1)))
-    w.momentum[12 * n] += (1.0 - f) * by_x
-    w.momentum[12 * n + 1] += f * by_x
+def mean_density(beam, e, g, k, state, work, h):
+    """Mean momentum of field k at mass point g over the step, by mass."""
+    h0, h1, x, _ = rates_of_point(beam, e, g, state, work, h)
+    a, g0, g1 = means_of_point(beam, e, g, k, state, work, h)
+    return (2.0 * h0 * h1 / (h0 + h1)) * a - (0.5 * x) * (g0 + g1)
 
 
 @kernel
 def add_inertia(beam, e, g, k, state, work, h):
-    """-dT/dq and -dT/ds of field k at point g, and all derivatives of these and of 2/h times the momenta."""
+    """Changes of momenta less dT/dq and dT/ds of field k at point g, and all derivatives of these."""
     w = beam.scratch
     n = beam.node.shape[1]
-    h0, h1, x0, x1, f = rates_of_point(beam, e, g, state, work, h)
-    a0, a1, g0, g1 = means_of_point(beam, e, g, k, state, work, h)
+    h0, h1, x, f = rates_of_point(beam, e, g, state, work, h)
+    a, g0, g1 = means_of_point(beam, e, g, k, state, work, h)
     c = beam.mass_point[1, g] * beam.rho[k]
     r = 2.0 / h
-    hm = 0.5 * (h0 + h1); xm = 0.5 * (x0 + x1); im = 0.5 * (1.0 / h0 + 1.0 / h1)
-    xx = 0.5 * (x0 * x0 + x1 * x1); xh = 0.5 * (x0 * x0 / h0 + x1 * x1 / h1)
-    gg = 0.5 * (dot(g0, g0) + dot(g1, g1))
-    am = 0.5 * (a0 + a1)
+    hh = 1.0 / (h0 * h1)
+    im = 0.5 * (1.0 / h0 + 1.0 / h1); ih = -0.5 / (h1 * h1)
     gm = 0.5 * (g0 + g1)
-    slope = c * (xh * gm - xm * am)
-    size = 0.5 * c * (0.5 * (dot(a0, a0) + dot(a1, a1)) - gg * xx / (h0 * h1))
-    # derivatives of forces by x1 and h1
-    value_x = (-0.5 * r * c) * gm; value_h = (0.5 * r * c) * am
-    slope_x = (-c) * ((x1 / h1) * gm - 0.5 * am); slope_h = (0.5 * c * x1 * x1 / (h1 * h1)) * gm
-    rate_x = r * c * 0.5 * gg * im; rate_h = -0.5 * r * c * gg * xm / (h1 * h1)
-    size_x = 0.5 * c * gg * x1 / (h0 * h1); size_h = -0.5 * c * gg * xx / (h0 * h1 * h1)
+    mean = (1.0 / im) * a - x * gm
+    m0 = ld3(state.history, density_place(beam, e, g, k), 1)
+    m1 = 2.0 * mean - m0
+    # of the mean momentum by x and h1
+    mean_h = (-ih / (im * im)) * a
+    before = dot(m0, g0); after = dot(m1, g1)
+    rate = -0.5 * r * c * (after / h1 - before / h0)
+    size = -c * hh * (0.25 * (dot(m0, m0) + dot(m1, m1)) + 0.5 * x * (before + after))
+    rate_x = r * c * dot(gm, g1) / h1; rate_h = -0.5 * r * c * (2.0 * dot(mean_h, g1) - after / h1) / h1
+    size_x = c * hh * (dot(gm, m1) + x * dot(gm, g1) - 0.5 * (before + after))
+    size_h = -c * hh * (dot(mean_h, m1) + x * dot(mean_h, g1)) - size / h1
     df = beam.share[e, 1] - beam.share[e, 0]
-    for a in range(n):
-        na = beam.mass_shape[0, g, a]; da = beam.mass_shape[1, g, a]
-        o = 12 * a + 3 * k
-        add3(w.force, o, 1, (-da) * slope)
-        # of dx/dt and of the length, by coordinates: rates are 2/h of them
-        by_x = (r * c) * ((da * xm * im) * g1 - 0.5 * (r * na * g1 + da * a1))
-        by_h = (-0.5 * c) * ((r * na) * a1 - (da * xx / (h0 * h1)) * g1)
+    for i in range(n):
+        na = beam.mass_shape[0, g, i]; da = beam.mass_shape[1, g, i]
+        o = 12 * i + 3 * k
+        add3(w.force, o, 1, (c * na * r) * (mean - m0) + (c * da * x * im) * mean)
+        by_x = (-c * na * r) * gm + (c * da * im) * (mean - x * gm)
+        by_h = (c * na * r) * mean_h + (c * da * x) * (im * mean_h + ih * mean)
+        # of the mean momentum by coordinates
+        own = 0.5 * (r * na / im - x * da)
+        to_rate = (-0.5 * r * c / h1) * ((2.0 * own) * g1 + da * m1)
+        to_size = (-c * hh) * (own * m1 + (x * own) * g1 + (0.5 * x * da) * m1)
         for side in range(2):
             part = f if side == 1 else 1.0 - f
             way = df if side == 1 else -df
-            add3(w.column, 12 * n * side + o, 1, (na * r * part) * value_x + (na * way) * value_h + (da * r * part) * slope_x
-                 + (da * way) * slope_h)
-            add3(w.line, 12 * n * side + o, 1, part * by_x + way * by_h)
+            add3(w.column, 12 * n * side + o, 1, (0.5 * r * part) * by_x + way * by_h)
+            add3(w.line, 12 * n * side + o, 1, part * to_rate + way * to_size)
         for b in range(n):
             nb = beam.mass_shape[0, g, b]; db = beam.mass_shape[1, g, b]
-            w.iso[4 * a + k, 4 * b + k] += 0.5 * c * (na * r * (hm * r * nb - xm * db) - da * (xh * db - xm * r * nb))
+            w.iso[4 * i + k, 4 * b + k] += c * (na * r + da * x * im) * 0.5 * (r * nb / im - x * db)
     for side in range(2):
         part = f if side == 1 else 1.0 - f
         way = df if side == 1 else -df
-        w.force[12 * n + side] -= way * size
+        w.force[12 * n + side] += part * rate + way * size
         for other in range(2):
-            part2 = f if other == 1 else 1.0 - f
+            part2 = 0.5 * r * (f if other == 1 else 1.0 - f)
             way2 = df if other == 1 else -df
-            w.corner[side, other] += part * (rate_x * r * part2 + rate_h * way2) + way * (size_x * r * part2 + size_h * way2)
+            w.corner[side, other] += part * (rate_x * part2 + rate_h * way2) + way * (size_x * part2 + size_h * way2)
 
 
 # --- stored energy ------------------------------------------------------------------------------------------------------

@@ -1,17 +1,17 @@
 """Beams whose elements move with their contacts, in a conserving step (theory.md 5.12).
 
-The momenta of the nodes and of the places of contacts are remembered: their means over a step are the discrete derivatives of
-the kinetic energy by rates, their changes those by coordinates. Energy and both momenta are kept by that.
+The momenta of points of the elements are remembered: their means over a step follow from mean rates, and what acts on nodes and
+places of contacts changes their sums. Energy and both momenta are kept by that.
 
-Arrays: q, q_mid, q_end, v [12 N]; raw [84 n], with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; p [12 N]; out [9], of
-`potential_energy` [1]; counts_out [5].
+Arrays: q, q_mid, q_end, v [12 N]; raw [84 n], with n nodes an element; rows [42 n]; k [6 n + 2, 6 n + 2]; history [*]; p, p_out
+[12 N]; out [9], of `potential_energy` [1]; counts_out [5].
 """
 from __future__ import annotations
 
 from .._jit import kernel
 from .algebra import add3, cross, dot, ld3, zero3
-from .moving_beam import (MovingBeam, add_inertia, add_momenta, add_shape_stiffness, clear_element, energy_at, put_forms,
-                          put_scales, put_slopes, put_stresses, rate_of, size_of, strains_at, sum_of)
+from .moving_beam import (MovingBeam, add_inertia, add_shape_stiffness, clear_element, density_place, energy_at, mean_density,
+                          put_forms, put_scales, put_slopes, put_stresses, size_of, strains_at)
 from .terms import Conserving, account, assemble, potential_energy, spread_nodes, within_limits
 
 
@@ -115,7 +115,8 @@ def add_weight(beam, e, state, work):
     n = beam.node.shape[1]
     h = 0.5 * (size_of(beam, e, state.q, state.v) + size_of(beam, e, work.q_end, state.v))
     df = beam.share[e, 1] - beam.share[e, 0]
-    force = ld3(beam.weighs, 0, 1)
+    # of the load vectors, the mean factor of gravity over the step
+    force = work.f_ext[8 * beam.place_rows[0] + 1] * ld3(beam.weighs, 0, 1)
     for g in range(beam.mass_point.shape[1]):
         for a in range(n):
             m = beam.mass_point[1, g] * beam.mass_shape[0, g, a]
@@ -126,6 +127,19 @@ def add_weight(beam, e, state, work):
                 w.force[12 * n + side] -= way * height
                 add3(w.column, 12 * (n * side + a), 1, (-0.5 * m * way) * force)
                 add3(w.line, 12 * (n * side + a), 1, (-0.5 * m * way) * force)
+
+
+@kernel
+def height_of(beam, q, v):
+    """Work of the full weight on its way from the origin: sum of h m phi . rhoA g."""
+    out = 0.0
+    for e in range(beam.node.shape[0]):
+        h = size_of(beam, e, q, v)
+        for g in range(beam.mass_point.shape[1]):
+            for a in range(beam.node.shape[1]):
+                m = h * beam.mass_point[1, g] * beam.mass_shape[0, g, a]
+                out += m * dot(ld3(beam.weighs, 0, 1), ld3(q, 12 * beam.node[e, a], 1))
+    return out
 
 
 @kernel
@@ -223,36 +237,6 @@ def scatter(beam, e, work):
                 work.blocks[48 * beam.block[e, n + side, n + other]] += w.corner[side, other]
 
 
-@kernel
-def sum_momenta(beam, e, state, work, h):
-    """Mean momenta of an element into its scratch."""
-    for g in range(beam.mass_point.shape[1]):
-        for k in range(4):
-            if beam.rho[k] != 0.0:
-                add_momenta(beam, e, g, k, state, work, h)
-
-
-@kernel
-def subtract_before(beam, state, work, h):
-    """2/h times the momenta at the start of the step."""
-    w = beam.scratch
-    p0 = beam.place[0]
-    n = beam.node.shape[1]
-    for e in range(beam.node.shape[0]):
-        for a in range(0 if e == 0 else 1, n):
-            at = p0 + 12 * (beam.node[e, a] - beam.place[1])
-            moment = zero3()
-            for i in range(12):
-                w.force[i] = -2.0 / h * state.history[at + i]
-            for i in range(3, 12, 3):
-                moment += cross(ld3(work.q_mid, 12 * beam.node[e, a] + i, 1), ld3(w.force, i, 1))
-            add3(work.r, 8 * beam.row[e, a], 1, ld3(w.force, 0, 1))
-            add3(work.r, 8 * beam.row[e, a] + 3, 1, moment)
-            add_turn(beam, e, a, work, w.force, 0)
-    for j in range(beam.places.shape[0]):
-        work.r[8 * beam.place_rows[j]] -= 2.0 / h * state.history[p0 + 12 * beam.place[2] + j]
-
-
 @assemble.register(MovingBeam, Conserving)
 @kernel
 def assemble_moving(beam, method, system, h):
@@ -263,9 +247,6 @@ def assemble_moving(beam, method, system, h):
         for i in range(w.k.shape[0]):
             for j in range(w.k.shape[1]):
                 w.k[i, j] = 0.0
-        sum_momenta(beam, e, state, work, h)
-        for i in range(w.force.shape[0]):
-            w.force[i] = 2.0 / h * w.momentum[i]
         for g in range(beam.mass_point.shape[1]):
             for k in range(4):
                 if beam.rho[k] != 0.0:
@@ -275,34 +256,29 @@ def assemble_moving(beam, method, system, h):
         add_weight(beam, e, state, work)
         add_iso(beam, e, work)
         scatter(beam, e, work)
-    subtract_before(beam, state, work, h)
 
 
 @account.register(MovingBeam)
 @kernel
 def account_moving(beam, system, h):
-    """Momenta at the end of the step: twice their means less those at its start."""
+    """Momenta at the end of the step: twice their means less those at its start; work of the weight."""
     state, work = system.state, system.work
-    w = beam.scratch
-    n = beam.node.shape[1]
-    p0 = beam.place[0]
-    size = 12 * beam.place[2] + beam.places.shape[0]
     first = beam.place[1]
     spread_nodes.call(system.dofs, system.method, state, work, h, first, first + beam.place[2])
     for j in range(beam.places.shape[0]):
         k = beam.places[j]
         spread_nodes.call(system.dofs, system.method, state, work, h, k, k + 1)
-    for i in range(p0, p0 + size):
-        state.history[i] = -state.history[i]
     for e in range(beam.node.shape[0]):
-        clear_element(w)
-        sum_momenta(beam, e, state, work, h)
-        for a in range(n):
-            for i in range(12):
-                state.history[p0 + 12 * (beam.node[e, a] - first) + i] += 2.0 * w.momentum[12 * a + i]
-        for side in range(2):
-            if beam.slot[e, side] >= 0:
-                state.history[p0 + 12 * beam.place[2] + beam.slot[e, side]] += 2.0 * w.momentum[12 * n + side]
+        for g in range(beam.mass_point.shape[1]):
+            for k in range(4):
+                if beam.rho[k] != 0.0:
+                    at = density_place(beam, e, g, k)
+                    m1 = 2.0 * mean_density(beam, e, g, k, state, work, h) - ld3(state.history, at, 1)
+                    for c in range(3):
+                        state.history[at + c] = 0.0
+                    add3(state.history, at, 1, m1)
+    way = height_of(beam, work.q_end, state.v) - height_of(beam, state.q, state.v)
+    state.history[density_place(beam, beam.node.shape[0], 0, 0)] += work.f_ext[8 * beam.place_rows[0] + 1] * way
 
 
 @within_limits.register(MovingBeam)
@@ -323,16 +299,18 @@ def contacts_keep_distance(beam, system, counts_out):
 
 
 @kernel
-def kinetic_energy(beam, q, v):
-    """T of nodes at q with rates v."""
+def motion_of(beam, q, history, p_out):
+    """T, and momenta of nodes added to p_out [12 N]."""
     out = 0.0
     for e in range(beam.node.shape[0]):
-        h = size_of(beam, e, q, v)
+        h = size_of(beam, e, q, q)
         for g in range(beam.mass_point.shape[1]):
-            x, _ = rate_of(beam, e, g, q, v)
             for k in range(4):
-                u = sum_of(beam, e, beam.mass_shape, 0, g, v, k) - (x / h) * sum_of(beam, e, beam.mass_shape, 1, g, q, k)
-                out += 0.5 * h * beam.mass_point[1, g] * beam.rho[k] * dot(u, u)
+                c = beam.mass_point[1, g] * beam.rho[k]
+                m = ld3(history, density_place(beam, e, g, k), 1)
+                out += 0.5 * c * dot(m, m) / h
+                for a in range(beam.node.shape[1]):
+                    add3(p_out, 12 * beam.node[e, a] + 3 * k, 1, (c * beam.mass_shape[0, g, a]) * m)
     return out
 
 
