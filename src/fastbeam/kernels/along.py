@@ -19,10 +19,11 @@ import numpy as np
 from .._generic import generic
 from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
+from .contact_entries import Weights, put_idle_corner, put_translation
 from .curves import find_element, node_of
-from .kinds import dim, vector, zero_vector
-from .slider import (NoSleeves, SlidingLaw, Weights, account_along, add_contact, add_slider, begin_along, begin_passage,
-                     is_settled_along, mean_tangent, motion_along, pass_along, push_of_moments, put_residual, put_translation,
+from .kinds import vector, zero_vector
+from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
+                     is_settled_along, mean_tangent, motion_along, pass_along, push_of_moments, put_residual,
                      sliding_law)
 from .terms import put_loads, spread_nodes
 
@@ -171,16 +172,12 @@ def add_if_on_beam(along, term, system, k):
 def add_idle_slider(term, system, k):
     """The rows of a slider that has left its beam: no force, and s stays. It touches its point alone, with zeros."""
     contact, work, dofs = system.contact, system.work, system.dofs
-    d = dim(dofs)
     point = term.sliders.point[k]
     force = vector(system.state.force, contact.first_force[k], 1, dofs)
     zero = zero_vector(dofs)
     contact.entries[k] = 0
-    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0), zero, zero, dofs)
-    for i in range(64):
-        contact.corner[k, i] = 0.0
-    for i in range(d + 1):
-        contact.corner[k, 9 * i] = 1.0
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0, 0.0), zero, zero, dofs)
+    put_idle_corner.call(contact, k, dofs)
     put_residual(contact, k, force, work.s_end[k] - system.state.s[k], dofs)
 
 

@@ -24,10 +24,11 @@ from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
 from .along import force_of_edges
+from .contact_entries import entry_of
 from .curves import node_of, slot
 from .joint_entries import take_forces_of
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
-from .slider import Sliding, entry_of, hold_section, push_of_moments
+from .slider import Sliding, hold_section, push_of_moments
 from .terms import account, first_guess, is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
