@@ -70,7 +70,7 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     def integers(*shape: int) -> Array:
         return np.zeros(shape, np.int32)
 
-    touched = int(scale * s * (entries + 2)) + 16
+    touched = int(scale * s * (min(entries, 8) + 2)) + 16
     columns = int(scale * (couplings.near.size // 2 + 4 * s)) + rows
     touching = Touched(integers(s), integers(s, entries), integers(s), integers(s, entries), integers(s, entries),
                        integers(s + 1), integers(touched), integers(touched), integers(touched), integers(touched),
@@ -80,13 +80,13 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
                        integers(n), integers(n), integers(4))
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
-                  integers(6, rows + 1), integers(2))
+                  integers(5, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
-    some = 1.04 * min(max(entries, 4), 6)
-    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
+    some = 1.02 * min(max(entries, 4), 6)
+    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 512 + fill
     factors = Factors(aligned(total), np.zeros(8 * rows), np.zeros(8 * rows, np.int8), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
-    return Constraints(couplings, touching, order, factors, aligned(int(scale * 512 * size)), *others)
+    return Constraints(couplings, touching, order, factors, aligned(int(scale * 256 * size)), *others)
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:

@@ -40,7 +40,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 u=np.zeros(q * (rates or second)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned(8 * (n + 1)),
                 blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
-                panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
+                panel=aligned(panel), border_rows=aligned((1 - model.by_rows) * (dense + 1) * model.width),
                 schur=np.zeros((dense, dense)), y=np.zeros(border),
                 scratch=scratch_of(model), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
                 keep_force=np.zeros(kept * model.n_forces),

@@ -10,7 +10,7 @@ from fastbeam.constraints import couplings_of, with_capacity
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.constraints import Constraints, fill_constraints, solve_constraints
 from fastbeam.kernels.nodes import Held, NoHeld
-from fastbeam.kernels.slider import Contact
+from fastbeam.kernels.contact_entries import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
 Array = np.ndarray
