@@ -86,7 +86,7 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 512 + fill
     factors = Factors(aligned(total), np.zeros(8 * rows), np.zeros(8 * rows, np.int8), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
-    return Constraints(couplings, touching, order, factors, aligned(int(scale * 256 * size)), *others)
+    return Constraints(couplings, touching, order, factors, aligned(int(scale * 192 * size)), *others)
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:
