@@ -80,7 +80,7 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
                        integers(n), integers(n), integers(4))
     order = Order(integers(n), integers(rows), integers(rows), integers(rows), integers(rows), integers(rows + 1),
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
-                  integers(5, rows + 1), integers(2))
+                  integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
     some = 1.02 * min(max(entries, 4), 6)
     total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 512 + fill

@@ -85,7 +85,7 @@ class Order(NamedTuple):
     lower: np.ndarray       # int32 [M]: where block (column, position) begins
     target_start: np.ndarray  # int32 [N + 1]
     target: np.ndarray      # int32 [*]: where the products of a row belong, all pairs of its columns row by row
-    work: np.ndarray        # int32 [5, N + 1]
+    work: np.ndarray        # int32 [6, N + 1]
     counts: np.ndarray      # int32 [2]: entries; where the blocks in use end in store
 
 
