@@ -7,6 +7,9 @@ equation, columns and lines against F, s, g_mean are
     on an arm a     [w.mean a^, w.slope a x F, 0]                        [-w.end a^, a x w.along s, w.mean/2 a^]
 
 with a in the middle of the step in the columns, at its end in the lines.
+
+Arrays: out [*], blocks of rows of 8 numbers, of `add_factored_product` numbers; y [7 S], unknowns of all constraints; of [*], numbers
+of an entry or of a slider.
 """
 from __future__ import annotations
 
@@ -33,22 +36,22 @@ FORCE, GAP, SLIDE, MOMENT, END_S, MEAN_S, TANGENT, BY_S, IDLE, FRAME = 0, 3, 6, 
 class FactoredContact(NamedTuple):
     """Contact of scenes whose constraints are all sliders, rows of the block matrix, without sleeves; E entries each at most."""
 
-    basis: np.ndarray       # as those of `Contact`
-    legendre: np.ndarray
+    basis: np.ndarray       # float64 [5, n]: this and what is not explained here as in `Contact`
+    legendre: np.ndarray    # float64 [3, n_coef]
     entries: np.ndarray     # int32 [S]
     row: np.ndarray         # int32 [S, E]
     share: np.ndarray       # float64 [S, E, 8]: numbers of an entry, 16 with ties
     frame: np.ndarray       # float64 [S, 24]: numbers of a slider
-    residual: np.ndarray
-    element: np.ndarray
-    forces: np.ndarray
-    first: np.ndarray
-    first_force: np.ndarray
-    compliance: np.ndarray
-    softness: np.ndarray
-    remaining: np.ndarray
-    full: np.ndarray
-    augmented: np.ndarray
+    residual: np.ndarray    # float64 [S, 8]
+    element: np.ndarray     # int64 [S]
+    forces: np.ndarray      # int64 [S]
+    first: np.ndarray       # int64 [S]
+    first_force: np.ndarray  # int64 [S]
+    compliance: np.ndarray  # float64 [S]
+    softness: np.ndarray    # float64 [S]
+    remaining: np.ndarray   # float64 [S]
+    full: np.ndarray        # int64 [1]
+    augmented: np.ndarray   # float64 [4]
     pair: np.ndarray        # int64 [0, 2]: no sleeves
 
 
