@@ -82,11 +82,11 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
                   integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
-    some = 1.02 * min(max(entries, 4), 6)
-    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 512 + fill
+    some = 1.1 * min(max(entries, 4), 6)
+    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 256 + fill
     factors = Factors(aligned(total), np.zeros(8 * rows), np.zeros(8 * rows, np.int8), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
-    return Constraints(couplings, touching, order, factors, aligned(int(scale * 192 * size)), *others)
+    return Constraints(couplings, touching, order, factors, aligned(int(scale * 64 * size)), *others)
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:

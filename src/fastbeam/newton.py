@@ -26,7 +26,7 @@ from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from .kernels.user_force import UserForceTimes
-from .kernels.work import State
+from .kernels.work import State, aligned
 from .linsolve import LinearSystem, check_backend
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
@@ -268,10 +268,12 @@ class Stepper:
 
     def _enlarge(self) -> None:
         """More room for sliders as rows, of the kind that was too short."""
-        assert self.contact is not None
+        assert self.contact is not None and self.rows is not None
         entries = self.contact.row.shape[1]
         if self.contact.full[0]:
             self._make_rows(entries + max(2, entries // 4), self.capacity)
+        elif self.rows.touched.counts[2] > self.rows.buffer.size:
+            self.rows = self.rows._replace(buffer=aligned(int(self.rows.touched.counts[2])))
         else:
             self._make_rows(entries, 1.5 * self.capacity)
 

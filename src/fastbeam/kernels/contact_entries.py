@@ -4,8 +4,8 @@ and the derivatives of their equations by the unknowns of the row (its lines).
 `Contact` keeps every entry as two blocks of numbers, whatever a constraint is. Where all constraints are sliders,
 `FactoredContact` of factored_entries.py keeps the few numbers that the blocks of an entry are made of.
 
-Arrays: out, block [*], blocks of rows of 8 numbers, of `add_column_times` numbers; y [7 S], unknowns of all constraints; q [12 N],
-in a plane [4 N].
+Arrays: out, block [*], blocks of rows of 8 numbers, of `add_column_times` numbers; y [7 S], unknowns of all constraints;
+q [12 N], in a plane [4 N].
 """
 from __future__ import annotations
 

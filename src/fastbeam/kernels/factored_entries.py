@@ -8,8 +8,8 @@ equation, columns and lines against F, s, g_mean are
 
 with a in the middle of the step in the columns, at its end in the lines.
 
-Arrays: out [*], blocks of rows of 8 numbers, of `add_factored_product` numbers; y [7 S], unknowns of all constraints; of [*], numbers
-of an entry or of a slider.
+Arrays: out [*], blocks of rows of 8 numbers, of `add_factored_product` numbers; y [7 S], unknowns of all constraints; of [*],
+numbers of an entry or of a slider.
 """
 from __future__ import annotations
 
