@@ -4,7 +4,9 @@ one and on two threads in turn, and the memory that sliders take.
     python perf/net_sliders.py [--cells 70] [--elements 10] [--degree 1] [--joints rigid] [--sliders 1000] [--a-beam 1] [--bodies]
                                [--curve own] [--threads 1 2] [--repeats 5]
 
-A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams; --a-beam: sliders on every beam that has some.
+A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams; --a-beam: sliders on every beam that has some. The memory of as many
+sliders, one and four on a beam, tells what belongs to a slider and what to a beam that has some: tables of its elements, their
+blocks that the substitution needs. Exits with 1 where that of a slider misses the bar of perf/sliders.py.
 """
 from __future__ import annotations
 
@@ -25,6 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "perf")]
 
 from net_step import STEP, square_net  # noqa: E402
+from sliders import BYTES, judged  # noqa: E402
 
 import fastbeam as fb  # noqa: E402
 from fastbeam.newton import Stepper  # noqa: E402
@@ -74,7 +77,22 @@ def held_memory(stepper: Stepper) -> int:
     return sum(seen.values())
 
 
-def main() -> None:
+def memory_of_sliders(scene: fb.Scene, options: argparse.Namespace, one: int) -> tuple[float, float]:
+    """Bytes that belong to a slider and to a beam with sliders; one: bytes of a run with a single slider."""
+    beams, taken = [], []
+    for a_beam in (1, 4):
+        more = sliding(scene, options.sliders, a_beam, options.bodies, options.curve)
+        whole = fb.Scene(*scene.parts, *more, gravity=(0, 0, -9.81), project_velocities=not options.bodies)
+        stepper = Stepper(fb.compile_scene(whole, planar=False, condense=True), np.ones(1), threads=options.threads[0])
+        if stepper.advance(0.0, STEP, 1).status:
+            raise SystemExit("the step failed")
+        beams.append(options.sliders / a_beam)
+        taken.append(held_memory(stepper) - one)
+    beam = (taken[0] - taken[1]) / (beams[0] - beams[1])
+    return (taken[0] - beam * beams[0]) / options.sliders, beam
+
+
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, default in (("cells", 70), ("elements", 10), ("degree", 1), ("sliders", 1000), ("a-beam", 1), ("repeats", 5)):
         parser.add_argument(f"--{name}", type=int, default=default)
@@ -118,7 +136,10 @@ def main() -> None:
     taken = [held_memory(steppers[name, k]) for name in models]
     print(f"memory of a run {taken[0] / 1e6:.1f} MB without sliders, {taken[2] / 1e6:.1f} MB with one, "
           f"{(taken[1] - taken[2]) / (options.sliders - 1) / 1e3:.2f} kB for each more")
+    slider, beam = memory_of_sliders(scene, options, taken[2])
+    print(f"of these {beam / 1e3:.2f} kB belong to a beam of {options.elements} elements that has sliders")
+    return int(judged([("bytes a slider in a net, without those of its beam", BYTES, slider, "")]) > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -8,6 +8,8 @@ import numpy as np
 from .joint_drives import JointsOfRun
 from .kernels.along import Along
 from .kernels.beams import Beams
+from .kernels.contact_entries import Contact
+from .kernels.factored_entries import FactoredContact
 from .kernels.laws import ELASTIC, KELVIN_VOIGT
 from .kernels.inner import Inner, NoInner
 from .kernels.force_element import ForceElements
@@ -15,7 +17,7 @@ from .kernels.line_force import LineForces
 from .kernels.moving_beam import MovingBeam
 from .kernels.prescribed import MovedRows, Prescribed
 from .kernels.sleeve import Rubbing, Sleeves
-from .kernels.slider import Contact, NoForceAlong, NoSleeves, Sliding
+from .kernels.slider import NoForceAlong, NoSleeves, Sliding
 from .kernels.strain_sets import GreenLagrange, SimoReissner
 from .kernels.terms import NoContact, NoTies, SolverOutside, System
 from .kernels.twist import Twist
@@ -112,7 +114,8 @@ def put_limits(model: Model, state: State, *all_terms: tuple[Any, ...] | None) -
                     term.along.stops[:, :2] = model.slider_forces.elastic(state.s, model.along_of(state.history))
 
 
-def system_of(model: Model, method: Any, contact: Contact | None, solver: Any, state: State, work: Work) -> System:
+def system_of(model: Model, method: Any, contact: Contact | FactoredContact | None, solver: Any, state: State,
+              work: Work) -> System:
     """The record of what all terms share; method: a named tuple of kernels/terms.py, or Alpha; solver: the tables of one that
     compiled code calls, or None."""
     return System(model.dofs, method, NoContact() if contact is None else contact, SolverOutside() if solver is None else solver,

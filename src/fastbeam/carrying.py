@@ -14,9 +14,10 @@ from .kernels.beam import ElementTables
 from .kernels.beams import Beams
 from .kernels.carriers import GroupRows
 from .kernels.constraints import Constraints
+from .kernels.contact_entries import ContactInRows
 from .kernels.nodes import Held
 from .kernels.inner import NoInner
-from .kernels.slider import ContactInRows, NoForceAlong, NoSleeves, Sliders, Sliding
+from .kernels.slider import NoForceAlong, NoSleeves, Sliders, Sliding
 from .kernels.terms import Equilibrium, NoTies, System
 from .kernels.work import aligned
 from .model import Model
@@ -184,7 +185,7 @@ class Group:
         self._store = rows.factors.store.size
         none = np.zeros(0)
         self.rows: Constraints = rows._replace(buffer=none, factors=rows.factors._replace(
-            store=none, x=none, pivots=none.astype(np.int32), own=none))
+            store=none, x=none, pivots=none.astype(np.int8), own=none))
         order = rows.order
         self.short = order._replace(order=order.order[:order.order.size - 2 * carriers])
         place = np.zeros(order.column.size, np.int32)
@@ -203,7 +204,7 @@ class Group:
         work, n, s = system.work, self.couplings.diagonal.size, self.sliders.size
         rows = n + s
         factors = self.rows.factors._replace(store=space.array("store", self._store), x=space.array("x", 8 * rows),
-                                             pivots=space.array("pivots", 8 * rows, kind=np.int32), own=space.array("own", 7 * s))
+                                             pivots=space.array("pivots", 8 * rows, kind=np.int8), own=space.array("own", 7 * s))
         return system._replace(
             contact=self._contact(space), solver=self.rows._replace(factors=factors), row_of=self.shared.row_of, width=1,
             state=system.state._replace(s=self.s, force=self.force),

@@ -51,12 +51,13 @@ def couplings_of(pattern: Pattern, size: int, end: int, held: Array, tied: Array
         partner[pairs[:, 0]], partner[pairs[:, 1]] = pairs[:, 1], pairs[:, 0]
     tables = (np.searchsorted(row, np.arange(n + 1)), near, where(row, near), where(near, row), where(every, every), held, tied)
     return Couplings(*(x.astype(np.int32) for x in tables), _starts(np.array([len(x) for x in late], np.int64)),
-                     np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int64), unknowns, forces, in_force,
-                     _starts(unknowns)[:-1].copy(), _starts(forces)[:-1].copy(), np.array([end]), partner)
+                     np.concatenate([np.zeros(0, np.int64), *late]).astype(np.int32),
+                     *(x.astype(np.int32) for x in (unknowns, forces, in_force)), _starts(unknowns)[:-1].copy(),
+                     _starts(forces)[:-1].copy(), np.array([end]), partner)
 
 
 def _starts(counts: Array) -> Array:
-    return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
+    return np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
 
 
 def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, scale: float = 1.0,
@@ -69,8 +70,8 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
     def integers(*shape: int) -> Array:
         return np.zeros(shape, np.int32)
 
-    touched = int(scale * s * (entries + 2)) + 16
-    columns = int(scale * (couplings.near.size + 8 * s)) + rows
+    touched = int(scale * s * (min(entries, 8) + 2)) + 16
+    columns = int(scale * (couplings.near.size // 2 + 4 * s)) + rows
     touching = Touched(integers(s), integers(s, entries), integers(s), integers(s, entries), integers(s, entries),
                        integers(s + 1), integers(touched), integers(touched), integers(touched), integers(touched),
                        integers(n + 1), integers(touched), integers(s + 1),
@@ -81,11 +82,11 @@ def with_capacity(couplings: Couplings, entries: int, elements: int, size: int, 
                   integers(columns), integers(columns), integers(columns), integers(rows + 1), integers(2 * columns),
                   integers(6, rows + 1), integers(2))
     # of a constraint its own block and two for each of some rows that it touches or is coupled with by fill
-    some = 1.1 * min(entries, 6)
-    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 1024 + fill
-    factors = Factors(aligned(total), np.zeros(8 * rows), np.zeros(8 * rows, np.int32), np.zeros(7 * s), np.zeros(8),
+    some = 1.1 * min(max(entries, 4), 6)
+    total = int(couplings.end[0]) + int(scale * 8 * np.sum(couplings.unknowns + some * (size + couplings.unknowns))) + 256 + fill
+    factors = Factors(aligned(total), np.zeros(8 * rows), np.zeros(8 * rows, np.int8), np.zeros(7 * s), np.zeros(8),
                       np.zeros(2, np.int64))
-    return Constraints(couplings, touching, order, factors, aligned(int(scale * 512 * size)), *others)
+    return Constraints(couplings, touching, order, factors, aligned(int(scale * 64 * size)), *others)
 
 
 def constraints_of(model: Model, inner: Inner | None, entries: int, scale: float) -> Constraints:

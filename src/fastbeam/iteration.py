@@ -9,7 +9,7 @@ import numpy as np
 from ._records import Record
 from .kernels import step as kernels
 from .kernels.inner import Inner
-from .kernels.slider import Contact
+from .kernels.contact_entries import Contact
 from .kernels.step import BORDER_SINGULAR, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR
 from .kernels.terms import System
 from .kernels.work import State, Work

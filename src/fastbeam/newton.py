@@ -19,12 +19,14 @@ from .joint_motion import check_motions
 from .kernels import step as kernels
 from .kernels.along import AGAINST, FREE, HELD, HISTORY, SIGN, STICKS, DriveSchedule
 from .kernels.constraints import Constraints
+from .kernels.contact_entries import Contact
+from .kernels.factored_entries import FactoredContact
 from .kernels.observe import slider_motion
 from .kernels.prescribed import PrescribedSchedule
 from .kernels.step import (BORDER_SINGULAR, LARGEST_IN_TIME, NOT_CONVERGED, NOT_FINITE, OK, SINGULAR, SLIDER_END)
 from .kernels.terms import AtRest, Conserving, Equilibrium, Loads, Midpoint, System, put_loads
 from .kernels.user_force import UserForceTimes
-from .kernels.work import State
+from .kernels.work import State, aligned
 from .linsolve import LinearSystem, check_backend
 from .load_times import load_factors
 from .methods import Method, check_forces, empty_rates, start_rates
@@ -33,7 +35,7 @@ from .outcome import Outcome
 from .released import own_supports
 from .starting import own_state
 from .twisting import check_twist, start_twisting
-from .workspace import check_border, contact_of, entries_of, inner_of, law_work, work_of
+from .workspace import check_border, contact_of, entries_of, factored_contact_of, inner_of, law_work, work_of
 
 Array = np.ndarray
 # of theory.md (5.5), chosen by docs/stress.md
@@ -114,7 +116,9 @@ class Stepper:
         keep = self.weights.size > 1 or core.n_constraints > 0 or core.moving is not None or rates
         self.work = work_of(core, keep=keep, rates=rates)
         self.inner = inner_of(core)
-        self.contact = contact_of(core)
+        # sliders alone, as rows of the block matrix
+        self._factored = core.by_rows and core.n_constraints == core.n_sliders and not (compared or static)
+        self.contact = self._contact_of(entries_of(core)) if core.by_rows else contact_of(core)
         self.rows: Constraints | None = None
         if core.by_rows and not static:
             self._make_rows(entries_of(core), 1.0)
@@ -247,6 +251,10 @@ class Stepper:
         kernels.assemble_all(*whole, 0.0)
         return work.r[:8 * model.n_nodes].reshape(-1, 8)[model.pattern.row_of, :6].copy()
 
+    def _contact_of(self, entries: int) -> Contact | FactoredContact | None:
+        """Work arrays of the constraints, with room for so many entries each."""
+        return factored_contact_of(self.core, entries) if self._factored else contact_of(self.core, entries)
+
     def _make_rows(self, entries: int, scale: float) -> None:
         """Room for sliders as rows of the block matrix: so many entries each, everything else by scale."""
         assert self.contact is not None
@@ -254,16 +262,18 @@ class Stepper:
         self.rows = constraints_of(self.core, self.inner, entries, scale)
         self.work = self.work._replace(blocks=self.rows.factors.store[:self.rows.couplings.end[0]])
         if self.contact.row.shape[1] != entries:
-            old, self.contact = self.contact, contact_of(self.core, entries)
+            old, self.contact = self.contact, self._contact_of(entries)
             assert self.contact is not None
             self.contact.augmented[:], self.contact.element[:] = old.augmented, old.element
 
     def _enlarge(self) -> None:
         """More room for sliders as rows, of the kind that was too short."""
-        assert self.contact is not None
+        assert self.contact is not None and self.rows is not None
         entries = self.contact.row.shape[1]
         if self.contact.full[0]:
             self._make_rows(entries + max(2, entries // 4), self.capacity)
+        elif self.rows.touched.counts[2] > self.rows.buffer.size:
+            self.rows = self.rows._replace(buffer=aligned(int(self.rows.touched.counts[2])))
         else:
             self._make_rows(entries, 1.5 * self.capacity)
 

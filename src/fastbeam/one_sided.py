@@ -9,7 +9,7 @@ import numpy as np
 from .impacts import jump
 from .kernels.along import DRIVE_WORK, FREE, HELD, HISTORY, INCREMENT, SIGN, STICKS, STOP_LOSS
 from .kernels.nearest_place import Sides, nearest_place_of
-from .kernels.slider import Contact
+from .kernels.contact_entries import Contact
 from .kernels.work import State
 from .mapping import contact
 from .model import Model

@@ -6,11 +6,12 @@ import os
 import numpy as np
 
 from .errors import SceneError
+from .kernels.contact_entries import Contact, ContactInRows, ContactOfCarriers
+from .kernels.factored_entries import FRAME, FactoredContact
 from .kernels.inner import Inner
 from .kernels.layout import NODES, POINTS, layout_of
 from .kernels.moving_beam import MovingBeam, Scratch
 from .kernels.nodes import NODES_SCRATCH
-from .kernels.slider import Contact, ContactInRows, ContactOfCarriers
 from .kernels.substructures import Substructures, front_size, place_stores
 from .kernels.terms import NoTies
 from .kernels.user_force import FACTOR, SIZE
@@ -39,7 +40,7 @@ def work_of(model: Model, keep: bool = True, rates: bool = False) -> Work:
                 u=np.zeros(q * (rates or second)), s_end=np.zeros(s), f_ext=aligned(8 * (n + 1)),
                 r=aligned(8 * (n + 1)),
                 blocks=aligned(8 * size * (model.n_blocks + 1)), pivots=np.zeros(size * model.pattern.n, np.int64),
-                panel=aligned(panel), border_rows=aligned((dense + 1) * model.width),
+                panel=aligned(panel), border_rows=aligned((1 - model.by_rows) * (dense + 1) * model.width),
                 schur=np.zeros((dense, dense)), y=np.zeros(border),
                 scratch=scratch_of(model), keep_q=np.zeros(kept * q), keep_v=np.zeros(kept * q), keep_s=np.zeros(kept * s),
                 keep_force=np.zeros(kept * model.n_forces),
@@ -106,6 +107,20 @@ def entries_of(model: Model, bounded: bool = True) -> int:
         return max(ends, most + 1 + (widest > 1) * (most + 4 * widest))
     # and the spin of every node
     return max(ends, (most + 1) * widest + most)
+
+
+def factored_contact_of(model: Model, entries: int) -> FactoredContact:
+    """Work arrays of constraints that are all sliders as rows of the block matrix, without sleeves, for the conserving step."""
+    n, shape = model.n_sliders, model.curves.shape
+    numbers = 8 if model.ties is None else 16
+    return FactoredContact(basis=np.zeros((5, shape[:, 2].max())), legendre=np.zeros((3, shape[:, 1].max())),
+                           entries=np.zeros(n, np.int32), row=np.zeros((n, entries), np.int32),
+                           share=aligned(n * entries * numbers).reshape(n, entries, numbers),
+                           frame=aligned(n * FRAME).reshape(n, FRAME), residual=aligned(8 * n).reshape(n, 8),
+                           element=np.zeros(n, np.int64), forces=model.forces, first=np.cumsum(model.unknowns) - model.unknowns,
+                           first_force=np.cumsum(model.forces) - model.forces, compliance=np.zeros(n), softness=model.softness,
+                           remaining=np.zeros(n), full=np.zeros(1, np.int64), augmented=np.zeros(4),
+                           pair=np.zeros((0, 2), np.int64))
 
 
 def contact_of(model: Model, entries: int | None = None) -> Contact | None:

@@ -82,7 +82,7 @@ print(json.dumps([sorted(kernel.py_func.__name__ for kernel in _jit.KERNELS
                          if every or kernel.signatures or kernel.part.signatures) for every in (False, True)]))
 """
 BEAM_KERNELS = {"pair_stiffness", "evaluate_point_in_space", "interpolate"}
-SLIDER_KERNELS = {"add_slider", "predict_sliders", "solve_border", "put_position", "step_basis"}
+SLIDER_KERNELS = {"add_slider", "predict_sliders", "solve_border", "new_place", "step_basis"}
 TIE_KERNELS = {"assemble_ties", "apply_ties_in_space", "tie_coordinates", "tie_arm"}
 SPATIAL_KERNELS = {"assemble_bodies", "add_bodies", "predict", "update_nodes"}
 PLANAR_KERNELS = {"planar_pair", "add_planar_bodies", "planar_predict", "planar_update"}

@@ -10,7 +10,7 @@ from fastbeam.kernels.border import fill_panel, solve_border, solve_dense
 from fastbeam.kernels.kinds import SPACE
 from fastbeam.kernels.chain import HIGH, LOW, NoSide, OneSide, RightSides, back_substitute, factor, multiply, solve
 from fastbeam.kernels.nodes import Held, clear_held
-from fastbeam.kernels.slider import Contact
+from fastbeam.kernels.contact_entries import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
 Array = np.ndarray

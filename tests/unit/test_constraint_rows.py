@@ -10,7 +10,7 @@ from fastbeam.constraints import couplings_of, with_capacity
 from fastbeam.kernels.blocks import SIX, THREE
 from fastbeam.kernels.constraints import Constraints, fill_constraints, solve_constraints
 from fastbeam.kernels.nodes import Held, NoHeld
-from fastbeam.kernels.slider import Contact
+from fastbeam.kernels.contact_entries import Contact
 from fastbeam.pattern import Pattern, build_pattern
 
 Array = np.ndarray
@@ -162,7 +162,7 @@ def test_solution_is_that_of_the_whole_matrix(shape: str, seed: int, size: tuple
         forces = int(rng.integers(1, len(size) // 2 + 1))
         unknowns.append(SLIDER[size] if rng.integers(2) else (forces, forces, 0))
     held = {3: 0b101, 7: 0b010} if seed % 2 else None
-    system = Saddle(n, pairs, touched, unknowns, size, 10 + seed, held, scale=4)
+    system = Saddle(n, pairs, touched, unknowns, size, 10 + seed, held, scale=8)
     system.check()
     # with the structure of before, then with another one
     system.check()
@@ -176,7 +176,7 @@ def test_points_may_be_eliminated_later(size: tuple[int, ...]) -> None:
     n = 12
     pairs = [(i, i + 1) for i in range(n - 2)]
     touched, late = [[k, k + 1, n - 1] for k in range(0, 9, 2)], [[n - 1]] * 5
-    system = Saddle(n, pairs, touched, [SLIDER[size]] * 5, size, 3, late=late, scale=4)
+    system = Saddle(n, pairs, touched, [SLIDER[size]] * 5, size, 3, late=late, scale=8)
     system.check()
     order = system.rows.order
     hub = order.position[system.pattern.row_of[n - 1]]

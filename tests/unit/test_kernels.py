@@ -20,7 +20,7 @@ from fastbeam.kernels.blocks import SIX
 from fastbeam.kernels.nodes import NODES_SCRATCH, NO_VELOCITIES, add_bodies, advance, predict, spread, update_nodes
 from fastbeam.kernels.curves import Curves, find_element, legendre, point_on_curve, step_basis
 from fastbeam.kernels.kinds import SPACE
-from fastbeam.kernels.slider import Contact
+from fastbeam.kernels.contact_entries import Contact
 from fastbeam.kernels.strain_sets import GREEN_LAGRANGE, SIMO_REISSNER
 from fastbeam.kernels.terms import Conserving, Equilibrium, NoTies, tie_increments
 from fastbeam.kernels.ties import tie_arm, tie_coordinates

@@ -59,3 +59,17 @@ def test_a_case_that_fails_says_why(tmp_path: Path) -> None:
 def test_the_list_names_every_case() -> None:
     done = subprocess.run([sys.executable, str(ROOT / "perf" / "suite.py"), "--list"], capture_output=True, text=True, check=True)
     assert [line[:12].strip() for line in done.stdout.splitlines()] == list(suite.CASES)
+
+
+@pytest.mark.parametrize("kind", ["plane", "space"])
+def test_memory_of_a_slider_keeps_its_bar_whatever_their_number(kind: str) -> None:
+    import numpy as np
+    import sliders
+
+    import fastbeam as fb
+    from fastbeam.newton import Stepper
+    taken = {}
+    for n in (16, 64, 128):
+        model = fb.compile_scene(sliders.cable(n, 3, "c1"), planar=kind == "plane", condense=False)
+        taken[n] = sliders.room(Stepper(model, np.ones(1))) / n
+    assert taken[128] <= taken[64] <= taken[16] <= sliders.BYTES, taken

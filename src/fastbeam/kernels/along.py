@@ -12,17 +12,18 @@ the increment of s decides.
 """
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._generic import generic
 from .._jit import inlined, kernel, separate
 from .algebra import call_law, dot
-from .curves import find_element, node_of
-from .kinds import dim, vector, zero_vector
-from .slider import (NoSleeves, SlidingLaw, Weights, account_along, add_contact, add_slider, begin_along, begin_passage,
-                     is_settled_along, mean_tangent, motion_along, pass_along, push_of_moments, put_residual, put_translation,
+from .contact_entries import Weights, put_idle_corner, put_translation
+from .curves import find_element, node_of, slot
+from .kinds import cayley_vector, dim, position, spin_cross, vector, zero_spin, zero_vector
+from .slider import (NoSleeves, SlidingLaw, account_along, add_contact, add_slider, begin_along, begin_passage,
+                     is_settled_along, motion_along, push_of_moments, put_residual,
                      sliding_law)
 from .terms import put_loads, spread_nodes
 
@@ -171,16 +172,12 @@ def add_if_on_beam(along, term, system, k):
 def add_idle_slider(term, system, k):
     """The rows of a slider that has left its beam: no force, and s stays. It touches its point alone, with zeros."""
     contact, work, dofs = system.contact, system.work, system.dofs
-    d = dim(dofs)
     point = term.sliders.point[k]
     force = vector(system.state.force, contact.first_force[k], 1, dofs)
     zero = zero_vector(dofs)
     contact.entries[k] = 0
-    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0), zero, zero, dofs)
-    for i in range(64):
-        contact.corner[k, i] = 0.0
-    for i in range(d + 1):
-        contact.corner[k, 9 * i] = 1.0
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(0.0, 0.0, 0.0, 0.0), zero, zero, dofs)
+    put_idle_corner.call(contact, k, dofs)
     put_residual(contact, k, force, work.s_end[k] - system.state.s[k], dofs)
 
 
@@ -209,28 +206,37 @@ def force_of_no_edges(sleeves, system, k):
     return 0.0
 
 
-@inlined
-def most_of_friction(along, k, across, tangent, edges):
-    """The bound of Coulomb friction in (5.6); edges: what moments press on the edges of a bore."""
-    return along.friction[k] * (np.sqrt(dot(across, across)) + edges) * np.sqrt(dot(tangent, tangent))
+class Pressing(NamedTuple):
+    """What presses a slider on its beam."""
+
+    across: Any     # F_across, the part of the contact force across the beam
+    part: float     # F less that, by T
+    normal: float   # |F_across|
+    edges: float    # what moments press on the edges of a bore
+    long: float     # |T|
 
 
 @inlined
-def across_of(force, tangent):
-    """The part of the contact force across the beam."""
-    return force - (dot(force, tangent) / dot(tangent, tangent)) * tangent
+def pressing(force, tangent, edges):
+    square = dot(tangent, tangent)
+    part = dot(force, tangent) / square
+    across = force - part * tangent
+    return Pressing(across, part, np.sqrt(dot(across, across)), edges, np.sqrt(square))
+
+
+@inlined
+def most_of_friction(along, k, press):
+    """The bound of Coulomb friction in (5.6)."""
+    return along.friction[k] * (press.normal + press.edges) * press.long
 
 
 @kernel
-def rub(factor, edges, law):
+def rub(factor, press, law):
     """A law without friction with -factor (|F_across| + edges) |T|, one that keeps `factor` constant."""
     force, tangent = law.force, law.tangent
-    across = across_of(force, tangent)
-    normal = np.sqrt(dot(across, across))
-    long = np.sqrt(dot(tangent, tangent))
+    across, part, normal, edges, long = press
     if not normal > ALONG_ONLY * np.sqrt(dot(force, force)):
         return SlidingLaw(force + (factor * edges / long) * tangent, tangent, law.rest, law.slope, 1.0, factor * long)
-    part = dot(force, tangent) / (long * long)
     by_tangent = (factor * (normal + edges) / long) * tangent - (factor * part * long / normal) * across
     # by_tangent . T is the friction, but for digits that a small F_across has lost
     lost = factor * (normal + edges) * long - dot(by_tangent, tangent)
@@ -279,17 +285,17 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
     signs = has_signs(along, k)
     if mu == 0.0 and not signs:
         return law
-    edges = force_of_edges.call(term.sleeves, system, k)
-    most = most_of_friction(along, k, across_of(force, tangent), tangent, edges)
+    press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, k))
+    most = most_of_friction(along, k, press)
     if not signs:
         factor = np.tanh((s1 - s0) / (along.clock[0] * along.smoothing[k]))
         slope = (1.0 - factor * factor) / (along.clock[0] * along.smoothing[k])
-        return rub(factor * mu, edges, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
+        return rub(factor * mu, press, SlidingLaw(force, tangent, -other, most * slope - known.slope, 1.0, 0.0))
     along.needed[k] = dot(force, tangent) - other
     along.judged[k] += 1
     if along.flips[k] >= MOST_FLIPS:
         if along.against[k] == 0:
-            return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most, edges, law)
+            return rub_in_doubt(along, k, s1 - s0, most * system.contact.compliance[k], most, press, law)
         # at the stop it stays for this step
         along.sign[k] = 0
         return hold(along, s1 - s0, force)
@@ -298,11 +304,11 @@ def slide_with_forces(along, term, system, k, force, tangent, push):
     along.sign[k] = sign
     if sign == 0:
         return hold(along, s1 - s0 - along.rest[k], force)
-    return rub(sign * mu, edges, law)
+    return rub(sign * mu, press, law)
 
 
 @kernel
-def rub_in_doubt(along, k, ds, width, most, edges, law):
+def rub_in_doubt(along, k, ds, width, most, press, law):
     """The law with Coulomb friction, continuous in the velocity: full where the slider moves by `width`, what friction can push
     the parts in the step."""
     ahead = 1.0 if along.clock[0] > 0.0 else -1.0
@@ -311,7 +317,7 @@ def rub_in_doubt(along, k, ds, width, most, edges, law):
     along.sign[k] = 1 if part > 0.0 else -1
     inside = abs(part) < 1.0
     slope = law.slope + (ahead * most / width if inside and width > 0.0 else 0.0)
-    return rub((part if inside else along.sign[k]) * along.friction[k], edges,
+    return rub((part if inside else along.sign[k]) * along.friction[k], press,
                SlidingLaw(law.force, law.tangent, law.rest, slope, 1.0, 0.0))
 
 
@@ -392,15 +398,35 @@ def lead_passage(system, nodes, lo, hi, point, h):
     spread_nodes.call(dofs, method, state, work, h, point, point + 1)
 
 
+@generic
+def converged_tangent(sleeves, term, system, k, nodes, lo, hi, h):
+    """T of slider k in a converged step, from where the last increment led the nodes under it."""
+
+
+@converged_tangent.register(NoSleeves)
+@kernel
+def tangent_of_positions(sleeves, term, system, k, nodes, lo, hi, h):
+    """From positions and Cayley vectors alone: nothing else is asked of the nodes."""
+    basis, q, work, dofs = system.contact.basis, system.state.q, system.work, system.dofs
+    start = zero_vector(dofs)
+    change = zero_vector(dofs)
+    turn = zero_spin(dofs)
+    for a in range(lo, hi):
+        i = slot.call(nodes, a)
+        node = node_of.call(nodes, a)
+        start += basis[3, i] * position(q, node, dofs)
+        change += basis[3, i] * vector(work.dphi, dim(dofs) * node, 1, dofs)
+        turn += (0.5 * (basis[0, i] + basis[1, i])) * cayley_vector(work.theta, term.sliders.spin_root[node], dofs)
+    return start + 0.5 * change - 0.25 * spin_cross.call(turn, change)
+
+
 @separate
 def account_work(along, term, system, k):
     """Of friction and the drive of a slider that moves."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
     h = along.clock[0]
     nodes, lo, hi = begin_passage(term, system, k)
-    point = term.sliders.point[k]
-    lead_passage(system, nodes, lo, hi, point, h)
-    tangent = mean_tangent(pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
+    tangent = converged_tangent.call(term.sleeves, term, system, k, nodes, lo, hi, h)
     force = vector(state.force, contact.first_force[k], 1, dofs)
     s0, s1 = state.s[k], work.s_end[k]
     ds = s1 - s0
@@ -408,8 +434,7 @@ def account_work(along, term, system, k):
     stop = stop_force(along, k, s0, s1).value
     if is_prescribed(along, k):
         sign = np.tanh(ds / (h * along.smoothing[k])) if along.smoothing[k] > 0.0 else np.sign(ds)
-        edges = force_of_edges.call(term.sleeves, system, k)
-        most = most_of_friction(along, k, across_of(force, tangent), tangent, edges)
+        most = most_of_friction(along, k, pressing(force, tangent, force_of_edges.call(term.sleeves, system, k)))
         friction = -along.viscous[k] / h * ds - most * sign
         drive = total - stop - friction
     else:

@@ -4,9 +4,10 @@ from __future__ import annotations
 from .._jit import kernel
 from .algebra import dot
 from .alpha import Alpha
+from .contact_entries import Weights, put_corner, put_translation
 from .curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
-from .kinds import add_to, dim, position, put, vector, zero_vector
-from .slider import Sliding, Weights, put_residual, put_translation
+from .kinds import add_to, position, vector, zero_vector
+from .slider import Sliding, put_residual
 from .terms import Midpoint, assemble
 
 
@@ -16,7 +17,6 @@ def add_collocated_slider(term, system, k, share):
     step. With share = 1 the instant is the middle of the step; with share = 1/2, the share of the tangent that the node matrix
     then holds, it is the end, and q_mid = q_end. The border is that of the conserving step without the frame."""
     curves, state, work, contact, dofs = term.curves, system.state, system.work, system.contact, system.dofs
-    d = dim(dofs)
     near = 0.5 / share    # derivative of s and q at that instant by those at the end of the step
     c = term.sliders.curve[k]
     nodes = nodes_of.call(curves, c)
@@ -43,18 +43,13 @@ def add_collocated_slider(term, system, k, share):
         x = position(work.q_mid, node, dofs)
         tangent += basis[1, i] * x; bend += basis[2, i] * x
         add_to(work.r, 8 * system.row_of[node], 1, basis[0, i] * f)
-        weights = Weights(share * basis[0, i], basis[3, i], 0.5 * basis[1, i])
-        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, (near * basis[1, i]) * f, dofs)
+        weights = Weights(share * basis[0, i], basis[3, i], 0.5 * basis[1, i], near * basis[1, i])
+        put_translation.call(term.ties, contact, k, node, system.row_of[node], work, weights, f, f, dofs)
     point = term.sliders.point[k]
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
-    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0), f,
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-share, -1.0, 0.0, 0.0), f,
                          zero_vector(dofs), dofs)
-    corner = contact.corner[k]
-    for i in range(64):
-        corner[i] = 0.0
-    put(corner, d, 8, -1.0 * end_s)
-    put(corner, 8 * d, 1, tangent)
-    corner[9 * d] = near * dot(f, bend)
+    put_corner.call(contact, k, end_s, zero_vector(dofs), tangent, near * dot(f, bend), dofs)
     put_residual(contact, k, position(work.q_end, point, dofs) - end, dot(f, tangent), dofs)
 
 

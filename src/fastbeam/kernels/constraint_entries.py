@@ -16,6 +16,9 @@ from .algebra import cross, cross2, ld2, ld3, st2, st3, vld, vst
 from .blocks import ONE, solve_column, solve_rows, subtract_column, subtract_lanes, subtract_rows
 from .constraint_blocks import subtract_on_slider
 from .constraint_solve import RIGHT
+from .contact_entries import (Contact, add_column, add_column_times, add_line, add_line_rows, add_transposed,
+                              put_own_block)
+from .factored_entries import FactoredContact
 from .kinds import dim
 from .lanes import gather_lanes, put_rows
 from .planar_nodes import PlanarTies, planar_arm
@@ -24,18 +27,10 @@ from .ties import Ties, tie_arm
 
 
 @kernel
-def add_column(store, to, column, at, n):
-    """A column of an entry, n rows of 8 in column [*] from `at` on, to a block."""
+def add_rows(store, to, column, at, n):
+    """n rows of 8 in column [*] from `at` on to a block."""
     for c in range(0, 8 * n, 8):
         vst(store, to + c, 0, vld(store, to + c, 0) + vld(column, at + c, 0))
-
-
-@kernel
-def add_line(store, to, line, at, n, m):
-    """A line of an entry, n rows of 8 in line [*] from `at` on, transposed to a block of m rows."""
-    for a in range(m):
-        for c in range(n):
-            store[to + 8 * a + c] += line[at + 8 * c + a]
 
 
 @inlined
@@ -52,8 +47,8 @@ def start_blocks(contact, couplings, order, factors, r, dofs):
             store[d + 8 * c] = -r[8 * i + c]
     for k in range(couplings.unknowns.shape[0]):
         d = order.diagonal[order.position[nodes + k]]
+        put_own_block.call(contact, k, store, d, couplings.unknowns[k], dofs)
         for a in range(couplings.unknowns[k]):
-            vst(store, d + 8 * a, 0, vld(contact.corner[k], 8 * a, 0))
             store[d + 8 * a + RIGHT] = -contact.residual[k, a]
             factors.own[7 * k + a] = 0.0
     factors.failed[1] = -1
@@ -62,14 +57,29 @@ def start_blocks(contact, couplings, order, factors, r, dofs):
 @inlined
 def put_entries(contact, couplings, touched, factors, dofs):
     """Entries on rows that the solver sees."""
-    n = len(dofs)
     for k in range(couplings.unknowns.shape[0]):
         for m in range(contact.entries[k]):
             t = touched.entry[k, m]
             if t >= 0:
-                add_column(factors.store, touched.column[t], contact.column[k], 8 * n * m, n)
-                add_line(factors.store, touched.line[t], contact.line[k], 8 * n * m, n, couplings.unknowns[k])
-    # sleeves: the sliding equation has the moments, their equations have s
+                add_column.call(contact, k, m, factors.store, touched.column[t], dofs)
+                add_line_rows.call(contact, k, m, factors.store, touched.line[t], couplings.unknowns[k], dofs)
+    couple_moments.call(contact, couplings, touched, factors, dofs)
+
+
+@generic
+def couple_moments(contact, couplings, touched, factors, dofs):
+    """Of sleeves: the sliding equation has the moments, their equations have s."""
+
+
+@couple_moments.register(FactoredContact)
+@kernel
+def couple_no_moments(contact, couplings, touched, factors, dofs):
+    pass
+
+
+@couple_moments.register(Contact)
+@kernel
+def couple_all_moments(contact, couplings, touched, factors, dofs):
     d = dim(dofs)
     for o in range(contact.pair.shape[0]):
         for a in range(couplings.unknowns[contact.pair[o, 1]]):
@@ -91,8 +101,8 @@ def gather_job(contact, inner, touched, j, buffer, at, dofs):
         i = 1
         while inner.rows[inner.where[e, 2] + i] != contact.row[k, m]:
             i += 1
-        add_column(buffer, at + 8 * n * i, contact.column[k], 8 * n * m, n)
-        add_column(buffer, at + 8 * n * (nodes + i), contact.line[k], 8 * n * m, n)
+        add_column.call(contact, k, m, buffer, at + 8 * n * i, dofs)
+        add_line.call(contact, k, m, buffer, at + 8 * n * (nodes + i), dofs)
         m = touched.after[k, m]
 
 
@@ -214,8 +224,8 @@ def put_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid
 @kernel
 def put_free_end(ties, couplings, touched, factors, j, t, column, line, buffer, q_mid, q_end, dofs):
     n = len(dofs)
-    add_column(factors.store, touched.column[t], buffer, column, n)
-    add_line(factors.store, touched.line[t], buffer, line, n, couplings.unknowns[touched.job[j, 1]])
+    add_rows(factors.store, touched.column[t], buffer, column, n)
+    add_transposed(factors.store, touched.line[t], buffer, line, n, couplings.unknowns[touched.job[j, 1]])
 
 
 @put_end.register(Ties)
@@ -225,8 +235,8 @@ def put_tied_end(ties, couplings, touched, factors, j, t, column, line, buffer, 
     n = len(dofs)
     k = touched.job[j, 1]
     m = couplings.unknowns[k]
-    add_column(factors.store, touched.column[t], buffer, column, n)
-    add_line(factors.store, touched.line[t], buffer, line, n, m)
+    add_rows(factors.store, touched.column[t], buffer, column, n)
+    add_transposed(factors.store, touched.line[t], buffer, line, n, m)
     node = couplings.tied[touched.row[t]]
     if node >= 0:
         for e in range(ties.start[node], ties.start[node + 1]):
@@ -306,11 +316,7 @@ def add_inner(contact, inner, touched, couplings, y, buffer, x_out, dofs):
                 i = 1
                 while inner.rows[rows + i] != contact.row[k, m]:
                     i += 1
-                for c in range(n):
-                    z = buffer[8 * i + c]
-                    for a in range(couplings.unknowns[k]):
-                        z += contact.column[k, 8 * (n * m + c) + a] * y[couplings.first[k] + a]
-                    buffer[8 * i + c] = z
+                add_column_times.call(contact, k, m, y, couplings.first[k], couplings.unknowns[k], buffer, 8 * i, dofs)
                 m = touched.after[k, m]
             j = touched.job[j, 3]
         d = inner.where[e, 0]

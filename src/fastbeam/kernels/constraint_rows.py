@@ -17,6 +17,7 @@ import numpy as np
 
 from .._generic import generic
 from .._jit import inlined, kernel, one_variant
+from .contact_entries import largest_share
 from .inner import Inner, NoInner
 from .planar_nodes import PlanarTies
 from .terms import NoTies
@@ -33,13 +34,13 @@ class Couplings(NamedTuple):
     diagonal: np.ndarray    # int32 [n]
     held: np.ndarray        # int32 [n]: bit c set, unknown c of the row is held
     tied: np.ndarray        # int32 [n]: the tied node that has the row, or -1
-    late_start: np.ndarray  # int64 [S + 1]
-    late: np.ndarray        # int64 [*]: rows that may be eliminated after a constraint: its point, of carriers the ends
-    unknowns: np.ndarray    # int64 [S]: forces, then others, at most 7
-    forces: np.ndarray      # int64 [S]: number of forces; as many equations come first, gaps
-    in_force: np.ndarray    # int64 [S]: number of the next equations, in the unit of a force
-    first: np.ndarray       # int64 [S]: number of its first unknown
-    first_force: np.ndarray  # int64 [S]: number of its first force
+    late_start: np.ndarray  # int32 [S + 1]
+    late: np.ndarray        # int32 [*]: rows that may be eliminated after a constraint: its point, of carriers the ends
+    unknowns: np.ndarray    # int32 [S]: forces, then others, at most 7
+    forces: np.ndarray      # int32 [S]: number of forces; as many equations come first, gaps
+    in_force: np.ndarray    # int32 [S]: number of the next equations, in the unit of a force
+    first: np.ndarray       # int32 [S]: number of its first unknown
+    first_force: np.ndarray  # int32 [S]: number of its first force
     end: np.ndarray         # int64 [1]: where the assembled blocks end in store
     partner: np.ndarray     # int32 [S]: the constraint that it is coupled with by own unknowns, or -1
 
@@ -106,7 +107,6 @@ def is_changed(contact, touched):
 def find_waiting(contact, couplings, touched, dofs):
     """Mark constraints whose force hardly moves the nodes that are eliminated before them, as at a clamp: they have to be
     eliminated behind all that they touch. Returns whether anything changed."""
-    n = len(dofs)
     changed = False
     for k in range(contact.entries.shape[0]):
         largest = 0.0
@@ -119,10 +119,7 @@ def find_waiting(contact, couplings, touched, dofs):
                 if couplings.late[t] == row:
                     mask = -1
             if mask != -1:
-                for c in range(n):
-                    if (mask >> c) & 1 == 0:
-                        for a in range(couplings.forces[k]):
-                            largest = max(largest, abs(contact.column[k, 8 * (n * m + c) + a]))
+                largest = max(largest, largest_share.call(contact, k, m, mask, couplings.forces[k], dofs))
         wait = 0 if largest > 1e-3 else 1
         if wait != touched.wait[k]:
             touched.wait[k] = wait

@@ -20,6 +20,7 @@ from .chain import HIGH, LOW, exchange_and_factor, exchange_rows
 from .constraint_blocks import (column_on_slider, column_slider_on_node, column_slider_on_slider, factor_slider,
                                 solve_behind_slider, solve_behind_slider_with_right, solve_right_of_slider, subtract_on_slider,
                                 subtract_slider_on_node, subtract_slider_on_slider)
+from .contact_entries import first_of_own_block
 from .kinds import dim
 
 # least pivots that count as none: of a node, next to the largest entry of the row; of a constraint, with the augmented Lagrangian
@@ -33,7 +34,7 @@ class Factors(NamedTuple):
 
     store: np.ndarray       # float64 [*]: all blocks
     x: np.ndarray           # float64 [8 N]: solution by positions
-    pivots: np.ndarray      # int32 [8 N]: exchanges by positions, -1 first where there are none
+    pivots: np.ndarray      # int8 [8 N]: exchanges by positions, -1 first where there are none
     own: np.ndarray         # float64 [7 S]: what the pivots of nodes took from the diagonal of the forces
     hold: np.ndarray        # float64 [8]
     failed: np.ndarray      # int64 [2]: 1 where there was not enough room; a constraint without a pivot, or -1
@@ -164,7 +165,7 @@ def compliance_of(couplings, factors, contact, k):
     for a in range(couplings.forces[k]):
         c = max(c, abs(factors.own[7 * k + a]))
     if not c > contact.augmented[1]:
-        c = contact.corner[k, 0]
+        c = first_of_own_block.call(contact, k)
         if not c > contact.augmented[1]:
             return 0.0
     contact.compliance[k] = c

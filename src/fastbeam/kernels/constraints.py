@@ -13,14 +13,15 @@ from .._generic import generic
 from .._jit import kernel, separate
 from .beam import ElementTables
 from .beams import Beams
+from .contact_entries import ContactInRows
 from .constraint_entries import (add_inner, carry, clear_held_columns, put_entries, recover_inner_rows, start_blocks, start_inner)
 from .constraint_fill import update_order
 from .constraint_rows import Couplings, Order, Touched
 from .constraint_solve import Factors, eliminate, substitute, take_solution
+from .factored_entries import FactoredContact
 from .inner import Inner, NoInner
 from .nodes import Held, NoHeld
 from .planar_nodes import PlanarTies
-from .slider import ContactInRows
 from .terms import close, fill, push_increments, solve, take_unknowns
 from .ties import Ties
 
@@ -39,7 +40,8 @@ class Constraints(NamedTuple):
 
 
 # passed as addresses: by value each of these records would add all its arrays to a call, seven words an array
-for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, Inner, Ties, PlanarTies, Held, ElementTables):
+for _record in (Constraints, Couplings, Touched, Order, Factors, ContactInRows, FactoredContact, Inner, Ties, PlanarTies, Held,
+                ElementTables):
     _record.stays_in_memory = True  # type: ignore[attr-defined]
 
 
@@ -151,6 +153,7 @@ def recover_beams(beams, system):
 
 
 @fill.register(ContactInRows)
+@fill.register(FactoredContact)
 @kernel
 def fill_constraint_rows(contact, terms, system):
     solver, work = system.solver, system.work
@@ -169,6 +172,7 @@ def solve_constraint_rows(solver, contact, system):
 
 
 @close.register(ContactInRows)
+@close.register(FactoredContact)
 @kernel
 def close_constraint_rows(contact, terms, system):
     solver, work = system.solver, system.work

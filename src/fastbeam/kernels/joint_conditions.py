@@ -23,7 +23,7 @@ from .joint_entries import begin_joint, forget_gaps, is_closed, take_forces
 from .kinds import Plane, Space, add_cross, add_to, add_turn, cross_product, dim, position
 from .planar_nodes import PlanarTies
 from .sleeve import SETTLED, add_double_cross
-from .slider import entry_of, tied_arm
+from .contact_entries import entry_of, tied_arm
 from .terms import Conserving, Midpoint, NoTies, assemble, first_guess, is_settled, take_unknowns
 from .ties import Ties
 

@@ -13,9 +13,9 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, f8
+from .contact_entries import new_entry, tied_arm
 from .kinds import cross_product, dim, put, put_cross_matrix
 from .planar_nodes import PlanarTies
-from .slider import new_entry, tied_arm
 from .terms import NoTies
 from .ties import Ties
 

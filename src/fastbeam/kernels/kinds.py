@@ -102,6 +102,16 @@ def position(tc, q, node, dofs):
 
 
 @intrinsic
+def spin(tc, array, offset, dofs):
+    """A spin, Cayley vector or moment of 3 numbers, in a plane a number, from an offset on."""
+    n = 3 if _dim(dofs) == 3 else 1
+
+    def codegen(ctx, b, sig, args):
+        return _loaded(ctx, b, sig.args[0], args[0], _int(ctx, b, args[1], sig.args[1]), ir.Constant(_I64, 1), n)
+    return _spin_type(dofs)(array, offset, dofs), codegen
+
+
+@intrinsic
 def cayley_vector(tc, theta, node, dofs):
     """Cayley vector of a node, in a plane a number."""
     n = 3 if _dim(dofs) == 3 else 1

@@ -16,7 +16,7 @@ from .algebra import add2, cross2, dot, ld2, perp, st2, zero2
 from .cayley import planar_turn
 from .kinds import Plane
 from .nodes import NO_VELOCITIES, NoVelocities, predict_from
-from .slider import tied_arm
+from .contact_entries import tied_arm
 from .terms import (Conserving, Equilibrium, advance_nodes, apply_ties, assemble, move_nodes, predict_nodes, pull_tied_columns,
                     push_tied_columns, spread_nodes, tie_increments)
 

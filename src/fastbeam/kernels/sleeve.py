@@ -23,11 +23,12 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import V2, V3, dot, f8, ld2, ld3, perp
-from .along import force_of_edges
+from .along import converged_tangent, force_of_edges, lead_passage
+from .contact_entries import entry_of
 from .curves import node_of, slot
 from .joint_entries import take_forces_of
 from .kinds import Plane, Space, add_stiffness, add_to, cross_product, dim, zero_vector
-from .slider import Sliding, entry_of, hold_section, push_of_moments
+from .slider import Sliding, hold_section, mean_tangent, pass_along, push_of_moments
 from .terms import account, first_guess, is_settled, take_unknowns
 
 # conditions that iterations leave open by round-off of directions
@@ -270,6 +271,14 @@ def begin_moments(term, system, k, c):
     o = entry_of(contact, c, row, dofs) + 8 * d
     for i in range(copy):
         contact.line[c, o + 8 * i + copy + i] = -1.0
+
+
+@converged_tangent.register(Sleeves)
+@kernel
+def tangent_of_triads(sleeves, term, system, k, nodes, lo, hi, h):
+    """The moments of sleeves need the directors of the nodes, too."""
+    lead_passage(system, nodes, lo, hi, term.sliders.point[k], h)
+    return mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
 
 
 @push_of_moments.register(Sleeves)

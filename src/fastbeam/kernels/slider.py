@@ -25,10 +25,11 @@ import numpy as np
 from .._generic import generic
 from .._jit import inlined, kernel, separate
 from .algebra import dot
+from .contact_entries import Frame, Weights, put_corner, put_frame, put_node, put_translation
 from .curves import find_element, node_of, nodes_of, nodes_under, point_on_curve, slot, step_basis
-from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, put_cross_matrix, spin_cross,
-                    vector, zero_spin, zero_vector)
-from .terms import Conserving, NoTies, account, assemble, first_guess, is_settled, take_unknowns, within_limits
+from .kinds import (add_to, cayley_vector, coordinates, cross_product, dim, on_spin, position, put, spin_cross, vector, zero_spin,
+                    zero_vector)
+from .terms import Conserving, account, assemble, first_guess, is_settled, take_unknowns, within_limits
 
 
 END_SLACK = 1e-12
@@ -60,42 +61,6 @@ class NoForceAlong(NamedTuple):
 
 class NoSleeves(NamedTuple):
     """Of sliders that hold no direction of the section."""
-
-
-class Contact(NamedTuple):
-    """Work of all constraints with multipliers: the sliders come first, then joints, then moments of sleeves; S constraints, `E`
-    entries each at most."""
-
-    basis: np.ndarray       # float64 [5, n]: N(s_n), N(s_n+1), N'(s_n+1), N[s_n, s_n+1], its derivative by s_n+1
-    legendre: np.ndarray    # float64 [3, n_coef]
-    entries: np.ndarray     # int64 [S]: number of entries
-    row: np.ndarray         # int64 [S, E]: row of the residual
-    column: np.ndarray      # float64 [S, 48 E]: column[6 x 8] of every entry, derivative of the rows by the border unknowns
-    line: np.ndarray        # float64 [S, 48 E]: derivative of the border equations by the unknowns of the row, transposed
-    corner: np.ndarray      # float64 [S, 64]
-    residual: np.ndarray    # float64 [S, 8]
-    element: np.ndarray     # int64 [S]: element of s_n, a hint
-    forces: np.ndarray      # int64 [S]: number of forces, as many equations come first, gaps
-    first: np.ndarray       # int64 [S]: number of the first unknown among those of all constraints
-    first_force: np.ndarray  # int64 [S]: number of the first force
-    compliance: np.ndarray  # float64 [S]: of the parts that each slider joins, in a step
-    softness: np.ndarray    # float64 [S]: share of augmented[0] that it has
-    remaining: np.ndarray   # float64 [S]: gap that the augmented Lagrangian leaves after the last iteration
-    full: np.ndarray        # int64 [1]: 1 where a slider had more entries than there is room for
-    augmented: np.ndarray   # float64 [4]: 1/factor of theory.md (5.5), least compliance of the parts, 1 in the first iteration,
-    #                         largest increment of s
-    pair: np.ndarray        # int64 [O, 2]: of every sleeve its slider and the constraint of its moments
-    cross: np.ndarray       # float64 [O, 2, 8]: derivatives of the sliding equation by the unknowns of the moments, and of the
-    #                         equations of the moments by s
-    before: np.ndarray = np.zeros(0)  # float64 [S]: of joints the gap that was left when it was last looked at in this step
-
-
-class ContactInRows(Contact):
-    """Contact of scenes whose constraints are rows of the block matrix (constraints.py), not a dense border."""
-
-
-class ContactOfCarriers(Contact):
-    """Contact of scenes whose sliders are all eliminated with their beams (carriers.py): it has no entries."""
 
 
 class SlidingLaw(NamedTuple):
@@ -176,11 +141,6 @@ def hold_no_section(sleeves, term, system, k, nodes, lo, hi, law):
     pass
 
 
-@generic
-def tied_arm(ties, e, q):
-    """Offset of entry e of tied nodes of kind 1, a point carried on an arm, at coordinates q."""
-
-
 @kernel
 def predict_sliders(curves, sliders, contact, q, v, s, h, c, past, s_out, force_out, dofs):
     """First guess of s and force: as `nodes.predict`; where c is NaN the rate by least squares of v_S - sum N_A v_A = c' ds/dt
@@ -206,97 +166,6 @@ def motion_along(curves, sliders, contact, q, v, s, k, e, dofs):
     b = sliders.curve[k]
     tangent = point_on_curve(curves, b, s, q, e, contact, 1, dofs)
     return tangent, position(v, sliders.point[k], dofs) - point_on_curve(curves, b, s, v, e, contact, 0, dofs)
-
-
-@kernel
-def new_entry(contact, k, row, dofs):
-    """Offset of a new entry of slider k, filled with zeros. Where the arrays are full it is the last entry again, and `full` is
-    set."""
-    m = contact.entries[k]
-    if m == contact.row.shape[1]:
-        contact.full[0] = 1
-        m -= 1
-    n = 8 * len(dofs)
-    contact.entries[k] = m + 1
-    contact.row[k, m] = row
-    for i in range(n * m, n * m + n):
-        contact.column[k, i] = 0.0
-        contact.line[k, i] = 0.0
-    return n * m
-
-
-@kernel
-def entry_of(contact, k, row, dofs):
-    """Offset of an entry of constraint k for a row: the one that it has, or a new one."""
-    for m in range(contact.entries[k]):
-        if contact.row[k, m] == row:
-            return 8 * len(dofs) * m
-    return new_entry(contact, k, row, dofs)
-
-
-class Weights(NamedTuple):
-    """How a node takes part in a contact."""
-
-    mean: float     # share of the force; the mean gap changes with -mean/2 of its position
-    end: float      # the gap at the end of the step changes with -end of its position
-    slope: float    # derivative of `mean` by the place of the slider at the end
-
-
-@kernel
-def put_position(contact, k, row, weights, f, slide, dofs):
-    """Entry of a position, which takes weights.mean of the force f; slide: derivative of the sliding equation by the position.
-    Returns its offset."""
-    o = new_entry(contact, k, row, dofs)
-    d = dim(dofs)
-    column = contact.column[k]
-    line = contact.line[k]
-    for i in range(d):
-        column[o + 8 * i + i] = weights.mean
-        line[o + 8 * i + i] = -weights.end
-        line[o + 8 * i + d + 1 + i] = 0.5 * weights.mean
-    put(column, o + d, 8, weights.slope * f)
-    put(line, o + d, 8, slide)
-    return o
-
-
-@kernel
-def put_arm(contact, k, row, arm_mid, arm_end, weights, f, slide, dofs):
-    """Entry of the spin of a node that carries the position of `put_position` on an arm."""
-    d = dim(dofs)
-    o = new_entry(contact, k, row, dofs) + 8 * d
-    column = contact.column[k]
-    line = contact.line[k]
-    put_cross_matrix(column, o, weights.mean, arm_mid)
-    put(column, o + d, 8, cross_product.call(arm_mid, weights.slope * f))
-    put_cross_matrix(line, o, -weights.end, arm_end)
-    put_cross_matrix(line, o + d + 1, 0.5 * weights.mean, arm_end)
-    put(line, o + d, 8, cross_product.call(arm_end, slide))
-
-
-@generic
-def put_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
-    """Entry of the position of one node as in `put_position`; tied nodes pass it on. Returns the offset of the node's own entry,
-    -1 where it is tied."""
-
-
-@put_translation.register(NoTies)
-@kernel
-def put_free_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
-    return put_position(contact, k, row, weights, f, slide, dofs)
-
-
-@kernel
-def put_tied_translation(ties, contact, k, node, row, work, weights, f, slide, dofs):
-    """`put_translation` where there are tied nodes."""
-    if ties.start[node + 1] > ties.start[node]:
-        for t in range(ties.start[node], ties.start[node + 1]):
-            if ties.kind[t] == 0:
-                put_position(contact, k, ties.target_row[t], weights, f, slide, dofs)
-            elif ties.kind[t] == 1:
-                put_arm(contact, k, ties.target_row[t], tied_arm.call(ties, t, work.q_mid), tied_arm.call(ties, t, work.q_end),
-                        weights, f, slide, dofs)
-        return -1
-    return put_position(contact, k, row, weights, f, slide, dofs)
 
 
 class Passage(NamedTuple):
@@ -351,33 +220,22 @@ def begin_passage(term, system, k):
 
 
 @kernel
-def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
-    """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean; `slide`
-    times N[s_n, s_n+1] is the derivative of the sliding equation by a position."""
+def put_curve(term, system, k, nodes, lo, hi, frame):
+    """Rows of the residual and entries of the nodes under slider k: forces +N F, moments of the frame -N F x g_mean."""
     work, contact, dofs, row_of = system.work, system.contact, system.dofs, system.row_of
     d = dim(dofs)
     basis = contact.basis
-    f = vector(system.state.force, contact.first_force[k], 1, dofs)
-    g_mean = position(work.q_mid, term.sliders.point[k], dofs) - way.mean
-    moment = cross_product.call(g_mean, f)
-    across = cross_product.call(law.force, way.t1 - way.t0)
+    put_frame.call(contact, k, frame, dofs)
     for a in range(lo, hi):
         i = slot.call(nodes, a)
         node = node_of.call(nodes, a)
-        weights = Weights(0.5 * (basis[0, i] + basis[1, i]), basis[1, i], 0.5 * basis[2, i])
+        weights = Weights(0.5 * (basis[0, i] + basis[1, i]), basis[1, i], 0.5 * basis[2, i], basis[3, i])
         root = term.sliders.spin_root[node]
-        add_to(work.r, 8 * row_of[node], 1, weights.mean * f)
-        add_to(work.r, 8 * row_of[root] + d, 1, weights.mean * moment)
-        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, f, basis[3, i] * slide, dofs)
-        if o < 0 or root != node:
-            o = new_entry(contact, k, row_of[root], dofs)
-        # the node's share in the frame: its moment n_mean g_mean x F, its theta in the sliding equation
-        column = contact.column[k]
-        put_cross_matrix(column, o + 8 * d, weights.mean, g_mean)
-        put_cross_matrix(column, o + 9 * d + 1, -weights.mean, f)
-        put(column, o + 9 * d, 8, weights.slope * moment)
-        turned = on_spin.call(cayley_vector(work.theta, root, dofs), (0.25 * weights.mean) * across)
-        put(contact.line[k], o + 9 * d, 8, turned)
+        add_to(work.r, 8 * row_of[node], 1, weights.mean * frame.force)
+        add_to(work.r, 8 * row_of[root] + d, 1, weights.mean * frame.moment)
+        o = put_translation.call(term.ties, contact, k, node, row_of[node], work, weights, frame.force, frame.slide, dofs)
+        turned = on_spin.call(cayley_vector(work.theta, root, dofs), (0.25 * weights.mean) * frame.across)
+        put_node.call(contact, k, row_of[root], o if root == node else -1, turned, weights, frame, dofs)
 
 
 @add_contact.register(NoForceAlong)
@@ -385,7 +243,6 @@ def put_curve(term, system, k, nodes, lo, hi, way, law, slide):
 def add_slider(along, term, system, k):
     """Forces of slider k into the residual and its border into `system.contact`."""
     state, work, contact, dofs = system.state, system.work, system.contact, system.dofs
-    d = dim(dofs)
     nodes, lo, hi = begin_passage(term, system, k)
     f = vector(state.force, contact.first_force[k], 1, dofs)
     way = pass_along(contact.basis, nodes, lo, hi, system, term.sliders.spin_root)
@@ -396,21 +253,17 @@ def add_slider(along, term, system, k):
     slide = 0.5 * law.force + 0.25 * turned
     back = 0.5 * law.force - 0.25 * turned
     contact.entries[k] = 0
-    put_curve(term, system, k, nodes, lo, hi, way, law, slide)
-    # -F on the point
     point = term.sliders.point[k]
+    gap = position(work.q_mid, point, dofs) - way.mean
+    put_curve(term, system, k, nodes, lo, hi,
+              Frame(f, gap, cross_product.call(gap, f), slide, cross_product.call(law.force, jump)))
+    # -F on the point
     add_to(work.r, 8 * system.row_of[point], 1, -1.0 * f)
-    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0), f, zero_vector(dofs),
-                         dofs)
-    # corner: rows gap, sliding, g_mean against F, s, g_mean
-    corner = contact.corner[k]
-    for i in range(64):
-        corner[i] = 0.0
-    put(corner, d, 8, -1.0 * way.end_s)
-    put(corner, 8 * d, 1, law.tangent)
-    corner[9 * d] = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, law.force), jump)
-                     + law.slope)
-    put(corner, 9 * d + 8, 8, 0.5 * way.mean_s)
+    put_translation.call(term.ties, contact, k, point, system.row_of[point], work, Weights(-1.0, -1.0, 0.0, 0.0), f,
+                         zero_vector(dofs), dofs)
+    by_s = (dot(slide, way.dt1) + dot(back, way.dt0) + 0.25 * dot(spin_cross.call(way.turn_s, law.force), jump)
+            + law.slope)
+    put_corner.call(contact, k, way.end_s, 0.5 * way.mean_s, law.tangent, by_s, dofs)
     put_residual(contact, k, position(work.q_end, point, dofs) - way.end,
                  dot(slide, way.t1) + dot(back, way.t0) + law.rest, dofs)
     hold_section.call(term.sleeves, term, system, k, nodes, lo, hi, law)
@@ -430,7 +283,6 @@ def put_residual(contact, k, gap, sliding, dofs):
     put(residual, 0, 1, gap)
     residual[d] = sliding
     for i in range(d + 1, 2 * d + 1):
-        contact.corner[k, 9 * i] = 1.0
         residual[i] = 0.0
 
 

@@ -15,9 +15,10 @@ from . import added_mass, along, beams, compared_sliders, constraints, damping, 
 from . import prescribed, slider, tied  # noqa: F401
 from .border import fill_panel, fill_residual, solve_border, take_solution
 from .chain import Elimination, OneSide, RightSides, back_substitute, factor
+from .factored_entries import FactoredContact
 from .kinds import dim
 from .nodes import extrapolation, remember
-from .slider import Contact, ContactOfCarriers
+from .contact_entries import Contact, ContactOfCarriers
 from .sparse import PardisoTables, solve_sparse
 from .sparse import begin_step as begin_pardiso_step
 from .terms import (AtRest, Equilibrium, Loads, NoContact, SolverOutside, accept, account, advance_nodes, assemble, begin_contact,
@@ -52,6 +53,7 @@ def begin_without_contact(contact):
 
 
 @begin_contact.register(Contact)
+@begin_contact.register(FactoredContact)
 @kernel
 def begin_with_contact(contact):
     contact.augmented[2] = 1.0

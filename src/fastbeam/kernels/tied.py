@@ -4,7 +4,7 @@ from __future__ import annotations
 from .._jit import kernel
 from .alpha import Alpha
 from .planar_nodes import PlanarTies
-from .slider import put_tied_translation, put_translation
+from .contact_entries import put_tied_translation, put_translation
 from .terms import (accept, apply_ties, assemble, carry_columns, clear, complete_columns, first_guess, follow_nodes,
                     pull_tied_columns, push_increments, push_tied_columns, tie_increments)
 from .ties import Ties, tie_coordinates

@@ -13,7 +13,7 @@ from .._jit import kernel
 from .algebra import add3, add_iso, add_matrix, cross, dot, ld3, outer, st3, zero3
 from .cayley import director_increment
 from .nodes import turn_of
-from .slider import tied_arm
+from .contact_entries import tied_arm
 from .terms import apply_ties, pull_tied_columns, push_tied_columns, tie_increments
 
 
