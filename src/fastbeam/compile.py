@@ -51,6 +51,7 @@ from .scene.winch import Coil
 from .sleeves import rubbing_sleeves, sleeves_of, with_twist
 from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
+from .supports import waiting
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import track_of
 from .unpacked import Unpacked, unpack
@@ -204,6 +205,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
+    if model.catches:
+        model = replace(model, **waiting(model))
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))

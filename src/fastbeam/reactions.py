@@ -111,13 +111,14 @@ class Reactions:
             force, moment = self._rows()
         out[:s, 0], out[:s, 1] = force[holding.supports], moment[holding.supports]
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])
-        held = self.stepper.model.held_mask[holding.supports]
+        changes = isinstance(self.own.supports, OwnSupports)
+        held = self.stepper.model.held_in(self.own.core_state if changes else None)[holding.supports]
         out[:s, 1][held & 56 == 0] = 0.0
         # along axes that a support leaves free its force is what others at the node do
         masks = holding.masks.copy()
-        if isinstance(self.own.supports, OwnSupports):
-            # of those that have let go only round-off is left
-            masks[self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]] = 0
+        if changes:
+            # of those that do not hold only round-off is left
+            masks[self.own.core.released.reaction[self.own.supports.off(self.own.core_state)]] = 0
             out[:s, 1][masks == 0] = 0.0
         out[:s, 0][~held_axes(masks)] = 0.0
         shared = self._is_tied(holding.supports)

@@ -39,6 +39,10 @@ class StaticMotion:
 
     def __init__(self, model: Model, q: Array, from_start: bool, at_time: float) -> None:
         self.of = model.prescribed
+        for motion in self.of.motions:
+            if motion.since is not None:
+                raise SceneError(f"solve_static(at_time=): {motion.label} takes hold in a run (since=); leave since "
+                                 "out, or the motion")
         self.model, self.from_start, self.at_time = model, from_start, at_time
         self.share = 0.0
         own = self.of.own
