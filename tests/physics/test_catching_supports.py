@@ -85,8 +85,8 @@ def falling(**more: Any) -> tuple[fb.Model, fb.Beam]:
 
 
 def test_a_beam_that_falls_on_a_peg_keeps_its_momentum_about_it() -> None:
-    """It falls by exactly 0.1 m and is caught at one end: angular momentum about the peg is kept in the blow, and the loss is what
-    the kinetic energy lacks behind it."""
+    """It falls by exactly 0.1 m and is caught at one end: angular momentum about the peg is kept in the blow, and the loss is
+    what the kinetic energy lacks behind it."""
     model, beam = falling()
     run = fb.simulate(model, t_end=0.4, step=0.005, every=1, points={"peg": beam.start, "end": beam.end}, progress=False)
     event, = run.events
