@@ -132,8 +132,9 @@ def hard(t, position, rotation, velocity, spin, parameters, force, moment):
 
 
 def guided(*parameters: float) -> fb.Scene:
-    return fb.Scene(BLOCK, fb.PrismaticJoint(fb.GROUND, BLOCK, "guide", axis=(1, 0, 0)), fb.Load("push", BLOCK, force=(1.0, 0, 0)),
-                    fb.ForceElement(fb.GROUND.point((0, 0, 0)), BLOCK.center, "soft", law=hard, parameters=parameters))
+    guide, push = fb.PrismaticJoint(fb.GROUND, BLOCK, "guide", axis=(1, 0, 0)), fb.Load("push", BLOCK, force=(1.0, 0, 0))
+    return fb.Scene(BLOCK, guide, push, fb.ForceElement(fb.GROUND.point((0, 0, 0)), BLOCK.center, "soft", law=hard,
+                                                        parameters=parameters))
 
 
 def on_a_guide(*parameters: float) -> fb.Model:
