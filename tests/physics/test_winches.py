@@ -182,6 +182,18 @@ def test_a_rope_hangs_at_rest() -> None:
     assert abs(-result.reaction("hoist")["force"][-1, 0] / tension - 1.0) < 1e-3
 
 
+def test_a_tether_that_falls_slack_closes_its_books() -> None:
+    """1 km between a body and a probe, paid out faster than it is drawn: iterations over the kink of slack segments converge slowly,
+    and the work of the drum is that of the end of them."""
+    main = fb.RigidBody("main", mass=500.0, inertia=(50, 60, 70), position=(0, 0, 0))
+    probe = fb.PointMass("probe", mass=1.0, position=(1000.0, 0, 0), velocity=(3.0, 2.0, 1.0))
+    tether = fb.Winch("tether", main.center, probe, stiffness=8e6, mass_per_length=0.05, segments=32,
+                      length_at=lambda t: 1000.0 + 6.0 * smooth(t, 5.0))
+    result = fb.simulate(fb.compile_scene(fb.Scene(main, probe, tether)), t_end=40.0, step=0.1, every=5, progress=False)
+    assert np.max(result.series["strain"]) > 1.0 and result.series["iterations"].max() > 6
+    assert abs(result.drift("balance")) < 1e-11 and abs(result.drift("lin_mom")) < 1e-12
+
+
 # --- vibrations, pictures ------------------------------------------------------------------------------------------------
 def hung(**more: Any) -> tuple[fb.Model, fb.PointMass, fb.Result]:
     """A mass of 10 kg at rest on a rope without mass, one segment of 9.9 m."""
