@@ -183,8 +183,8 @@ def test_a_rope_hangs_at_rest() -> None:
 
 
 def test_a_tether_that_falls_slack_closes_its_books() -> None:
-    """1 km between a body and a probe, paid out faster than it is drawn: iterations over the kink of slack segments converge slowly,
-    and the work of the drum is that of the end of them."""
+    """1 km between a body and a probe, paid out faster than it is drawn: iterations over the kink of slack segments converge
+    slowly, and the work of the drum is that of the end of them."""
     main = fb.RigidBody("main", mass=500.0, inertia=(50, 60, 70), position=(0, 0, 0))
     probe = fb.PointMass("probe", mass=1.0, position=(1000.0, 0, 0), velocity=(3.0, 2.0, 1.0))
     tether = fb.Winch("tether", main.center, probe, stiffness=8e6, mass_per_length=0.05, segments=32,

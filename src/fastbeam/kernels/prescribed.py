@@ -32,7 +32,7 @@ class Prescribed(NamedTuple):
     given: np.ndarray     # float64 [M, 6], in a plane [M, 3]: increments of the step, position, m, and Cayley vector
     reaction: np.ndarray  # float64 [M, 6], in a plane [M, 3]: forces, N, and moments, N m, on the nodes
     asked: np.ndarray     # int64 [1]: how often this step was asked whether it is done
-    works: np.ndarray     # float64 [4]: work of all reactions in the last three iterations, J, the newest first; how many there were
+    works: np.ndarray     # float64 [4]: work of all reactions in the last three iterations, J, the newest first; their number
 
 
 class MovedRows(NamedTuple):
