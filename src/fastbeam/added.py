@@ -108,9 +108,10 @@ def with_added(model: Model, added: Added | None, diagonal: Callable[[Array], Ar
         return model
     forces = model.slider_forces
     blows = forces is not None and bool(forces.lets_go_of.any() or np.any(forces.restitutions >= 0.0))
-    if blows or model.motions is not None and model.motions.holds.has_rigid_stops:
-        raise SceneError(f"{added.labels[0]}: sliders or joints have rigid stops, locks, releases or one-sided contact, "
-                         "whose blows do not know the mass of the fluid; leave these out, or use elastic stops")
+    if blows or model.catches or model.motions is not None and model.motions.holds.has_rigid_stops:
+        raise SceneError(f"{added.labels[0]}: sliders or joints have rigid stops, locks, releases or one-sided contact, or "
+                         "supports take hold, whose blows do not know the mass of the fluid; leave these out, or use elastic "
+                         "stops")
     model = replace(model, added=added)
     return replace(model, added_tables=added.tables(model.pattern.row_of, diagonal(added.node), model.added_place))
 

@@ -314,7 +314,7 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
         ("sleeves", model.sleeves is not None), ("sliders on nets of condensed beams", model.carriers is not None),
         ("springs, dampers, motors, friction, stops or given motions of joints with axes", model.motions is not None and (
             model.motions.acts or model.motions.holds.held.size > 0 or model.motions.holds.stopped.size > 0)),
-        ("supports that move", model.prescribed is not None), ("supports that let go", model.released is not None),
+        ("supports that move", model.prescribed is not None), ("supports that let go or take hold", model.released is not None),
         ("added mass", model.added is not None), ("user forces", model.user_forces), ("controllers", model.controllers),
         ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy)),
         ("links of other kinds than springs, dampers, bushings and joints", any(

@@ -47,10 +47,11 @@ from .prescribed import released_of
 from .report import describe
 from .scene import Beam, Bushing, Damper, ForceElement, LineForce, Path, RigidBody, Scene, Spring, Switch
 from .scene.crossings import Knot
-from .scene.winch import Coil
+from .scene.winch import Coil, RopePoint
 from .sleeves import rubbing_sleeves, sleeves_of, with_twist
 from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
+from .supports import waiting
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
 from .tracks import track_of
 from .unpacked import Unpacked, unpack
@@ -206,6 +207,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),
         needs_forward_steps=tuple(force.name for force in laws if force.dissipates), controllers=tuple(scene.controllers))
+    if model.catches:
+        model = replace(model, **waiting(model))
     model = with_drag(model, blocks.diagonal)
     if scene.knots:
         model = replace(model, links=(*model.links, _knots(scene, nodes, blocks, unpacked.elements)))
@@ -383,8 +386,10 @@ def _names(scene: Scene, nodes: NodeList) -> dict[str, list[Any]]:
     nets = [{"name": net.name, "first": nodes.start(net), "count": net.n_nodes, "starts": net.node_start[:-1].tolist(),
              "junctions": net.junction.tolist(), "outlines": [x for section in net.sections for x in section.outline],
              "outline_of": net.section_of.tolist() if len(net.sections) > 1 else []} for net in scene.nets]
-    return {"beams": beams, **({"nets": nets} if nets else {}),
+    ropes = [{"name": winch.name, "nodes": [nodes.number(winch.drum), *(nodes.start(x) for x in winch.points),
+                                            nodes.number(winch.load)]} for winch in scene.winches]
+    return {"beams": beams, **({"nets": nets} if nets else {}), **({"ropes": ropes} if ropes else {}),
             "bodies": [{"name": p.name, "node": nodes.start(p)} for p in scene.bodies],
-            "masses": [{"name": p.name, "node": nodes.start(p), **({"drum": True} if isinstance(p, Coil) else {})}
-                       for p in scene.masses],
+            "masses": [{"name": p.name, "node": nodes.start(p), **({"drum": True} if isinstance(p, Coil) else {"rope": True}
+                                                                   if isinstance(p, RopePoint) else {})} for p in scene.masses],
             "sliders": [s.name for s in scene.sliders], "points": []}

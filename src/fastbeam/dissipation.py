@@ -139,5 +139,5 @@ def with_drag(model: Model, diagonal: Callable[[Array], Array]) -> Model:
     """The model with the tables of its drag; diagonal: blocks of the own terms of nodes."""
     if model.dragged is None:
         return model
-    first = model.loss_place + len(model.losses) - len(model.dragged.labels)
+    first = model.catch_place - len(model.dragged.labels)
     return replace(model, drag=model.dragged.tables(model.pattern.row_of, diagonal(model.dragged.node), first))

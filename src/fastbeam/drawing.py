@@ -67,10 +67,13 @@ class Shapes:
         self.lines = Lines(result.names, n_nodes, 4 if n_nodes <= SMALL else 1)
         self.width = 1.0 if result.names.get("nets") else 1.8
         self.bodies = [entry["node"] for entry in result.names.get("bodies", [])]
-        # the drum of a winch is a length, no place
-        self.masses = [entry["node"] for entry in result.names.get("masses", []) if "drum" not in entry]
+        # the drum of a winch is a length, no place, and points of its rope are a line
+        masses = result.names.get("masses", [])
+        self.masses = [entry["node"] for entry in masses if "drum" not in entry and "rope" not in entry]
+        drums = [entry["node"] for entry in masses if "drum" in entry]
         self.paths = {name: slider_path(result, name) for name in slider_names(result)}
-        self.everything = np.concatenate([result.phi.reshape(-1, 3), *(path for _, path in self.paths.values())])
+        places = np.delete(result.phi, drums, axis=1)
+        self.everything = np.concatenate([places.reshape(-1, 3), *(path for _, path in self.paths.values())])
         low, high = bounds(self.everything)
         self.axis_length = AXES * float(np.max(high - low))
         if self.bodies:

@@ -11,7 +11,7 @@ Array = np.ndarray
 
 
 class HistoryLayout:
-    """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, supports that have let go,
+    """Of a compiled scene: forces of sliders, the work of loads, energies taken away, works put in, changes of supports,
     coordinates of joints, sleeves that rub on beams that turn in them, momenta of moving meshes, momenta of added mass,
     and controllers, in this order."""
 
@@ -63,14 +63,24 @@ class HistoryLayout:
 
     @property
     def release_place(self) -> int:
-        """Where it stands which supports have let go."""
+        """Where it stands how often supports have let go or taken hold."""
         return self.drive_place + len(self.works)
 
     @property
     def losses(self) -> tuple[str, ...]:
         """What takes energy away besides sliders: its numbers stand behind the work of loads."""
         damped, dragged = (getattr(x, "labels", ()) for x in (self.damped, self.dragged))
-        return (*(f"damping of {label}" for label in damped), *self.dampers, *dragged)
+        return (*(f"damping of {label}" for label in damped), *self.dampers, *dragged, *self.catches)
+
+    @property
+    def catches(self) -> tuple[str, ...]:
+        """Impacts of supports that take hold, the last of `losses`."""
+        return () if self.released is None else tuple(self.released.losses)
+
+    @property
+    def catch_place(self) -> int:
+        """Where what impacts of supports take stands."""
+        return self.drive_place - len(self.catches)
 
     @property
     def works(self) -> tuple[str, ...]:

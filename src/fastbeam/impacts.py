@@ -1,4 +1,4 @@
-"""Impacts of sliders and joints on rigid stops: velocities that jump, theory.md 5.6."""
+"""Impacts of sliders and joints on rigid stops, and of what supports catch: velocities that jump, theory.md 5.6."""
 from __future__ import annotations
 
 from typing import Any
@@ -165,7 +165,7 @@ def along(model: Model, state: State, k: int) -> tuple[Array, float]:
     return tangent, float(relative @ tangent / (tangent @ tangent))
 
 
-def jump(model: Model, state: State, k: int, lead: Any, change: Array,
+def jump(model: Model, state: State, k: int | None, lead: Any, change: Array,
          rest: dict[int, float] | None = None) -> tuple[State, float]:
     """The state after an impact at slider k, and the energy that it took, J.
 
@@ -176,11 +176,11 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array,
 
     Parameters
     ----------
-    k : int
-        Of a slider; -1 - i: of coordinate i of joints that may stick.
-    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce
+    k : int or None
+        Of a slider; -1 - i: of coordinate i of joints that may stick; None: of a support.
+    lead : float64 [m, 3], of a joint sparse [1, 12 N]; [0, 12 N] of one that does not bounce; of a support sparse [m, 12 N]
     change : float64 [m]
-        m/s, of a joint m/s or rad/s.
+        m/s, of joints and supports m/s or rad/s.
     rest : dict, optional
         Coordinates of joints that come to rest at stops, and on which side.
     """
@@ -192,8 +192,11 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array,
     if model.slider_forces is not None:
         drive = model.slider_forces.tables.drive
         given = np.isin(drive, (POSITION, INCREMENT)) | (own[:, AGAINST] != 0.0) | (own[:, HELD] == LOCKED)
-    rows: list[Any] = [] if k >= 0 else [lead]
-    right: list[Array] = [] if k >= 0 else [change]
+    slides, bounces = k is not None and k >= 0, -1
+    if k is not None and k < 0 and change.size:
+        bounces = -1 - k
+    rows: list[Any] = [] if slides else [lead]
+    right: list[Array] = [] if slides else [change]
     for j, tangent in enumerate(tangents):
         if model.slider_forces is None:
             rows.append(sparse.csr_matrix(np.linalg.svd(tangent[None])[2][1:]) @ matrix[3 * j:3 * j + 3])
@@ -207,7 +210,7 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array,
     of_joints = matrix[3 * len(tangents):]
     for others in (of_joints, *direction_rates(model, state.q.reshape(-1, 4, 3), state.s)[0]):
         rows.append(others)
-        right.append(_against_gaps(model, others, state) if k < 0 and others is of_joints else np.zeros(others.shape[0]))
+        right.append(_against_gaps(model, others, state) if not slides and others is of_joints else np.zeros(others.shape[0]))
     free = free_unknowns(model, state)
     lift = (tie_map(model) @ velocity_map(state.q.reshape(-1, 4, 3)) @ share_map(model)).tocsc()[:, free]
     inertia = mass_map(model)
@@ -219,11 +222,13 @@ def jump(model: Model, state: State, k: int, lead: Any, change: Array,
         goal = np.concatenate([*right, goals])
         return np.asarray(lift @ nearest(mass, every, goal, np.zeros(free.size), free % 6 >= 3))
 
-    by = _with_stops(model, state, history, -1 - k if k < 0 and change.size else -1, rest or {}, least)
+    by = _with_stops(model, state, history, bounces, rest or {}, least)
     found = state.v + by
     if model.slider_forces is not None:
         after = np.array([float((matrix[3 * j:3 * j + 3] @ found) @ x / (x @ x)) for j, x in enumerate(tangents)])
-        moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(found))) & (np.arange(after.size) != k)
+        moves = ~given & (own[:, HELD] == FREE) & (np.abs(after) > MOVES * np.max(np.abs(found)))
+        if slides:
+            moves[k] = False
         own[moves, SIGN] = np.sign(after[moves])
         own[moves, STICKS] = 0.0
     return (State(state.q.copy(), found, state.s.copy(), state.force.copy(), history),

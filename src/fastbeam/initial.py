@@ -35,7 +35,7 @@ def initial_state(scene: Scene, nodes: NodeList, joints: Connections, elements: 
     lines = _contact_lines(scene, nodes)
     v, omega = _given_velocities(scene, nodes)
     moving = support_rates(scene, nodes, joints)
-    for motion in scene.prescribed:
+    for motion in (x for x in scene.prescribed if x.since is None):
         at = nodes.number(motion.at)
         v[at] = np.where(held_axes(np.array([motion.mask]))[0], moving[0][at], v[at])
         omega[at] = moving[1][at] if motion.mask & 56 else omega[at]

@@ -73,7 +73,7 @@ class Linearisation:
             self.contacts.loose = motions.holds.loose(self.stepper.core_state.history)
         self.free = np.flatnonzero(self.contacts.free(self.size))
         self.lift = (self.contacts.ties @ velocity_map(self.q) @ self.contacts.rows).tocsc()[:, self.free]
-        inertia = mass_map(own)
+        inertia = mass_map(own, self.q.reshape(-1))
         if own.added is not None:
             inertia = inertia + own.added.mass_map(self.q)
         self._inertia = inertia

@@ -22,7 +22,7 @@ SIDES = 16
 
 
 class Lines:
-    """Points along all beams of a result, one beam after the other, then those of nets.
+    """Points along all beams of a result, one beam after the other, then those of nets and the ropes of winches.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Lines:
         `Result.names`.
     n_nodes : int
     refine : int
-        Points from one node to the next; nets are lines through their nodes in any case.
+        Points from one node to the next; nets and ropes are lines through their nodes in any case.
 
     Attributes
     ----------
@@ -39,18 +39,18 @@ class Lines:
     parts : int [B]
         Of every line which entry of `labels` it belongs to.
     labels : list of str
-        Names of beams, then of nets.
+        Names of beams, then of nets and winches.
     s : float64 [M]
-        Arc length, m; NaN in nets, whose names do not tell it.
+        Arc length, m; NaN in nets and ropes, whose names do not tell it.
     outline : float64 [B, 3]
         Half sizes along d2 and d3, m, and 1 where the section is round, 0 for a rectangle.
     """
 
     def __init__(self, names: Mapping[str, Any], n_nodes: int, refine: int = 1) -> None:
-        beams, nets = names.get("beams", []), names.get("nets", [])
+        beams, nets, ropes = (names.get(kind, []) for kind in ("beams", "nets", "ropes"))
         if not beams and not nets and n_nodes and not names.get("bodies") and not names.get("masses"):
             beams = [{"name": "nodes", "first": 0, "count": n_nodes}]
-        self.labels = [str(entry.get("name", "")) for entry in (*beams, *nets)]
+        self.labels = [str(entry.get("name", "")) for entry in (*beams, *nets, *ropes)]
         columns, values, counts, lengths, s, outline, parts = [], [], [], [], [], [], []
         for k, entry in enumerate(beams):
             at, node, weight, count = _samples(entry, refine)
@@ -72,6 +72,15 @@ class Lines:
             s.append(np.full(n, np.nan))
             outline.append(_net_outlines(net, len(starts)))
             parts.append(np.full(len(starts), k))
+        for k, rope in enumerate(ropes, len(beams) + len(nets)):
+            nodes = np.asarray(rope["nodes"], dtype=np.int64)
+            columns.append(nodes)
+            values.append(np.ones(len(nodes)))
+            counts.append(np.ones(len(nodes), np.int64))
+            lengths.append([len(nodes)])
+            s.append(np.full(len(nodes), np.nan))
+            outline.append(np.array([[0.0, 0.0, 1.0]]))
+            parts.append([k])
         self._columns, self._values = _joined(columns, np.int64), _joined(values, float)
         self._rows = np.concatenate(([0], np.cumsum(_joined(counts, np.int64))))
         self.starts = np.concatenate(([0], np.cumsum(_joined(lengths, np.int64))))

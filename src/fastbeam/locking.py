@@ -1,4 +1,5 @@
-"""Locks and releases of sliders in a run: what they wait for, when it comes, and the state behind it (theory.md 5.9)."""
+"""Locks and releases of sliders in a run, supports that let go or take hold: what they wait for, when it comes, and the state
+behind it (theory.md 5.9)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import Refusal, real, shown
+from .catching import catch
 from .errors import SceneError
 from .impacts import along, jump
 from .kernels.along import AGAINST, CAME_BY, HELD, HISTORY, FREE, LOCK_LOSS, LOCKED, OFF, OFFSET, SIGN, STICKS, STOP_LOSS, TURNS
@@ -21,7 +23,8 @@ from .starting import AT_STOP
 from .workspace import contact_of
 
 Array = np.ndarray
-LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER, LET_GO = "lock", "unlock", "release", "lift", "land", "transfer", "let go"
+LOCK, UNLOCK, RELEASE, LIFT, LAND, TRANSFER, LET_GO, CATCH = (
+    "lock", "unlock", "release", "lift", "land", "transfer", "let go", "catch")
 KINDS = {LOCK: "locked", UNLOCK: "unlocked", RELEASE: "released", LIFT: "lifted"}
 # of a slider that is away: 1 where its point was beyond the ends or on the other side
 PASSED = STICKS
@@ -34,7 +37,7 @@ MOST_HITS = 100
 @dataclass(frozen=True)
 class Awaited:
     """What a slider waits for: `action` at a time, at a word's place, where a function is not negative, or at an arc length; or
-    that its point comes back. rests: it came back with no flight between. LET_GO: the support of this number does."""
+    that its point comes back. rests: it came back with no flight between. LET_GO, CATCH: the support of this number does."""
 
     slider: int
     action: str
@@ -80,8 +83,11 @@ class Locking:
             return []
         out = []
         if self.model.released is not None:
-            gone = state.history[self.model.release_place:self.model.motion_place] != 0.0
-            out = [Awaited(k, LET_GO, self.model.released.until[k]) for k in np.flatnonzero(~gone).tolist()]
+            of = self.model.released
+            held = state.history[self.model.release_place:self.model.motion_place] + ~of.waits
+            # what is handed over from one support to another is not held by both
+            out = [Awaited(k, LET_GO, of.until[k]) for k in np.flatnonzero(held == 1.0).tolist() if of.until[k] is not None]
+            out += [Awaited(k, CATCH, of.since[k]) for k in np.flatnonzero(held == 0.0).tolist()]
         own = state.history[:self.model.work_place].reshape(-1, HISTORY)
         for k, slider in enumerate(self.sliders):
             if own[k, HELD] == OFF:
@@ -140,7 +146,7 @@ class Locking:
 
     def _value(self, x: Awaited, state: State, t: float, rates: Array) -> float:
         """Of one that is watched; rates: of all sliders [S]."""
-        if x.action == LET_GO:
+        if x.action in (LET_GO, CATCH):
             return self._support_asked(x, state, t)
         s = float(state.s[x.slider])
         if x.at is not None:
@@ -223,15 +229,15 @@ class Locking:
         return found
 
     def _support_asked(self, awaited: Awaited, state: State, t: float) -> float:
-        name = self.model.released.names[awaited.slider]
+        name, what = self.model.released.names[awaited.slider], "until" if awaited.action == LET_GO else "since"
         try:
             found = awaited.when(t, State(*(x.copy() for x in state)))
         except Exception as error:
-            text = f"until must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
+            text = f"{what} must not fail, at t = {t:.6g} s it raises {type(error).__name__}: {error}"
             raise SceneError(f"{name}: {text}") from error
         value = (1.0 if found else -1.0) if isinstance(found, (bool, np.bool_)) else real(found)
         if value is None or not np.isfinite(value):
-            raise SceneError(f"{name}: until must return a finite number, or True or False; at t = {t:.6g} s it returns "
+            raise SceneError(f"{name}: {what} must return a finite number, or True or False; at t = {t:.6g} s it returns "
                              f"{shown(found)}")
         return value
 
@@ -311,8 +317,8 @@ class Locking:
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """The state behind one of them, and its event."""
-        if awaited.action == LET_GO:
-            return self._let_go(awaited.slider, state, t)
+        if awaited.action in (LET_GO, CATCH):
+            return self._changed(awaited.slider, state, t)
         if awaited.action == TRANSFER:
             return self._transferred(awaited, state, t)
         k, name = awaited.slider, self.model.names["sliders"][awaited.slider]
@@ -339,11 +345,15 @@ class Locking:
         own[k, TURNS] += awaited.action in (LOCK, UNLOCK)
         return state, {"kind": KINDS[awaited.action], "time": t, "slider": name, "s": s, "loss": loss, "text": text}
 
-    def _let_go(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
-        """The state behind support k."""
-        name = self.model.released.names[k]
+    def _changed(self, k: int, state: State, t: float) -> tuple[State, dict[str, Any]]:
+        """The state behind support k, which lets go or takes hold."""
+        name, of = self.model.released.names[k], self.model.released
+        if of.off(state.history[self.model.release_place:self.model.motion_place])[k]:
+            state, loss = catch(self.model, state, k, t)
+            return state, {"kind": "caught", "time": t, "support": name, "loss": loss,
+                           "text": f"{name} takes hold at t = {t:.6g} s, {loss:.3g} J are lost"}
         state = State(*(x.copy() for x in state))
-        state.history[self.model.release_place + k] = 1.0
+        state.history[self.model.release_place + k] += 1.0
         return state, {"kind": "let go", "time": t, "support": name, "text": f"{name} lets go at t = {t:.6g} s"}
 
     def _let_go_of_stop(self, state: State, k: int) -> float:

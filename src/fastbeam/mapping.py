@@ -157,9 +157,10 @@ def _carry_history(model: Model, names: Mapping[str, list[Any]], state: State, f
                 own[STICKS] = given[STICKS]
     if model.released is not None and "until" in names:
         place, = names["history"]
-        for k, name in enumerate(model.released.names):
-            if name in names["until"]:
-                fresh.history[model.release_place + k] = state.history[place + names["until"].index(name)]
+        theirs = list(zip(names["until"], names.get("since", [False] * len(names["until"]))))
+        for k, named in enumerate(zip(model.released.names, model.released.waits.tolist())):
+            if named in theirs:
+                fresh.history[model.release_place + k] = state.history[place + theirs.index(named)]
 
 
 def _namesakes(mine: Mapping[str, list[Any]], other: Mapping[str, list[Any]]) -> list[tuple[slice, slice]]:

@@ -14,7 +14,7 @@ from .kernels.work import State
 from .mapping import nodes_of_curve, within_round
 from .model import Model
 from .multipliers import gap_matrix
-from .winches import refuse_winches
+from .winches import refuse_winches, rope_masses, ropes_of
 from .workspace import contact_of
 
 Array = np.ndarray
@@ -84,18 +84,22 @@ def free_unknowns(model: Model, state: State | None = None) -> Array:
     return np.flatnonzero(free.reshape(-1))
 
 
-def mass_map(model: Model) -> Any:
-    """Mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]."""
+def mass_map(model: Model, q: Array | None = None) -> Any:
+    """Mass matrix on the 12 coordinates of all nodes, sparse [12 N, 12 N]; with coordinates q [12 N] that of ropes too, which
+    depends on them."""
     from scipy import sparse
-    return sparse.kron(vector_masses(model), sparse.eye(3), format="csr")
+    own = sparse.kron(vector_masses(model, q is not None), sparse.eye(3), format="csr")
+    ropes = None if q is None else ropes_of(model)
+    return own if ropes is None else own + rope_masses(ropes, q)
 
 
-def vector_masses(model: Model) -> Any:
+def vector_masses(model: Model, beside_ropes: bool = False) -> Any:
     """Masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in a plane of
-    (phi, u), [2 N, 2 N]."""
+    (phi, u), [2 N, 2 N]. beside_ropes: those of ropes are not asked for."""
     from scipy import sparse
     # the inertia of a rope couples its nodes with its length
-    refuse_winches("what works with the masses of nodes (modes, responses, blows, mend_start)", model)
+    if not beside_ropes:
+        refuse_winches("what works with the masses of nodes alone (blows, mend_start)", model)
     n, vectors = model.n_nodes, 4 if model.dofs == SPACE else 2
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
 

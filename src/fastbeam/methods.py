@@ -113,7 +113,7 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     compared = method.middle is not None or method.parameters is not None
     laws = [f"user force {name!r}" for name in model.user_forces]
     absent = [*(["supports that move"] if core.prescribed is not None else []),
-              *(["supports that let go"] if core.released is not None else []), *laws, *core.losses,
+              *(["supports that let go or take hold"] if core.released is not None else []), *laws, *core.losses,
               *(["added mass"] if core.added is not None else []),
               *(["bushings"] if any(isinstance(table, Bushings) for table in core.links) else []),
               *(["friction, drives, stops, locks and releases of sliders"] if core.slider_forces is not None else [])]
@@ -123,7 +123,8 @@ def check_forces(method: Method, composed: bool, model: Model, core: Model) -> N
     if core.slider_forces is not None and core.slider_forces.dissipates:
         backward.append("friction, damping, forces of (t, s, rate) and rigid stops of sliders")
     if composed and core.released is not None:
-        raise SceneError("order=4: where a support lets go, velocities are of second order, and so is what follows; use order=2")
+        raise SceneError("order=4: where a support lets go or takes hold, velocities are of second order, and so is what "
+                         "follows; use order=2")
     if composed and core.added is not None and core.added.turns:
         raise SceneError(f"order=4: {core.added.labels[0]}: where the mass along d1 is not that across it, velocities are of "
                          "second order, and so is what follows; use order=2")

@@ -198,16 +198,16 @@ class Model(HistoryLayout):
 
     @property
     def held_mask(self) -> Array:
-        """Of every node which of its six unknowns are held, bit by bit, int64 [N]; tied coordinates count as held."""
+        """Of every node which of its six unknowns are held at the start, bit by bit, int64 [N]; tied ones count as held."""
         return self.held_in(None)
 
     def held_in(self, state: State | None) -> Array:
-        """The same where some supports have let go in a state."""
+        """The same where some supports have let go or taken hold in a state."""
         of_row = np.zeros(self.n_nodes, np.int64)
         if self.held is not None:
             of_row[self.held.row] = self.held.mask
         if self.released is not None and state is not None:
-            self.released.put(state.history[self.release_place:self.motion_place] != 0.0, of_row)
+            self.released.put(self.released.off(state.history[self.release_place:self.motion_place]), of_row)
         return of_row[self.pattern.row_of]
 
     @property

@@ -149,8 +149,9 @@ def _refuse(scene: Scene, parts: list[MovingMesh]) -> None:
         if isinstance(x, Load) and x.follower:
             raise SceneError(f"{who}: load {x.name!r} turns with what it acts on, which scenes with moving meshes do not know; "
                              "leave follower out")
-        if isinstance(x, Pin | Clamp) and x.until is not None:
-            raise SceneError(f"{who}: {x.name!r} lets go, which scenes with moving meshes do not know; leave until out")
+        if isinstance(x, Pin | Clamp) and (x.until is not None or x.since is not None):
+            raise SceneError(f"{who}: {x.name!r} lets go or takes hold, which scenes with moving meshes do not know; leave until "
+                             "and since out")
         for node in _inner(x, beams):
             raise SceneError(f"{who}: {x.kind} {getattr(x, 'name', '')!r} is at {node}, which moves over the beam; only its ends "
                              "can be held, joined and loaded")

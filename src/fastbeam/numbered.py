@@ -1,7 +1,7 @@
 """The first stage of the compiler: global numbers of all nodes, what connects them, and the size of the scene."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,9 @@ class Numbered:
     dragged : int64 [*]
         Nodes with drag or added mass.
     always : int64 [N]
-        What supports that do not let go hold of the unknowns of every node.
+        What supports that neither let go nor take hold hold of the unknowns of every node.
+    late : int64 [N]
+        What only those that take hold hold, at the nodes that lead rows.
     """
 
     nodes: NodeList
@@ -41,6 +43,12 @@ class Numbered:
     links: Links
     dragged: Array
     always: Array
+    late: Array
+
+    @property
+    def joints_at_start(self) -> Connections:
+        """The joints with what is held before supports with `since` take hold."""
+        return replace(self.joints, held=self.joints.held & ~self.late) if self.late.any() else self.joints
 
     @property
     def touched(self) -> Array:
@@ -60,14 +68,15 @@ def number(scene: Scene) -> Numbered:
     place_points(scene, nodes)
     extent = float(np.max(np.ptp(nodes.phi, axis=0)))
     length = max([extent, *(b.length for b in scene.beams), *(float(net.lengths.max()) for net in scene.nets)]) or 1.0
-    joints, hinges, always = _connections(scene, nodes, length)
+    joints, hinges, always, late = _connections(scene, nodes, length)
     every = np.arange(len(nodes))
     dragged = np.concatenate([np.zeros(0, np.int64), *(every[nodes.span(x.on)] for x in (*scene.drags, *added_masses(scene)))])
-    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always)
+    return Numbered(nodes, length, joints, Links(scene, nodes, joints, hinges), dragged, always, late)
 
 
-def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array]:
-    """How nodes are tied, the ball joints of nets, int [*, 2], and what supports that do not let go hold, int64 [N]."""
+def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connections, Array, Array, Array]:
+    """How nodes are tied, the ball joints of nets, int [*, 2], and what supports that do not change hold, and what only
+    those that take hold hold, int64 [N]."""
     held = np.zeros(len(nodes), np.int64)
     welds, hinges = [NO_PAIRS], [NO_PAIRS]
     for net in scene.nets:
@@ -79,13 +88,18 @@ def _connections(scene: Scene, nodes: NodeList, length: float) -> tuple[Connecti
     for mesh in scene.moving:
         held[[nodes.start(place) for place in mesh.places]] = 62
     held[nodes.ground] = 63
-    always = held.copy()
+    always, begins = held.copy(), held.copy()
     for support in [*scene.pins, *scene.prescribed, *scene.clamps]:
         node = nodes.start(support.at.owner) if isinstance(support.at.owner, RigidBody) else nodes.number(support.at)
         held[node] |= support.mask
-        always[node] |= support.mask if support.until is None else 0
+        always[node] |= support.mask if support.until is None and support.since is None else 0
+        begins[node] |= support.mask if support.since is None else 0
     rigid = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.rigid]
     rigid += [(owner, arm, "point") for owner, arm in nodes.arm_owner]
     balls = [(nodes.number(j.a), nodes.number(j.b), str(j.name)) for j in scene.balls]
-    return connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
-                   np.concatenate(welds), np.concatenate(hinges)), np.concatenate(hinges), always
+    joints = connect(nodes.phi, nodes.directors, rigid, balls, held, nodes.rank, nodes.labels, 1e-14 * length,
+                     np.concatenate(welds), np.concatenate(hinges))
+    late, early = np.zeros_like(held), np.zeros_like(held)
+    for mine, given in ((late, held & ~begins), (early, begins)):
+        np.bitwise_or.at(mine, joints.row_root, given)
+    return joints, np.concatenate(hinges), always, late & ~early

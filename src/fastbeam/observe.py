@@ -358,7 +358,8 @@ class Observer:
         if model.slider_forces is not None and model.slider_forces.lets_go:
             names["locks"] = [len(slider.lock or ()) for slider in model.slider_forces.sliders]
         if model.released is not None:
-            names |= {"until": list(model.released.names), "history": [model.release_place]}
+            names |= {"until": list(model.released.names), "since": model.released.waits.tolist(),
+                      "history": [model.release_place]}
         if model.sliders is not None:
             names["slider_nodes"] = [int(k) for k in model.sliders.point]
         names = self.meshes.named(names)
@@ -393,7 +394,7 @@ def conserved(model: Model, filtered: bool = False) -> list[str]:
     held = model.held is not None and bool(np.any((model.held.mask & 7 != 0) & ~np.isin(model.held.row, free)))
     if model.moving is not None and np.any(model.gravity):
         return out
-    if not len(model.loads) and not held and model.drag is None:
+    if not len(model.loads) and not held and not model.catches and model.drag is None:
         out += ["lin_mom", "ang_mom"]
     return out
 

@@ -66,9 +66,11 @@ class PrescribedMotions:
     def tables(self, row_of: Array, place: int, plane: Any) -> Prescribed:
         """Tables with the arrays of a run; place: of the first work in the history; plane: that of the scene, or None."""
         m, size = len(self.motions), 6 if plane is None else 3
-        masks = self.masks if plane is None else held_in_plane(self.masks, plane.axes)
+        # those with since= wait
+        masks = np.where([motion.since is None for motion in self.motions], self.masks, 0)
+        masks = masks if plane is None else held_in_plane(masks, plane.axes)
         return Prescribed(self.nodes, self.motion_of_node, masks, row_of[self._root].astype(np.int64), place + np.arange(m),
-                          np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64))
+                          np.zeros((m, size)), np.zeros((m, size)), np.zeros(1, np.int64), np.zeros(4))
 
     def schedule(self, times: Array, tables: Prescribed, plane: Any = None) -> Array:
         """Increments of all steps between these times [n + 1]: position, m, and Cayley vector of the turn, [n, M, 6]; tables:
@@ -162,7 +164,7 @@ def prescribed_of(scene: Scene, nodes: NodeList, joints: Connections, length: fl
 def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Array, Array]:
     """Velocities and spins of supports at t = 0, [N, 3] each: zero where they stand still."""
     v, omega = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 3))
-    for motion in scene.prescribed:
+    for motion in (x for x in scene.prescribed if x.since is None):
         at = joints.row_root[nodes.number(motion.at)]
         velocity, spin = motion.rates()
         v[at] += velocity
@@ -171,15 +173,15 @@ def support_rates(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[A
 
 
 def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Array, always: Array) -> Released | None:
-    """None where no support lets go; always: what the others hold of every node, int64 [N].
+    """None where no support lets go or takes hold; always: what the others hold of every node, int64 [N].
 
     Raises
     ------
     SceneError
-        A support that lets go holds what another node leads, or is one of two of a rigid part.
+        Such a support holds what another node leads, or is one of two of a rigid part.
     """
     every = [*scene.pins, *scene.clamps, *scene.prescribed]
-    some = [(k, x) for k, x in enumerate(every) if x.until is not None]
+    some = [(k, x) for k, x in enumerate(every) if x.until is not None or x.since is not None]
     if not some:
         return None
 
@@ -194,16 +196,19 @@ def released_of(scene: Scene, nodes: NodeList, joints: Connections, row_of: Arra
     for (k, support), node, top in zip(some, own.tolist(), root.tolist()):
         leads = [nodes.labels[i] for i in joints.targets(top) if i != top]
         if leads:
-            raise SceneError(f"{support.name}: until: joints make {support.at} follow {' and '.join(leads[:3])}; hold that "
+            what = "until" if support.since is None else "since"
+            raise SceneError(f"{support.name}: {what}: joints make {support.at} follow {' and '.join(leads[:3])}; hold that "
                              "instead")
         for j, other in enumerate(others.tolist()):
             if j != k and other != top and joints.spin_root[other] == top and joints.row_root[other] != top:
-                raise SceneError(f"{support.name}: until: {every[j].name} holds the same rigid part, so that nothing tells what "
+                what = "until" if support.since is None else "since"
+                raise SceneError(f"{support.name}: {what}: {every[j].name} holds the same rigid part, so that nothing tells what "
                                  "stays; hold the part at one node")
     rows = row_of[root]
     base = np.zeros(row_of.size, np.int64)
     np.bitwise_or.at(base, row_of[joints.row_root], always)
     return Released(tuple(str(x.name) if not isinstance(x, PrescribedMotion) else x.label for _, x in some),
-                    tuple(x.until for _, x in some), own, rows.astype(np.int64), np.array([x.mask for _, x in some], np.int64),
-                    base[rows], np.array([moving.index(x) if x in moving else -1 for _, x in some], np.int64),
+                    tuple(x.until for _, x in some), tuple(x.since for _, x in some), own, rows.astype(np.int64),
+                    np.array([x.mask for _, x in some], np.int64), base[rows],
+                    np.array([moving.index(x) if x in moving else -1 for _, x in some], np.int64),
                     np.array([k for k, _ in some], np.int64))

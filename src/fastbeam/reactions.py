@@ -60,9 +60,8 @@ class Reactions:
         n = len(holding.parent)
         hanging = np.flatnonzero(holding.parent >= 0)
         of_supports = holding.supports
-        # moments of those that turn, forces along axes that they leave free, and what another holds already
-        self._turns_freely = stepper.model.held_mask[of_supports] & 56 == 0
-        self._free_axes = ~held_axes(holding.masks)
+        self._free = self._left_free(None)
+        # what another holds already
         self._shared = np.zeros(of_supports.size, bool) if core.ties is None else np.diff(core.ties.start)[of_supports] > 0
         self._below = None
         if hanging.size and len(holding.joints):
@@ -76,6 +75,17 @@ class Reactions:
     def size(self) -> int:
         """Numbers of one evaluation."""
         return 6 * self.count
+
+    def _left_free(self, state: State | None) -> tuple[Array, Array]:
+        """Which supports turn freely [S], and axes along which they do not hold [S, 3]; state: where that changes in a run."""
+        holding = self.holding
+        masks = holding.masks.copy()
+        turns_freely = self.stepper.model.held_in(state)[holding.supports] & 56 == 0
+        if state is not None:
+            # of those that do not hold only round-off is left
+            masks[self.own.core.released.reaction[self.own.supports.off(state)]] = 0
+            turns_freely |= masks == 0
+        return turns_freely, ~held_axes(masks)
 
     def of_step(self, before: State, middle: Array, t: float, h: float) -> Array:
         """Means over the step that the stepper has just taken, [6 R].
@@ -116,13 +126,11 @@ class Reactions:
             force, moment = self._rows()
         out[:s, 0], out[:s, 1] = force[holding.supports], moment[holding.supports]
         np.add.at(out[:s, 1], holding.turning[:, 0], moment[holding.turning[:, 1]])
-        out[:s, 1][self._turns_freely] = 0.0
+        changes = isinstance(self.own.supports, OwnSupports)
+        turns_freely, free_axes = self._left_free(self.own.core_state) if changes else self._free
+        out[:s, 1][turns_freely] = 0.0
         # along axes that a support leaves free its force is what others at the node do
-        out[:s, 0][self._free_axes] = 0.0
-        if isinstance(self.own.supports, OwnSupports):
-            # of those that have let go only round-off is left
-            gone = self.own.core.released.reaction[self.own.supports.gone(self.own.core_state)]
-            out[gone] = 0.0
+        out[:s, 0][free_axes] = 0.0
         # nothing tells the shares of what another support holds already
         out[:s][self._shared] = np.nan
         at = 3 * self.stepper.model.n_sliders

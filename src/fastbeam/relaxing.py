@@ -116,7 +116,8 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     check_at_rest("relax", model.motions)
     check_twist(model, True)
     if model.released is not None:
-        raise SceneError("relax: a support lets go (until=); leave that out for the equilibrium, or run in time")
+        raise SceneError("relax: a support lets go or takes hold (until=, since=); leave that out for the equilibrium, or run in "
+                         "time")
     if model.motions is not None and model.motions.holds.given.size:
         holds = model.motions.holds
         raise SceneError(f"relax: {holds.parts[holds.given[0]].label} is given as a function of time; hold it by a stiff spring "

@@ -14,6 +14,13 @@ if TYPE_CHECKING:
     from .model import Model
 
 
+def _changing(model: Model) -> list[tuple[str, list[str]]]:
+    """Supports that let go, and that take hold."""
+    of = model.released
+    return [] if of is None else [(what, [name for name, time in zip(of.names, times) if time is not None])
+                                  for what, times in (("let go", of.until), ("take hold", of.since))]
+
+
 def _plural(n: int, noun: str) -> str:
     return f"{n} {noun}" + ("" if n == 1 else "s")
 
@@ -75,7 +82,7 @@ def describe(scene: Scene, model: Model) -> str:
         lines.append(f"  loads              {what}: {_plural(model.loads.shape[0], 'constant vector')}"
                      + (f", {timed} with a time function" if timed else ""))
     for what, names in (("energy taken", model.losses), ("supports that move", model.works),
-                        ("let go", () if model.released is None else model.released.names)):
+                        *_changing(model)):
         if names:
             lines.append(f"  {what:18} {', '.join(names[:4])}" + (", ..." if len(names) > 4 else ""))
     if model.projected:

@@ -182,7 +182,7 @@ class Result(Readings, Exports):
         'sliders', 'points', 'losses', 'works': names in the order of the series. 'beams': {'name', 'first', 'count',
         'element_ends'} with first node, number of nodes and element end nodes in the global list. 'nets': {'name', 'first',
         'count', 'starts', 'junctions'}, the last two of every beam and every node of the net, counted from 'first'. 'bodies' and
-        'masses': {'name', 'node'}.
+        'masses': {'name', 'node'}. 'ropes' of winches: {'name', 'nodes'}, from the drum to the load.
         'slider_nodes': node of each slider's point (optional).
     t : ndarray [n]
         Times of the rows, s.
@@ -421,6 +421,10 @@ class Result(Readings, Exports):
         nodes = self.names.get("slider_nodes", [])
         if not all(_is_node(k, n_nodes) for k in nodes) or nodes and len(nodes) != len(self.names.get("sliders", [])):
             raise SceneError(f"names: 'slider_nodes' must hold a node number for every slider, got {shown(nodes)}")
+        for rope in self.names.get("ropes", []):
+            chain = rope.get("nodes") if isinstance(rope, Mapping) else None
+            if not isinstance(chain, list) or len(chain) < 2 or not all(_is_node(k, n_nodes) for k in chain):
+                raise SceneError(f"names: an entry of 'ropes' must hold nodes, two at least, got {shown(rope)}")
         for kind, keys in PLACES.items():
             for entry in self.names.get(kind, []):
                 fits = isinstance(entry, Mapping) and all(_is_node(entry.get(key), None) for key in keys)

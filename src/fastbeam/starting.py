@@ -238,7 +238,8 @@ def _standing(model: Model, state: State) -> Array:
 def _moved_supports(model: Model, state: State) -> list[tuple[str, str]]:
     """A support holds its node where the state has it: worth a word where that is not its place in the model."""
     off = (state.q - model.q0).reshape(-1, 4, 3)
-    held = _standing(model, state)
+    # what others have caught stands elsewhere
+    held = _standing(model, state) & model.held_mask
     away = np.linalg.norm(np.where(held_axes(held), off[:, 0], 0.0), axis=1)
     turned = np.where((held == 63) & (model.numbers.rank != 9), np.linalg.norm(off[:, 1:], axis=(1, 2)), 0.0)
     k, i = int(np.argmax(away)), int(np.argmax(turned))
@@ -310,8 +311,8 @@ def _moved_unknowns(model: Model, state: State) -> Array:
     if model.prescribed is not None:
         gone: set[int] = set()
         if model.released is not None:
-            let_go = state.history[model.release_place:model.motion_place] != 0.0
-            gone = set(model.released.motion[let_go].tolist())
+            off = model.released.off(state.history[model.release_place:model.motion_place])
+            gone = set(model.released.motion[off].tolist())
         first = {int(row): k for k, row in reversed(list(enumerate(row_of.tolist())))}
         for k, (motion, node) in enumerate(zip(model.prescribed.motions, model.prescribed.own)):
             if k not in gone:

@@ -47,6 +47,8 @@ class StaticJoints:
         near = np.abs(self.values[:, None] - self.stops) <= 1e-9 * self.scales[:, None]
         # -1 or 1: at rest against the first or last stop
         self.at_stop = np.where(near[:, 1], 1, np.where(near[:, 0], -1, 0))
+        # those that are held whatever that takes
+        self.kept = np.zeros(holds.rubs.size, bool)
         self.has_friction = np.array([holds.parts[k].has_friction for k in holds.rubs], bool)
         kept = solver.contacts.model.kept
         sizes = [len(solver.contacts._within(link)) for link in kept]
@@ -112,7 +114,7 @@ class StaticJoints:
             force, most = self.forces(), self.most()
             size = ROUND_OFF * (float(np.max(np.abs(self.solver.stepper.core_state.force), initial=0.0)) * np.maximum(
                 self.scales, self.solver.core.length) + most)
-            rests = sign == 0
+            rests = (sign == 0) & ~self.kept
             back = rests & (force > most + size) & (self.at_stop >= 0)
             forth = rests & (force < -most - size) & (self.at_stop <= 0)
             returned = (sign * (self.values - before) < -SMALL_WAY * self.scales) & (most > 0.0) & (changes < MOST_CHANGES)
@@ -190,6 +192,13 @@ class StaticJoints:
         own[:, SIGN], own[:, AGAINST] = 0.0, self.at_stop
         own[:, STICKS] = self.has_friction & (self.at_stop == 0)
         self.motions.own(state.history, self.solver.core.motion_place)[self.holds.rubs, VALUE] = self.values
+
+    def margin(self, i: int) -> float:
+        """The share of its friction that coordinate i has left; all of it where it is pressed against a rigid stop."""
+        force, most = float(self.forces()[i]), float(self.most()[i])
+        if force * self.at_stop[i] < 0.0:
+            return 1.0
+        return 1.0 - abs(force) / most if most > 0.0 else -1.0 if force else 1.0
 
     def report(self) -> dict[str, dict[str, Any]]:
         """Of every coordinate that rubs: the force that holds it, the largest friction, and whether it sticks with some in

@@ -40,6 +40,10 @@ class StaticMotion:
 
     def __init__(self, model: Model, q: Array, from_start: bool, at_time: float) -> None:
         self.of = model.prescribed
+        for motion in self.of.motions:
+            if motion.since is not None:
+                raise SceneError(f"solve_static(at_time=): {motion.label} takes hold in a run (since=); leave since "
+                                 "out, or the motion")
         self.own = self.of.own
         self._along, self._turns = held_axes(self.of.masks), np.flatnonzero(self.of.masks & 56)
         self.model, self.from_start, self.at_time = model, from_start, at_time

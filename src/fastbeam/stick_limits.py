@@ -1,4 +1,4 @@
-"""Between which load factors friction holds a slider where it is (theory.md 8)."""
+"""Between which load factors friction holds a slider or a joint where it is (theory.md 8)."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -10,7 +10,6 @@ from .arguments import Anything, Count, Name, Number, Numbers, Word, checked
 from .errors import ConvergenceError, SceneError
 from .kernels.step import OK
 from .kernels.work import State
-from .joint_motion import check_at_rest
 from .linsolve import check_backend
 from .load_times import load_path, which_times
 from .model import Model, check_model
@@ -28,7 +27,7 @@ MOST_ROUNDS = 60
 
 
 class StickInterval(NamedTuple):
-    """Load factors between which friction holds a slider, and the equilibria there."""
+    """Load factors between which friction holds a slider or a joint, and the equilibria there."""
 
     low: float       # -inf: everywhere below; NaN: there is no equilibrium before friction gives way
     high: float      # inf: everywhere above; NaN as for `low`
@@ -41,17 +40,18 @@ class StickInterval(NamedTuple):
 def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, within: tuple[float, float] = (0.0, 10.0),
                    at_time: float | tuple[float, float] | None = None, start: State | None = None,
                    held: bool | str | tuple[str, ...] = False, max_iterations: int = 20, backend: str = "auto") -> StickInterval:
-    """The interval of load factors in which friction holds a slider where it rests at one of them.
+    """The interval of load factors in which friction holds a slider, or a joint, where it rests at one of them.
 
-    From an equilibrium the loads grow, and shrink, slowly, until friction is all that it can be. Other sliders with friction
+    From an equilibrium the loads grow, and shrink, slowly, until friction is all that it can be. Others with friction
     stick or slip as this history asks for, so that the last of several rings of a capstan to slip tells when its cable moves.
 
     Parameters
     ----------
     model : Model
     slider : str
-        One with Coulomb friction. Where the loads of `load_factor` make it slip, it comes to rest first, which leaves it at the
-        end of its interval.
+        One with Coulomb friction, or a joint with friction= or coefficient=; of a joint with several such coordinates one of them
+        as `solve_static` names it in `info["friction"]`, "distance of cylindrical joint 'c'". Where the loads of `load_factor`
+        make it slip, it comes to rest first, which leaves it at the end of its interval.
     load_factor : float
         Of the loads of the equilibrium in the interval.
     within : (float, float)
@@ -74,20 +74,19 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     Raises
     ------
     SceneError
-        There is no such slider, nothing that could hold it, an argument is out of range.
+        There is no such slider or joint, nothing that could hold it, an argument is out of range.
     ConvergenceError
         There is no equilibrium at `load_factor`; carries the last one.
     """
     check_model("stick_interval", model)
     stays = held_sliders(model, held)
     check_slider_forces("stick_interval", model, stays, rubbing=True)
-    check_at_rest("stick_interval", model.motions)
-    k = _number_of(model, slider, stays)
+    kind, k = _number_of(model, slider, stays)
     check_backend(backend)
     if not within[0] <= load_factor <= within[1]:
         raise SceneError(f"within: {tuple(within)} must enclose load_factor={load_factor:.6g}")
     base, change = load_path("stick_interval", model, at_time)
-    if at_time is None and (model.slider_forces.has_functions(~stays)
+    if at_time is None and (model.slider_forces is not None and model.slider_forces.has_functions(~stays)
                             or model.motions is not None and model.motions.holds.has_functions):
         raise SceneError("stick_interval: drives, or what joints are given, are functions of time; say with at_time=... where to "
                          "evaluate them")
@@ -115,13 +114,14 @@ def stick_interval(model: Model, slider: str, *, load_factor: float = 1.0, withi
     found = State(*(x.copy() for x in solver.state))
     ends = []
     for end in within:
-        mine = _Held(solver_of(State(*(x.copy() for x in found)), stays | (np.arange(stays.size) == k)), k, t)
+        still = stays | (np.arange(stays.size) == k) if kind is _HeldSlider else stays
+        mine = kind(solver_of(State(*(x.copy() for x in found)), still), k, t)
         ends.append(_end_of(mine, load, load_factor, float(end)))
     return StickInterval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
 
 
-def _number_of(model: Model, slider: str, stays: Array) -> int:
-    """The number of a slider that friction can hold.
+def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], int]:
+    """The number of a slider that friction can hold, or of a coordinate of a joint.
 
     Raises
     ------
@@ -129,6 +129,18 @@ def _number_of(model: Model, slider: str, stays: Array) -> int:
         There is none of that name, or nothing that could hold it.
     """
     names = model.names["sliders"]
+    if slider not in names and model.motions is not None:
+        holds = model.motions.holds
+        rubs = [holds.parts[k] for k in holds.rubs]
+        found = [i for i, x in enumerate(rubs) if x.has_friction and slider in (x.name, x.label)]
+        if len(found) == 1:
+            return _HeldJoint, found[0]
+        if found:
+            raise SceneError(f"stick_interval: joint {slider!r} has friction on {len(found)} coordinates; name one of them, "
+                             f"{' or '.join(repr(rubs[i].label) for i in found)}")
+        if any(slider in (x.name, x.label) for x in holds.parts):
+            raise SceneError(f"stick_interval: joint {slider!r} has no friction that could hold it; name one with friction= or "
+                             "coefficient=")
     if slider not in names:
         there = f"its sliders are {', '.join(map(repr, names[:12]))}" if names else "it has no sliders"
         raise SceneError(f"stick_interval: scene {model.scene_name!r} has no slider {slider!r}; {there}")
@@ -136,17 +148,57 @@ def _number_of(model: Model, slider: str, stays: Array) -> int:
     if model.slider_forces is None or not (model.slider_forces.hold_by_friction & ~stays)[k]:
         raise SceneError(f"stick_interval: slider {slider!r} has no Coulomb friction that could hold it, or is held or driven by "
                          "a prescribed motion; name one with friction=")
-    return k
+    return _HeldSlider, k
 
 
 class _Held:
-    """The equilibria of a scene with slider k where it is, whatever that takes; t: time of its drive."""
+    """The equilibria of a scene with one part where it is, whatever that takes; k: its number; t: time of its drive."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
         self.solver, self.k, self.t = solver, k, t
 
     def margin(self) -> float:
         """The share of its friction that is left."""
+        raise NotImplementedError
+
+    def saved(self) -> tuple[Any, ...]:
+        """Everything that a later equilibrium depends on."""
+        along, joints = self.solver.along, self.solver.joints
+        return (self.solver._saved(), None if along is None else along.modes.at_stop.copy(),
+                None if joints is None else (joints.values.copy(), joints.at_stop.copy()))
+
+    def restore(self, saved: tuple[Any, ...]) -> None:
+        """Go back to it."""
+        self.solver._restore(saved[0])
+        if self.solver.along is not None:
+            self.solver.along.modes.at_stop[:] = saved[1]
+        if self.solver.joints is not None:
+            self.solver.joints.values, self.solver.joints.at_stop = (x.copy() for x in saved[2])
+            self.solver.hold_joints()
+
+    @property
+    def state(self) -> State:
+        """A copy of the present one."""
+        return State(*(x.copy() for x in self.solver.state))
+
+
+class _HeldJoint(_Held):
+    """Of a coordinate of a joint."""
+
+    def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
+        super().__init__(solver, k, t)
+        assert solver.joints is not None
+        solver.joints.kept[k] = True
+
+    def margin(self) -> float:
+        assert self.solver.joints is not None
+        return self.solver.joints.margin(self.k)
+
+
+class _HeldSlider(_Held):
+    """Of a slider."""
+
+    def margin(self) -> float:
         solver, k = self.solver, self.k
         assert solver.along is not None
         forces, border = solver.along.forces, solver._border(rubs=False)
@@ -155,22 +207,6 @@ class _Held:
             needed -= forces.at_rest(k, self.t, s, solver.along.factor, solver.along.offset[k])
         most = float(forces.tables.friction[k] * border.normal[k])
         return 1.0 - abs(needed) / most if most > 0.0 else -1.0 if needed else 1.0
-
-    def saved(self) -> tuple[Any, ...]:
-        """Everything that a later equilibrium depends on."""
-        assert self.solver.along is not None
-        return self.solver._saved(), self.solver.along.modes.at_stop.copy()
-
-    def restore(self, saved: tuple[Any, ...]) -> None:
-        """Go back to it."""
-        assert self.solver.along is not None
-        self.solver._restore(saved[0])
-        self.solver.along.modes.at_stop[:] = saved[1]
-
-    @property
-    def state(self) -> State:
-        """A copy of the present one."""
-        return State(*(x.copy() for x in self.solver.state))
 
 
 def _end_of(held: _Held, load: Callable[..., bool], start: float, end: float) -> tuple[float, State]:

@@ -12,6 +12,7 @@ from .errors import SceneError
 from .mapping import curve_at
 from .model import Model
 from .scene import Clamp, NodeRef, Pin, PointMass, PrescribedMotion, RigidBody
+from .winches import refuse_winches
 
 Array = np.ndarray
 
@@ -164,6 +165,23 @@ def standing_supports(model: Model) -> Array:
     if model.ties is not None:
         held[model.ties.slave] = 0
     return held
+
+
+def waiting(model: Model) -> dict[str, Any]:
+    """Tables of a model whose supports with `since` do not hold yet; the model has them with all.
+
+    Raises
+    ------
+    SceneError
+        A part whose masses the impact does not know.
+    """
+    of, pattern, spinless = model.released, model.pattern, model.spinless.copy()
+    refuse_winches(f"{of.names[int(np.argmax(of.waits))]}: since, whose impact", model)
+    for row, mask in zip(*of.masks(of.waits)):
+        spinless[pattern.row_of == row] = mask & of.spin == of.spin
+    held = of.at_start(model.held, pattern)
+    same = model.static_held is model.held
+    return {"held": held, "spinless": spinless, "static_held": held if same else of.at_start(model.static_held, pattern)}
 
 
 def _free_motions(matrix: Array, basis: Array) -> tuple[Array, Array]:

@@ -97,7 +97,7 @@ def unpack(scene: Scene, numbered: Numbered, known: State | None = None) -> Unpa
     elements = [elements_of(part, nodes.start(part), nodes.phi, nodes.directors) for part in [*scene.beams, *scene.nets]
                 if all(part is not mesh.beam for mesh in scene.moving)]
     loads = _loads(scene, nodes, elements, joints.row_root)
-    state, projected = (known, "") if known is not None else initial_state(scene, nodes, joints, elements, kept)
+    state, projected = (known, "") if known is not None else initial_state(scene, nodes, numbered.joints_at_start, elements, kept)
     # positions and triads of the node list are views of q: the same numbers, stored once
     coordinates = state.q.reshape(-1, 4, 3)
     nodes.phi, nodes.directors = coordinates[:, 0], coordinates[:, 1:]

@@ -163,7 +163,7 @@ def _spots(result: Result) -> tuple[Array, Array, Array, dict[str, list[str]]]:
     nodes: dict[str, list[int]] = {}
     labels: dict[str, list[str]] = {}
     for kind, key in (("body", "bodies"), ("mass", "masses")):
-        entries = result.names.get(key, [])
+        entries = [entry for entry in result.names.get(key, []) if "drum" not in entry and "rope" not in entry]
         nodes[kind] = [entry["node"] for entry in entries]
         labels[kind] = [str(entry.get("name", "")) for entry in entries]
     nodes["slider"] = result.names.get("slider_nodes", [])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .kernels.winch import Winches, motion_of_ropes, weight_of_ropes
+from .kernels.winch import GAUSS, Winches, motion_of_ropes, weight_of_ropes
 from .kernels.work import State
 from .workspace import law_work
 
@@ -103,6 +103,33 @@ class WinchRows:
 def ropes_of(model: Any) -> Winches | None:
     """The table of the ropes of a model."""
     return next((table for table in model.links if isinstance(table, Winches)), None)
+
+
+def rope_masses(table: Winches, q: Array) -> Any:
+    """Masses of ropes and drums at q [12 N] on the coordinates of all nodes, sparse [12 N, 12 N]: those of T in (4.24), with w by
+    the velocities of both ends of a segment and the rate of the length."""
+    from scipy import sparse
+    x = q.reshape(-1, 12)[:, :3]
+    a, b, drum = table.node.T
+    length = table.length + (x[drum, 0] - table.origin)
+    along = (x[b] - x[a]) / length[:, None]
+    at = np.concatenate((12 * a[:, None] + np.arange(3), 12 * b[:, None] + np.arange(3), 12 * drum[:, None]), axis=1)
+    blocks, places = [], []
+    for place in (0.5 - GAUSS, 0.5 + GAUSS):
+        w = np.zeros((len(at), 3, 7))
+        w[:, :, :3], w[:, :, 3:6] = (1.0 - place) * np.eye(3), place * np.eye(3)
+        w[:, :, 6] = (table.below - place)[:, None] * along
+        blocks.append((0.5 * table.mass * length / table.segments)[:, None, None] * np.swapaxes(w, 1, 2) @ w)
+        places.append(at)
+    # what is on the drum moves with it and around it
+    k = table.first
+    store = np.where(table.stored > 0.0, table.stored * (np.where(table.stored > 0.0, table.total, 0.0) - length[k]), 0.0)
+    on = np.zeros((k.size, 7, 7))
+    on[:, np.arange(3), np.arange(3)] = store[:, None]
+    on[:, 6, 6] = store + table.inertia
+    values, where = np.concatenate((*blocks, on)), np.concatenate((*places, at[k]))
+    rows, columns = np.broadcast_arrays(where[:, :, None], where[:, None, :])
+    return sparse.csr_matrix((values.reshape(-1), (rows.reshape(-1), columns.reshape(-1))), shape=(q.size, q.size))
 
 
 def add_motion(model: Any, q: Array, v: Array, out: Array) -> None:

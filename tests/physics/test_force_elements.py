@@ -14,6 +14,7 @@ ARM = fb.RigidBody("arm", mass=2.0, inertia=(0.1, 0.2, 0.25), position=(0, 0, 0)
 LEG = fb.RigidBody("leg", mass=1.0, inertia=(0.05, 0.04, 0.06), position=(1.0, 0.2, 0), spin=(-0.7, 0.3, 1.0))
 ENDS = ARM.point((0.2, 0.1, 0)), LEG.point((-0.1, 0.15, 0.05))
 AXES = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+BLOCK = fb.RigidBody("block", mass=2.0, inertia=(0.1, 0.1, 0.1), position=(0, 0, 0))
 START = AXES @ np.array([0.7, 0.25, 0.05])
 
 
@@ -122,6 +123,54 @@ def test_beams_on_elements_have_equilibria_and_modes_as_on_bushings(weight: floa
         np.testing.assert_allclose(of_own.frequencies, of_built.frequencies, rtol=1e-7)
         np.testing.assert_allclose(of_own.damping_ratios, of_built.damping_ratios, rtol=1e-6)
         assert np.max(of_own.damping_ratios) > 0.01
+
+
+def hard(t, position, rotation, velocity, spin, parameters, force, moment):
+    """A polynomial of the first coordinate."""
+    x = position[0]
+    force[0] = parameters[3] - parameters[0] * x - parameters[1] * x * x - parameters[2] * x**3
+
+
+def guided(*parameters: float) -> fb.Scene:
+    guide, push = fb.PrismaticJoint(fb.GROUND, BLOCK, "guide", axis=(1, 0, 0)), fb.Load("push", BLOCK, force=(1.0, 0, 0))
+    return fb.Scene(BLOCK, guide, push, fb.ForceElement(fb.GROUND.point((0, 0, 0)), BLOCK.center, "soft", law=hard,
+                                                        parameters=parameters))
+
+
+def on_a_guide(*parameters: float) -> fb.Model:
+    return fb.compile_scene(guided(*parameters), planar=False)
+
+
+def test_it_acts_in_full_at_every_load_factor() -> None:
+    """Rows of an equilibrium, and its mode: F + 0.5 = 100 x + 20 x^3."""
+    model = on_a_guide(100.0, 0.0, 20.0, 0.5)
+    rest = fb.solve_static(model, load_step=0.25, points={"block": BLOCK})
+    x = rest.point("block")[1:, 0]
+    assert len(x) >= 3
+    np.testing.assert_allclose(100.0 * x + 20.0 * x**3 - 0.5, rest.t[1:], rtol=0, atol=1e-11)
+    found = fb.modes(model, state=rest.state, n=1)
+    np.testing.assert_allclose(found.frequencies[0], np.sqrt((100.0 + 60.0 * x[-1]**2) / 2.0) / (2.0 * np.pi), rtol=1e-8)
+
+
+def test_a_path_goes_through_the_limit_points_of_a_law() -> None:
+    """F = 10 x - 30 x^2 + 20 x^3, with limit points at F = +-10/sqrt(108)."""
+    model = on_a_guide(10.0, -30.0, 20.0, 0.0)
+    path = fb.solve_path(model, to=1.2, step=0.2, largest_step=0.4, points={"block": BLOCK})
+    x = path.point("block")[:, 0]
+    np.testing.assert_allclose(10.0 * x - 30.0 * x**2 + 20.0 * x**3, path.series["load_factor"], rtol=0, atol=1e-11)
+    limits = [e["load_factor"] for e in path.info["critical_points"]]
+    np.testing.assert_allclose(limits, np.array([1.0, -1.0]) * 10.0 / np.sqrt(108.0), rtol=1e-10)
+    with pytest.raises(fb.SceneError, match="two times of at_time= tell no path"):
+        fb.solve_path(model, at_time=(0.0, 1.0))
+
+
+def test_what_does_not_know_force_elements_says_so() -> None:
+    model = on_a_guide(100.0, 0.0, 20.0, 0.0)
+    for call, says in ((lambda: fb.sensitivity(lambda k: guided(k, 0.0, 20.0, 0.0), {"k": 100.0}), "'soft' is a function whose"),
+                       (lambda: fb.adjoint_run(model, t_end=0.1, step=0.01), "user forces"),
+                       (lambda: fb.solve_static(model, steady=fb.Spin(1.0)), "'soft' is not known in a steady motion")):
+        with pytest.raises(fb.SceneError, match=says):
+            call()
 
 
 def test_laws_that_cannot_be_are_refused() -> None:

@@ -105,6 +105,43 @@ def test_a_pendulum_between_wide_stops_hangs_down() -> None:
     np.testing.assert_allclose(angle(result), 0.5 * np.pi, rtol=0.0, atol=1e-11)
 
 
+def pulled(planar: Any = "auto", **options: Any) -> fb.Model:
+    """The arm of `arm`, lifted by t N at its centre."""
+    part = body("arm", (0.5, 0, 0))
+    pivot = fb.RevoluteJoint(fb.GROUND, part.point((-0.5, 0, 0)), "pivot", axis=(0, 1, 0), **options)
+    lift = fb.Load("lift", part, force=(0, 0, 1), time=lambda t: t)
+    return fb.compile_scene(fb.Scene(part, pivot, lift, gravity=(0, 0, -G)), planar=planar)
+
+
+@SPACE_AND_PLANE
+def test_load_factors_between_which_friction_holds_a_lever(planar: Any) -> None:
+    """Of all loads, of one load alone, with friction that grows with the force on the pin, a motor, a stop."""
+    for options, turns in (({}, 0.5 * G), ({"torque": 3.0}, 0.5 * G + 3.0)):
+        found = fb.stick_interval(arm(planar, friction=5.0, **options), "pivot", load_factor=0.5, within=(-5.0, 5.0))
+        np.testing.assert_allclose((found.low, found.high), np.array([-5.0, 5.0]) / turns, rtol=1e-12)
+    for options, most in (({"friction": 2.0}, 2.0 / 0.5), ({"friction": 1.0, "coefficient": 0.3, "radius": 0.1}, 1.0 / 0.47)):
+        found = fb.stick_interval(pulled(planar, **options), "pivot", at_time=(0.0, 1.0), load_factor=G, within=(0.0, 50.0))
+        np.testing.assert_allclose((found.low, found.high), (G - most, G + most), rtol=1e-12)
+    found = fb.stick_interval(arm(planar, friction=5.0, stops=fb.Stops(-1.0, 0.0)), "pivot", load_factor=0.5, within=(-5.0, 5.0))
+    assert found.high == np.inf and found.low == pytest.approx(-10.0 / G, rel=1e-12)
+    # one that has slipped is at the end of its interval
+    found = fb.stick_interval(arm(planar, friction=2.0), "pivot", within=(-3.0, 3.0))
+    np.testing.assert_allclose((found.low, found.high), (-1.0, 1.0), rtol=2e-5)
+
+
+def test_intervals_of_joints_say_what_is_wrong() -> None:
+    part = body("arm", (0.5, 0, 0))
+    joint = fb.CylindricalJoint(fb.GROUND, part, "tube", axis=(0, 1, 0), friction=(1.0, 2.0))
+    tube = fb.compile_scene(fb.Scene(part, joint, fb.Load("push", part, force=(0, 1.0, 0))))
+    with pytest.raises(fb.SceneError, match="friction on 2 coordinates; name one of them, .*distance of cylindrical joint"):
+        fb.stick_interval(tube, "tube")
+    found = fb.stick_interval(tube, "distance of cylindrical joint 'tube'", load_factor=0.5, within=(-9.0, 9.0))
+    np.testing.assert_allclose(np.abs((found.low, found.high)), found.high, rtol=1e-12)
+    assert found.high in (pytest.approx(1.0, rel=1e-12), pytest.approx(2.0, rel=1e-12))
+    with pytest.raises(fb.SceneError, match="joint 'pivot' has no friction that could hold it"):
+        fb.stick_interval(arm(stops=fb.Stops(-1.0, 0.0)), "pivot")
+
+
 @SPACE_AND_PLANE
 def test_friction_holds_an_arm_or_lets_it_go_to_where_it_is_full(planar: Any) -> None:
     held = fb.solve_static(arm(planar, friction=5.0))

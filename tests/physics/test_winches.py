@@ -136,7 +136,7 @@ def test_what_a_rope_cannot_be_is_refused() -> None:
     with pytest.raises(fb.SceneError, match=r"length_at\(2\) = 0 m"):
         rope.length_of(2.0)
     model = fb.compile_scene(fb.Scene(crate, rope))
-    for wrong in (lambda: fb.modes(model), lambda: fb.relax(model), lambda: fb.simulate(model, t_end=1.0, step=0.1,
+    for wrong in (lambda: fb.relax(model), lambda: fb.simulate(model, t_end=1.0, step=0.1,
                                                                                         method="midpoint"),
                   lambda: fb.simulate(model, t_end=1.0, step=0.1, observe=("inner",))):
         with pytest.raises(fb.SceneError, match="winches"):
@@ -180,3 +180,82 @@ def test_a_rope_hangs_at_rest() -> None:
     # the drum holds the weight but for the energy of the stretch
     tension = (500.0 + 1.5 * 49.0) * G
     assert abs(-result.reaction("hoist")["force"][-1, 0] / tension - 1.0) < 1e-3
+
+
+def test_a_tether_that_falls_slack_closes_its_books() -> None:
+    """1 km between a body and a probe, paid out faster than it is drawn: iterations over the kink of slack segments converge
+    slowly, and the work of the drum is that of the end of them."""
+    main = fb.RigidBody("main", mass=500.0, inertia=(50, 60, 70), position=(0, 0, 0))
+    probe = fb.PointMass("probe", mass=1.0, position=(1000.0, 0, 0), velocity=(3.0, 2.0, 1.0))
+    tether = fb.Winch("tether", main.center, probe, stiffness=8e6, mass_per_length=0.05, segments=32,
+                      length_at=lambda t: 1000.0 + 6.0 * smooth(t, 5.0))
+    result = fb.simulate(fb.compile_scene(fb.Scene(main, probe, tether)), t_end=40.0, step=0.1, every=5, progress=False)
+    assert np.max(result.series["strain"]) > 1.0 and result.series["iterations"].max() > 6
+    assert abs(result.drift("balance")) < 1e-11 and abs(result.drift("lin_mom")) < 1e-12
+
+
+# --- vibrations, pictures ------------------------------------------------------------------------------------------------
+def hung(**more: Any) -> tuple[fb.Model, fb.PointMass, fb.Result]:
+    """A mass of 10 kg at rest on a rope without mass, one segment of 9.9 m."""
+    bob = fb.PointMass("bob", mass=10.0, position=(0, 0, -10.0))
+    rope = fb.Winch("rope", ORIGIN, bob, stiffness=2e4, mass_per_length=1e-9, segments=1, length=9.9, **more)
+    springs = [fb.Spring(rope.coil, fb.GROUND.point((-1.0, 0, 0)), "brake", stiffness=3000.0)] if more else []
+    model = fb.compile_scene(fb.Scene(bob, rope, *springs, gravity=(0, 0, -G)))
+    return model, bob, fb.solve_static(model, points={"bob": bob, "drum": rope.coil})
+
+
+def test_modes_and_responses_of_a_pendulum_on_a_winch() -> None:
+    """sqrt(g/l) with the length that the weight has drawn it to, and sqrt(EA/(L m)) along the rope."""
+    model, bob, rest = hung()
+    length = -rest.point("bob")[-1, 2]
+    np.testing.assert_allclose(length, 9.9 * (1.0 + 10.0 * G / 2e4), rtol=1e-11)
+    found = 2.0 * np.pi * fb.modes(model, state=rest.state, n=3).frequencies
+    np.testing.assert_allclose(found, np.sqrt([G / length, G / length, 2e4 / 99.0]), rtol=1e-9)
+    f = np.array([0.05, 0.1, 0.3])
+    push = fb.Load("push", bob, force=(1.0, 0, 0))
+    response = fb.frequency_response(model, f, state=rest.state, loads=push, points={"bob": bob}).point("bob")[:, 0]
+    np.testing.assert_allclose(response, 0.1 / (G / length - (2.0 * np.pi * f)**2), rtol=1e-8)
+
+
+def test_modes_of_a_drum_that_turns_against_a_spring() -> None:
+    """U = EA (l - L)^2/(2 L) + k (L - L_0)^2/2, masses m on l and the inertia of the drum on L."""
+    from scipy.linalg import eigh
+    model, _, rest = hung(inertia=4.0, tension=0.0)
+    length, free = -rest.point("bob")[-1, 2], 9.9 + rest.point("drum")[-1, 0]
+    of_rope = 2e4 * np.array([[1.0 / free, -length / free**2], [-length / free**2, length**2 / free**3]])
+    exact = np.sqrt([G / length, G / length, *eigh(of_rope + np.diag([0.0, 3000.0]), np.diag([10.0, 4.0]))[0]])
+    np.testing.assert_allclose(2.0 * np.pi * fb.modes(model, state=rest.state, n=4).frequencies, exact, rtol=1e-8)
+
+
+def test_modes_of_a_taut_rope_are_those_of_its_segments_and_of_a_string() -> None:
+    n, length, chord, stiffness, mass = 16, 9.9, 10.0, 1e4, 0.3
+    end = fb.PointMass("end", mass=1.0, position=(chord, 0, 0))
+    rope = fb.Winch("rope", ORIGIN, end, stiffness=stiffness, mass_per_length=mass, segments=n, length=length)
+    model = fb.compile_scene(fb.Scene(end, rope, fb.Pin(end)))
+    found = fb.modes(model, state=fb.solve_static(model).state, n=6).frequencies
+    tension, angle = stiffness * (chord - length) / length, np.repeat(np.arange(1, 4) * np.pi / n, 2)
+    own = np.sqrt(6.0 * tension / (chord / n * mass * length / n) * (1.0 - np.cos(angle)) / (2.0 + np.cos(angle))) / (2.0 * np.pi)
+    np.testing.assert_allclose(found, own, rtol=1e-12)
+    np.testing.assert_allclose(found[0], np.sqrt(tension / (mass * length / chord)) / (2.0 * chord), rtol=2e-3)
+
+
+def test_ropes_are_drawn_as_lines(tmp_path: Any) -> None:
+    from fastbeam.drawing import Shapes
+    from fastbeam.lines import Lines
+    bob = fb.PointMass("bob", mass=10.0, position=(0, 0, -10.0))
+    rope = fb.Winch("rope", ORIGIN, bob, stiffness=2e4, mass_per_length=0.1, segments=4, length_at=lambda t: 9.9 + 0.1 * t * t)
+    beam = fb.Beam.straight("beam", (5, 0, 0), (5, 0, -1), section=fb.Section.circle(radius=0.1, E=1e9, rho=1.0), elements=2)
+    model = fb.compile_scene(fb.Scene(bob, rope, beam, fb.Clamp(beam.start), gravity=(0, 0, -G)))
+    result = fb.simulate(model, t_end=0.5, step=0.01, snapshots=5, progress=False)
+    result.save(tmp_path / "r.h5")
+    for x in (result, fb.load_result(tmp_path / "r.h5")):
+        lines = Lines(x.names, x.phi.shape[1])
+        assert lines.labels == ["beam", "rope"]
+        points = lines.points(x.phi[-1])[lines.starts[1]:]
+        assert points.shape == (5, 3) and not np.any(points[0]) and points[-1, 2] < -9.9 and np.all(np.diff(points[:, 2]) < 0.0)
+    shapes = Shapes(result)
+    # the load alone is a dot, and the drum, a length, does not widen the picture
+    assert len(shapes.dots(0)) == 1 and np.max(np.abs(shapes.everything[:, 0])) < 5.0 + 1e-9
+    result.to_vtk(tmp_path / "r.vtkhdf")
+    with pytest.raises(fb.SceneError, match="an entry of 'ropes' must hold nodes"):
+        result._check_names(3)

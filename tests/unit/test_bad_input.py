@@ -265,7 +265,8 @@ NOTHING = among(None)
 SOME_OF_TIME = is_list_of(either(NOTHING, OF_TIME))
 IN_EACH = dict(stiffness=VECTOR, damping=VECTOR, rest=VECTOR, friction=VECTOR, speed=SOME_OF_TIME,
                drive=is_list_of(either(NOTHING, is_a(fb.Drive))), stops=is_list_of(either(NOTHING, is_a(fb.Stops))))
-SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function))
+SUPPORT = dict(at=NODE, name=is_text, axes=is_text, until=either(is_real, is_function),
+               since=either(is_real, is_function))
 COMMON = dict(section=SECTIONS, elements=either(is_count, VECTOR), degree=is_count, interpolation=is_text, directors=is_text,
               strain=is_text, prestrain=is_real, prestress=is_real)
 BAR = dict(section=SECTION, elements=2)
@@ -324,7 +325,7 @@ def calls(folder: Path) -> dict[str, Call]:
             name=is_text, on=one_of(fb.Beam, fb.Net, fb.PointMass, fb.RigidBody), normal=is_real, tangential=is_real)),
         "PrescribedMotion": Call(fb.PrescribedMotion, dict(name="p", at=BEAM.start, displacement=lambda t: (t, 0, 0)), dict(
             name=is_text, at=NODE, position=is_function, displacement=is_function, rotation=is_function, axes=is_text,
-            until=either(is_real, is_function))),
+            until=either(is_real, is_function), since=either(is_real, is_function))),
         **{f"PrescribedMotion.{name}": Call(getattr(fb.PrescribedMotion("p", BEAM.start, displacement=lambda t: (t, 0, 0)), name),
                                             dict(t=0.5), dict(t=is_real)) for name in ("place", "turn")},
         "Signal": Call(fb.Signal, dict(times=np.arange(4.0), values=np.zeros(4)), dict(

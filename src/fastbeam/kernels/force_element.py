@@ -2,7 +2,8 @@
 
 The law is given means over the step of the products u_i = r . D_i and c_ij = D_i . E_j of bushing.py, their differences over the
 step as velocity and spin, and gives force and moment in the axes D_i, whose means turn them into space. The force acts at the
-point of b on both sides, so that momenta stay; what it takes from the energy is accounted.
+point of b on both sides, so that momenta stay; what it takes from the energy is accounted. In statics it acts in full at every
+load factor, as springs and bushings do.
 
 Arrays: q0, q1 [12 N].
 """
@@ -17,7 +18,7 @@ from .algebra import call_force, cross, dot
 from .joint_conditions import direction
 from .kinds import add_to, position, zero_vector
 from .terms import account, assemble, spread_nodes
-from .user_force import FACTOR, FOUND, GIVEN, INCREMENT, KEPT, OTHER, RATES, TIME, WRENCH, Laws, displace
+from .user_force import FOUND, GIVEN, INCREMENT, KEPT, OTHER, RATES, TIME, WRENCH, Laws, displace
 
 
 class ForceElements(NamedTuple):
@@ -104,7 +105,7 @@ def add_slopes(term, k, side, system, h):
             q1[o + j] = turn[9 + j]
         for i in range(12):
             change = (w[OTHER + i] - w[WRENCH + i]) / (2.0 * size)
-            work.blocks[48 * term.block[k, 2 * (i // 6) + side] + 8 * (i % 6) + c] -= w[FACTOR] * change
+            work.blocks[48 * term.block[k, 2 * (i // 6) + side] + 8 * (i % 6) + c] -= change
 
 
 @assemble.register(ForceElements)
@@ -114,7 +115,7 @@ def assemble_force_elements(term, method, system, h):
     for k in range(term.place.shape[0]):
         evaluate_both(term, k, system.state.q, work.q_end, h, system.dofs)
         for i in range(12):
-            work.r[8 * term.row[k, i // 6] + i % 6] -= w[FACTOR] * w[WRENCH + i]
+            work.r[8 * term.row[k, i // 6] + i % 6] -= w[WRENCH + i]
         for side in range(2):
             add_slopes(term, k, side, system, h)
 
@@ -135,4 +136,4 @@ def account_force_elements(term, system, h):
             n = term.node[k, side]
             for i in range(3):
                 total += w[WRENCH + 6 * side + i] * work.dphi[3 * n + i] + w[WRENCH + 6 * side + 3 + i] * work.theta[3 * n + i]
-        state.history[term.place[k]] -= w[FACTOR] * total
+        state.history[term.place[k]] -= total

@@ -16,6 +16,9 @@ from .terms import account, assemble, first_guess, is_settled, put_loads
 
 # iterations that have to be asked whether a step may end: the last one evaluates reactions at the end of the step
 ASKED = 2
+# they are asked again while the work of reactions is expected to change by more than this share of it: where increments converge
+# slowly, over the kink of a rope that becomes slack, one iteration is not enough. So often at most, and in so many iterations
+CHANGES, MOST_ASKED, MOST_ITERATIONS = 1e-13, 6, 24.0
 
 
 class Prescribed(NamedTuple):
@@ -29,6 +32,7 @@ class Prescribed(NamedTuple):
     given: np.ndarray     # float64 [M, 6], in a plane [M, 3]: increments of the step, position, m, and Cayley vector
     reaction: np.ndarray  # float64 [M, 6], in a plane [M, 3]: forces, N, and moments, N m, on the nodes
     asked: np.ndarray     # int64 [1]: how often this step was asked whether it is done
+    works: np.ndarray     # float64 [4]: work of all reactions in the last three iterations, J, the newest first; their number
 
 
 class MovedRows(NamedTuple):
@@ -61,6 +65,7 @@ def move_supports(term, system, h, c):
     d = dim(dofs)
     spins = len(dofs) - d
     term.asked[0] = 0
+    term.works[3] = 0.0
     for k in range(term.node.shape[0]):
         n = term.node[k]
         m = term.motion[k]
@@ -79,14 +84,33 @@ def take_reactions(term, method, system, h):
     for m in range(of.row.shape[0]):
         for c in range(len(system.dofs)):
             of.reaction[m, c] = r[8 * of.row[m] + c]
+    of.works[2], of.works[1], of.works[0] = of.works[1], of.works[0], work_of_reactions(of, system)
+    of.works[3] += 1.0
+
+
+@kernel
+def work_of_reactions(of, system):
+    """Of all of them in the step, J."""
+    total = 0.0
+    for m in range(of.row.shape[0]):
+        for c in range(len(system.dofs)):
+            if (of.mask[m] >> c) & 1:
+                total += of.reaction[m, c] * of.given[m, c]
+    return total
 
 
 @is_settled.register(MovedRows)
 @kernel
 def reactions_are_those_of_the_end(term, system):
-    """One more iteration: reactions are those before the last increment."""
-    term.of.asked[0] += 1
-    return term.of.asked[0] >= ASKED
+    """One more iteration: reactions are those before the last increment. More where their work still changes: the next change of
+    an iteration that squares its errors is the last one times the square of their ratio."""
+    of = term.of
+    of.asked[0] += 1
+    if of.asked[0] < ASKED or of.works[3] < 3.0 or of.asked[0] >= MOST_ASKED or of.works[3] >= MOST_ITERATIONS:
+        return of.asked[0] >= ASKED
+    last, before = abs(of.works[0] - of.works[1]), abs(of.works[1] - of.works[2])
+    ratio = min(last / before, 1.0) if before > 0.0 else 0.0
+    return last * ratio * ratio <= CHANGES * abs(of.works[0])
 
 
 @account.register(MovedRows)

@@ -36,7 +36,8 @@ class ForceElement(Link):
     It writes force[:] (N) and moment[:] (N m) on b, in the same axes, both 0 when it is called. At the point of b the
     opposite acts on a, so that both momenta stay (theory.md (4.33)). Its derivatives are taken by differences; what it takes
     from the energy, elastic or not, is `work taken by ...` in `Result.balance`. In space, with conserving steps, of order 4
-    by two runs; in statics velocity and spin are 0 and the load factor scales it.
+    by two runs; in statics, also in `solve_path`, velocity and spin are 0, and it acts in full at every load factor, as
+    springs do.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from fastbeam.scene import checks
 from fastbeam.scene.checks import Array, NodeField, Rotation, UntilLike, called, noun, tried
 from fastbeam.scene.parts import Node
 from fastbeam.scene.sliding import FORWARD, SHORT
-from fastbeam.scene.supports import AXES, SomeAxes, Until, mask_of
+from fastbeam.scene.supports import AXES, SomeAxes, Until, check_since, mask_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -81,7 +81,7 @@ class Moving:
 
 
 @checked(name=Name(), at=Node(), position=Moving(), displacement=Moving(), rotation=Moving(turns=True), axes=SomeAxes(),
-         until=Until())
+         until=Until(), since=Until())
 @noun
 class PrescribedMotion:
     """Moves a node as a function of time: base excitation, moving supports, displacement control in time (theory.md (4.11)).
@@ -106,6 +106,9 @@ class PrescribedMotion:
         motion.
     until : float or callable
         When it lets go for good, as for a `Clamp`: the node goes on with its velocity.
+    since : float or callable
+        When it takes hold, as for a `Clamp`: the node takes the velocity of the motion, and moves by what `displacement` and
+        `rotation` change by from then on.
 
     Raises
     ------
@@ -133,8 +136,12 @@ class PrescribedMotion:
     rotation: Callable[[float], ArrayLike] | None = None
     axes: str = AXES
     until: UntilLike | None = None
+    since: UntilLike | None = None
 
     def __post_init__(self) -> None:
+        check_since(self.label, self.since, self.until)
+        if self.since is not None and self.position is not None:
+            raise SceneError(f"{self.label}: since: the node is caught where it is then; give displacement instead of position")
         if self.position is not None and self.displacement is not None:
             raise SceneError(f"{self.label}: give position or displacement, not both")
         if self.position is None and self.displacement is None and self.rotation is None:
@@ -188,9 +195,9 @@ class PrescribedMotion:
             return np.eye(3)
         return take(_turn, f"{self.label}: rotation(t) at t = {t:.6g} s", called(self.label, "rotation", self.rotation, t))
 
-    def rates(self) -> tuple[Array, Array]:
-        """Velocity, m/s, and angular velocity in space, rad/s, at t = 0."""
-        times = SHORT * np.arange(5)
+    def rates(self, t: float = 0.0) -> tuple[Array, Array]:
+        """Velocity, m/s, and angular velocity in space, rad/s, at time t."""
+        times = t + SHORT * np.arange(5)
         places, turns = np.array([self.place(t) for t in times]), np.array([self.turn(t) for t in times])
         relative = turns @ turns[0].T
         spins = np.stack((relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],

@@ -43,13 +43,24 @@ class Until:
             raise Refusal(f"must be a finite time in s or a function of (t, state), got {shown(value)}") from None
 
 
+def check_since(who: str, since: Any, until: Any) -> None:
+    """A support that takes hold and lets go at given times does so in this order.
+
+    Raises
+    ------
+    SceneError
+    """
+    if isinstance(since, float) and isinstance(until, float) and not until > since:
+        raise SceneError(f"{who}: until={until:.6g} s must lie after since={since:.6g} s")
+
+
 def mask_of(axes: str) -> int:
     """Bits of the components of a position that are held."""
     return sum(1 << AXES.index(letter) for letter in axes)
 
 
 @checked(at=Node(), name=Name("each support holds one node, write one for every node"), axes=SomeAxes(),
-         until=Until())
+         until=Until(), since=Until())
 @noun
 class _Support:
     """Common part of Clamp and Pin: a node and a name that is made from it when left out."""
@@ -62,11 +73,13 @@ class _Support:
     _: KW_ONLY
     axes: str = AXES
     until: UntilLike | None = None
+    since: UntilLike | None = None
 
     def __post_init__(self) -> None:
         if self.name is None:
             along = "" if self.mask & 7 == 7 else f" along {self.axes}"
             checks.fill(self, name=f"{self.kind} of {self.at.label}{along}")
+        check_since(str(self.name), self.since, self.until)
 
     @property
     def mask(self) -> int:
@@ -87,6 +100,9 @@ class Clamp(_Support):
     until : float or callable
         When it lets go for good: a time, s, or as soon as a function of (t, state) is not negative, or returns True. Neither the
         motion nor the energy jumps there.
+    since : float or callable
+        When it takes hold: a time, s, or as soon as a function of (t, state) is not negative, or returns True. It holds the node
+        where it is then, and the impact takes the kinetic energy that this costs (theory.md (4.11a)).
 
     Raises
     ------
@@ -116,6 +132,8 @@ class Pin(_Support):
         Letters of the axes of space along which the position is held.
     until : float or callable
         When it lets go for good, as for a `Clamp`.
+    since : float or callable
+        When it takes hold, as for a `Clamp`.
 
     Raises
     ------
