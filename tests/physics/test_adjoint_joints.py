@@ -41,7 +41,10 @@ def arm(kind: str, flat: bool = True, EI: float = 5.0, m: float = 0.7, pull: flo
              fb.RevoluteJoint(a.end, at, axis=(0, 1, 0.3 * y), **case))
     support: Any = fb.Clamp(a.start)
     if kind.startswith("a support"):
-        turns = dict(rotation=lambda t: np.eye(3) + np.sin(2 * t) * TURN + (1 - np.cos(2 * t)) * TURN @ TURN) if "turns" in kind else {}
+        def turn(t: float) -> Array:
+            return np.asarray(np.eye(3) + np.sin(2 * t) * TURN + (1 - np.cos(2 * t)) * TURN @ TURN)
+
+        turns: dict[str, Any] = dict(rotation=turn) if "turns" in kind else {}
         support = fb.PrescribedMotion("base", a.start, displacement=lambda t: (0.3 * t * t, 0, 0.1 * np.sin(9 * t)), **turns)
     scene = fb.Scene(a, body, support, joint, fb.Load("pull", a.end, force=(0, 0.3 * y * pull, pull)), gravity=(0, 0, g))
     return scene, {"tip": a.end, "body": body.point((0.1, 0, 0.1))}

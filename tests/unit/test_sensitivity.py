@@ -26,7 +26,7 @@ def no_wind(t, position, directors, velocity, spin, parameters, force, moment) -
 def bead(friction: Any = None, **forces: Any) -> fb.Scene:
     beam, mass = straight("rail", (0, 0, 0), (3, 0, 0)), fb.PointMass("bead", mass=0.5)
     return fb.Scene(beam, mass, fb.Clamp(beam.start), fb.Clamp(beam.end),
-                    fb.Slider("ring", mass, beam, at=1.0, friction=friction, **forces), gravity=(0, 0, -1), name="bead")
+                    fb.Slider("run", mass, beam, at=1.0, friction=friction, **forces), gravity=(0, 0, -1), name="bead")
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -111,8 +111,8 @@ def test_a_parameter_that_leads_out_of_the_plane() -> None:
 
 
 def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
-    for lets_go, what in ((dict(stops=fb.Stops(0.1, 1.0)), "rigid stops .* of slider 'ring'"),
-                          (dict(release=fb.Release("end")), "releases of slider 'ring'")):
+    for lets_go, what in ((dict(stops=fb.Stops(0.1, 1.0)), "rigid stops .* of slider 'run'"),
+                          (dict(release=fb.Release("end")), "releases of slider 'run'")):
         with pytest.raises(fb.SceneError, match=f"adjoint_run: steps with {what} have no adjoint here; use differences of runs"):
             fb.adjoint_run(fb.compile_scene(bead(None, **lets_go)), t_end=0.1, step=0.01)
     scene, points = tip()

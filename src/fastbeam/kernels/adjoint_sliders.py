@@ -53,7 +53,7 @@ def put_branch(term, system, steps, h, k, back):
 
 @generic
 def put_start(term, system, steps, h, k):
-    """After the tangent of step k backward in time: sliding equations by the places at its start, where they are not symmetric."""
+    """After the tangent of step k backward in time: sliding equations that are not symmetric, by the places at its start."""
 
 
 @generic
