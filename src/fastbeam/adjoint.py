@@ -1,4 +1,4 @@
-"""Runs with gradients: the discrete adjoint of conserving steps (theory.md (13.9) to (13.11))."""
+"""Runs with gradients: the discrete adjoint of conserving steps (theory.md (13.9) to (13.15))."""
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,5 @@
 """The adjoint recursion over the steps of a run: kernels where block elimination solves, PARDISO or SuperLU around them elsewhere
-(theory.md (13.9) to (13.11))."""
+(theory.md (13.9) to (13.15))."""
 from __future__ import annotations
 
 import time
