@@ -72,7 +72,8 @@ def run(elements: int, steps: int, h: float = 2e-3, slides: bool = False) -> Non
             best = np.minimum(best, np.diff(begin))
     sections = sum(9 * len(x.rhoA) for x in by.sections.values())
     plain, forward, backward = best.tolist()
-    print(f"{'cable with a sleeve' if slides else 'chain'} of {elements} cubic elements, {model.n_unknowns} unknowns, {steps} steps, "
+    label = "cable with a sleeve" if slides else "chain"
+    print(f"{label} of {elements} cubic elements, {model.n_unknowns} unknowns, {steps} steps, "
           f"{np.mean(result.series['iterations'][1:]):.2f} iterations a step")
     print(f"  simulate                                      {plain:8.2f} s")
     print(f"  adjoint_run: the same, steps kept             {forward:8.2f} s   {forward / plain:.2f} of simulate")

@@ -72,7 +72,7 @@ def usual(run: Any, by: Any) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("name", ["slips", "comes to rest", "smoothed", "stops", *(
-    pytest.param(name, marks=pytest.mark.slow) for name in ("free", "law", "free, space", "slips, space", "comes to rest, space"))])
+    pytest.param(x, marks=pytest.mark.slow) for x in ("free", "law", "free, space", "slips, space", "comes to rest, space"))])
 def test_a_body_in_a_sleeve(name: str) -> None:
     key, flat = name.split(",")[0], not name.endswith("space")
     case, given = dict(CASES[key], flat=flat), weights(flat)
