@@ -1,4 +1,4 @@
-"""Runs with gradients: the discrete adjoint of conserving steps (theory.md (13.9) to (13.11))."""
+"""Runs with gradients: the discrete adjoint of conserving steps (theory.md (13.9) to (13.15))."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -11,10 +11,12 @@ from .arguments import Anything, Count, Names, Number, Word, checked, numbers, s
 from .backward import Backward, Stretch, Sums, Weights
 from .dynamics import failure
 from .errors import ConvergenceError, SceneError
+from .kernels.along import MOST_FLIPS
 from .kernels.ball_joint import BallJoints
 from .kernels.bushing import Bushings
 from .kernels.distance_joint import DistanceJoints
 from .kernels.joint_conditions import JointConditions
+from .kernels.joint_coordinates import VALUE
 from .kernels.spring import Springs
 from .kernels.spring_laws import SpringLaws
 from .kernels.step import OK
@@ -25,6 +27,7 @@ from .newton import Stepper
 from .observe import POINTS, Observer
 from .plane import TOLERANCE
 from .scene.checks import Place
+from .scene.switches import Switch
 from .section_gradient import beam_numbers
 from .starting import check_start
 from .statics import START
@@ -66,6 +69,28 @@ class RunSectionGradient(NamedTuple):
                 + np.sum(self.viscosity * np.asarray(viscosity), axis=(1, 2)))
 
 
+class RunSliderGradient(NamedTuple):
+    """Derivatives by what acts along the beam on a slider, in a run of n steps (theory.md (13.15)).
+
+    Attributes
+    ----------
+    forces : float64 [n]
+        By a force in the direction of growing s during every step, N; 0 where its motion is given, or friction holds it. Of a
+        parameter of a drive: times the derivatives of its force by the parameter, at the middle of steps.
+    places : float64 [n]
+        Of a drive with `position`: by its place at the end of every step, m; with `speed`: by the way in every step, m.
+    friction : float
+        By the coefficient of friction.
+    viscous : float
+        By its viscous part, per N s/m.
+    """
+
+    forces: Array
+    places: Array
+    friction: float
+    viscous: float
+
+
 class RunGradient(NamedTuple):
     """Derivatives of one number of a run in n steps.
 
@@ -86,6 +111,8 @@ class RunGradient(NamedTuple):
         "load 'pull'", several with a comma between them.
     pushes : dict of str to float64 [n, 3]
         By a dead force on an observed point during every step, for loads that change in time.
+    sliders : dict of str to RunSliderGradient
+        By forces along the beam on all sliders and sleeves.
     """
 
     sections: dict[str, RunSectionGradient]
@@ -97,6 +124,7 @@ class RunGradient(NamedTuple):
     gravity: Array
     factors: dict[str, Array]
     pushes: dict[str, Array]
+    sliders: dict[str, RunSliderGradient]
 
 
 class AdjointRun:
@@ -121,6 +149,8 @@ class AdjointRun:
         self._points = Observer(model, (), points).points
         self._rows = {name: np.empty((2, n + 1, 3)) for name in self._points}
         self._saved: list[Any] = []
+        # step and slider whose friction no branch was found for
+        self._in_doubt: tuple[int, str] | None = None
         # all steps, or those of the newest stretch
         self._stretch: Stretch | None = None
         for first in range(0, n, every):
@@ -135,17 +165,27 @@ class AdjointRun:
         stepper, n = self._stepper, min(self._every, self.t.size - 1 - first)
         state, work = stepper.core_state, stepper.work
         nodes, dim = self.model.n_nodes, stepper.core.dim
+        values = np.zeros(0, np.int64) if self.model.motions is None else self.model.motions.every.place + VALUE
+        slides = 0 if stepper.along is None else state.s.size
         out = Stretch(first, np.empty((n + 1, state.q.size)), np.empty((n + 1, state.q.size)), np.empty((n, dim * nodes)),
                       np.empty((n, (len(stepper.core.dofs) - dim) * nodes)), np.empty((n + 1, state.s.size)),
-                      np.empty((n, state.force.size)))
+                      np.empty((n, state.force.size)), np.zeros((n, slides), np.int64), np.zeros((n, slides)),
+                      np.empty((n + 1, values.size)))
         for k in range(n + 1):
-            out.q[k], out.v[k], out.s[k] = state.q, state.v, state.s
+            out.q[k], out.v[k], out.s[k], out.values[k] = state.q, state.v, state.s, state.history[values]
             if k < n:
+                pivoting = stepper.linear.fallbacks
                 outcome = stepper.advance(0.0, self._h, 1, first + k)
                 if outcome.status != OK:
                     raise failure(stepper, outcome, float(self.t[first + k]), first + k)
                 out.dphi[k], out.theta[k] = work.dphi[:out.dphi.shape[1]], work.theta[:out.theta.shape[1]]
                 out.force[k] = state.force
+                if stepper.along is not None:
+                    along = stepper.along if stepper.linear.fallbacks == pivoting else stepper.fallback.along
+                    out.sign[k], out.rest[k] = along.sign, along.rest
+                    doubt = np.flatnonzero((along.flips >= MOST_FLIPS) & self.model.slider_forces.hold_by_friction)
+                    if doubt.size and self._in_doubt is None:
+                        self._in_doubt = first + k, self.model.names["sliders"][doubt[0]]
         return out
 
     def _again(self, first: int) -> Stretch:
@@ -208,12 +248,17 @@ class AdjointRun:
         Raises
         ------
         SceneError
-            No weights, or a point that was not observed.
+            No weights, a point that was not observed, or friction that neither slips nor sticks in a step.
         ConvergenceError
             The tangent of a step is singular.
         """
         if not points and not velocities:
             raise SceneError("gradient: needs weights of what it is the gradient of, as in gradient(points={'tip': (0, 0, 1)})")
+        if self._in_doubt is not None:
+            k, name = self._in_doubt
+            raise SceneError(f"gradient: in the step from t = {self.t[k]:.6g} s neither slipping nor sticking of slider {name!r} "
+                             "solved the equations; what was taken between them (theory.md 5.6) has no derivative; use smaller "
+                             "steps, or smoothing= in its friction")
         wanted = [*self._weights(points or {}, False), *self._weights(velocities or {}, True)]
         plane, n = self._stepper.plane, self.t.size - 1
         # what points out of the plane depends on what leads out of it
@@ -249,8 +294,11 @@ class AdjointRun:
         factors = {name: sums.factors[:, k].copy() for k, (name, time) in enumerate(zip(model.load_names, model.load_times))
                    if time is not None}
         pushes = {name: sums.pushes[:, k].copy() for k, name in enumerate(self._points)}
+        of = sums.sliders
+        sliders = {name: RunSliderGradient(of.along[:, k].copy(), of.place[:, k].copy(), float(of.friction[k]),
+                                           float(of.viscous[k])) for k, name in enumerate(model.names["sliders"])}
         return RunGradient(sections, masses, sums.forces, sums.moments, sums.velocities, sums.spins, sums.gravity, factors,
-                           pushes)
+                           pushes, sliders)
 
     def _weights(self, given: Mapping[str, ArrayLike], is_rate: bool) -> list[Weights]:
         out = []
@@ -278,8 +326,8 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     Parameters
     ----------
     model : Model
-        Beams, nets, bodies and masses with supports, joints, sliders, springs, dampers, bushings, drag, damped sections, loads
-        and gravity.
+        Beams, nets, bodies and masses with supports, joints, sliders, sleeves, their friction, drives and elastic stops, springs,
+        dampers, bushings, drag, damped sections, loads and gravity.
     t_end, step : float
         s; as many steps as fit, the last one ending within round-off of t_end.
     start : State, optional
@@ -296,29 +344,21 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     -------
     AdjointRun
         `.point(name)`, `.velocity(name)` at all steps; `.gradient(points={...})`: derivatives of a weighed sum of them by the
-        sections of all beams, masses, loads and what they do in every step, gravity, and initial velocities.
+        sections of all beams, masses, loads and what they do in every step, gravity, initial velocities, and forces along beams
+        on sliders.
 
     Raises
     ------
     SceneError
-        Friction, drives, stops and locks of sliders, sleeves, springs, motors and given motions of joints with axes, supports
-        that move or let go and user forces, whose steps have no adjoint here; steps that do not fit into t_end, or into the
-        memory.
+        Rigid stops, locks, releases, switches and one-sided contact of sliders, friction of twists in sleeves, friction and rigid
+        stops of joints, supports that move or let go, controllers and user forces, whose steps have no adjoint here; steps that
+        do not fit into t_end, or into the memory.
     ConvergenceError
         A step fails.
     """
     check_model("adjoint_run", model)
     check_backend(backend)
-    unknown = [name for name, there in (
-        ("friction, drives, stops, locks or contact that lets go", model.slider_forces is not None),
-        ("sleeves", model.sleeves is not None), ("sliders on nets of condensed beams", model.carriers is not None),
-        ("springs, dampers, motors, friction, stops or given motions of joints with axes", model.motions is not None and (
-            model.motions.acts or model.motions.holds.held.size > 0 or model.motions.holds.stopped.size > 0)),
-        ("supports that move", model.prescribed is not None), ("supports that let go or take hold", model.released is not None),
-        ("added mass", model.added is not None), ("user forces", model.user_forces), ("controllers", model.controllers),
-        ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy)),
-        ("links of other kinds than springs, dampers, bushings and joints", any(
-            not isinstance(x, SYMMETRIC) for x in model.links))) if there]
+    unknown = _without_adjoint(model)
     if unknown:
         raise SceneError(f"adjoint_run: steps with {', '.join(unknown)} have no adjoint here; use differences of runs")
     n = round(t_end / step)
@@ -335,3 +375,28 @@ def adjoint_run(model: Model, *, t_end: float, step: float, start: State | None 
     if start is not None:
         start, _ = check_start(model, start, step)
     return AdjointRun(model, Stepper(model, np.ones(1), start, max_iterations, backend), points or {}, step, n, every)
+
+
+def _without_adjoint(model: Model) -> list[str]:
+    """What a model has whose steps have no adjoint, with names."""
+    out = []
+    if model.slider_forces is not None:
+        for slider in model.slider_forces.sliders:
+            for what, there in (("locks", slider.lock is not None), ("releases", slider.release is not None),
+                                ("one-sided contact", slider.one_sided is not None),
+                                ("tracks of a switch", isinstance(slider.beam, Switch)),
+                                ("rigid stops (elastic ones, stiffness=, have one)",
+                                 slider.stops is not None and slider.stops.is_rigid)):
+                if there:
+                    out.append(f"{what} of slider {slider.name!r}")
+    out += [f"friction of the beam that turns in sleeve {model.names['sliders'][model.sleeve_pairs[k, 0]]!r} (radius=)"
+            for k in model.twisting]
+    if model.motions is not None:
+        out += [f"friction or rigid stops of {model.motions.labels[k]}" for k in model.motions.holds.rubs]
+    return out + [name for name, there in (
+        ("sliders on nets of condensed beams", model.carriers is not None),
+        ("supports that let go or take hold", model.released is not None),
+        ("added mass", model.added is not None), ("user forces", model.user_forces), ("controllers", model.controllers),
+        ("air that changes in time", model.dragged is not None and (model.dragged.timed or model.dragged.windy)),
+        ("links of other kinds than springs, dampers, bushings and joints", any(
+            not isinstance(x, SYMMETRIC) for x in model.links))) if there]

@@ -1,5 +1,5 @@
 """The adjoint recursion over the steps of a run: kernels where block elimination solves, PARDISO or SuperLU around them elsewhere
-(theory.md (13.9) to (13.11))."""
+(theory.md (13.9) to (13.15))."""
 from __future__ import annotations
 
 import time
@@ -13,7 +13,10 @@ from .assembly import strain_sets
 from .kernels import adjoint as kernels
 from .kernels.adjoint import Adjoint, Found, Steps, Wanted
 from .kernels.adjoint_border import Border, NoBorder
+from .kernels.adjoint_sliders import Sliders, TakenAlong
+from .kernels.along import Along
 from .kernels.section_sums import SectionSums
+from .kernels.slider import Sliding
 from .kernels.terms import Loads, NoTies
 from .kernels.work import aligned
 from .linsolve import SMALL, load_mkl
@@ -45,6 +48,10 @@ class Stretch(NamedTuple):
         Places of sliders.
     force : float64 [n, F]
         Of constraints.
+    sign, rest : int64, float64 [n, S]
+        Branches that Coulomb friction of sliders took; S = 0 where nothing acts along beams.
+    values : float64 [n + 1, C]
+        Coordinates of joints, counted over turns.
     """
 
     first: int
@@ -54,6 +61,9 @@ class Stretch(NamedTuple):
     theta: Array
     s: Array
     force: Array
+    sign: Array
+    rest: Array
+    values: Array
 
     def in_space(self, plane: Any) -> Stretch:
         """The same with coordinates in space."""
@@ -62,7 +72,8 @@ class Stretch(NamedTuple):
         dphi = self.dphi.reshape(n, -1, 2) @ plane.axes[:2]
         return Stretch(self.first, rows[0] + plane._above, rows[1], dphi.reshape(n, -1),
                        (self.theta[:, :, None] * plane.axes[2]).reshape(n, -1), self.s,
-                       np.array([plane.forces(x) for x in self.force]) if self.force.size else self.force)
+                       np.array([plane.forces(x) for x in self.force]) if self.force.size else self.force, self.sign, self.rest,
+                       self.values)
 
 
 class Weights(NamedTuple):
@@ -87,6 +98,7 @@ class Sums(NamedTuple):
         By the mean factors of load vectors in every step.
     pushes : float64 [n, P, 3]
         By forces on observed points in every step.
+    sliders : Sliders
     """
 
     stiffness: Array
@@ -100,6 +112,7 @@ class Sums(NamedTuple):
     gravity: Array
     factors: Array
     pushes: Array
+    sliders: Sliders
 
 
 class Backward:
@@ -129,7 +142,7 @@ class Backward:
         self.within = self.axes[:self.core.dim]
         if stepper.contact is not None:
             stepper.contact = contact_of(self.core, entries_of(self.core, bounded=False))
-        self.terms, self.system = stepper.terms, stepper.system
+        self.terms, self.system = tuple(_as_taken(x) for x in stepper.terms), stepper.system
         self.timed = any(x is not None for x in model.load_times)
         self.wanted, self.adjoint = self._wanted(wanted), self._adjoint()
         self.found = self._found(n, observed)
@@ -189,7 +202,8 @@ class Backward:
         body = np.zeros(0, np.int64) if core.bodies is None else core.bodies.node
         count = len(observed) * (1 if self.plane is None else 2)
         return Found(np.zeros(d * core.n_nodes), aligned(8 * (core.n_nodes + 1)), np.zeros((n, len(core.loads))),
-                     np.zeros((n, d)), np.zeros((n, count, d)), node, np.ascontiguousarray(share), of, body, np.zeros(body.size))
+                     np.zeros((n, d)), np.zeros((n, count, d)), node, np.ascontiguousarray(share), of, body, np.zeros(body.size),
+                     Sliders(*np.zeros((2, n, core.n_sliders)), *np.zeros((2, core.n_sliders))))
 
     def _sections(self) -> tuple[SectionSums, ...]:
         core = self.core
@@ -211,12 +225,17 @@ class Backward:
     def through(self, part: Stretch) -> None:
         """Backward through some steps, the last ones that are left."""
         first, n = part.first, len(part.dphi)
-        steps = Steps(part.q, part.v, part.dphi, part.theta, part.s, part.force, self.gravity[first:first + n])
-        found = self.found._replace(load=self.found.load[first:first + n], weight=self.found.weight[first:first + n],
-                                    place=self.found.place[first:first + n])
-        terms = self.terms
+        motions, stretch = self.core.motions, slice(first, first + n)
+        values = part.values if motions is None else np.ascontiguousarray(part.values[:, motions.rows])
+        steps = Steps(part.q, part.v, part.dphi, part.theta, part.s, part.force, self.gravity[stretch], part.sign, part.rest,
+                      values)
+        of_sliders = self.found.sliders
+        found = self.found._replace(
+            load=self.found.load[stretch], weight=self.found.weight[stretch], place=self.found.place[stretch],
+            sliders=of_sliders._replace(along=of_sliders.along[stretch], place=of_sliders.place[stretch]))
+        terms = (*self.stepper._schedules(float(self.times[0]), self.h, n, first), *self.terms)
         if self.timed:
-            terms = (Loads(self.core.loads, load_factors(self.whole, self.times[first:first + n], np.full(n, self.h))), *terms)
+            terms = (Loads(self.core.loads, load_factors(self.whole, self.times[stretch], np.full(n, self.h))), *terms)
         if self.core.pattern.plan is None:
             for k in range(n - 1, -1, -1):
                 self._one(terms, steps, found, k, first)
@@ -251,7 +270,8 @@ class Backward:
         n, rows, border = len(self.core.dofs), self.core.pattern.n, self.adjoint.border
         right = self.adjoint.right.reshape(-1, 8)[:rows, :n].reshape(-1)
         bordered = isinstance(border, Border)
-        x = self.solver.solve(self.system.work.blocks, np.concatenate((right, border.right)) if bordered else right)
+        x = self.solver.solve(self.system.work.blocks, np.concatenate((right, border.right)) if bordered else right, terms,
+                              self.system)
         if x is None:
             raise ArithmeticError(first + k)
         self.adjoint.x.reshape(-1, 8)[:rows, :n] = x[:right.size].reshape(rows, n)
@@ -278,7 +298,7 @@ class Backward:
             pushes = own + turned[:, :, ::-1] * (-1.0, 1.0)
         return Sums(stiffness, viscosity, inertia, found.body, found.force.reshape(n, -1) @ self.within, spins @ about,
                     start[:, :core.dim] @ self.within, start[:, core.dim:len(core.dofs)] @ about,
-                    (self.gravity_factor @ found.weight) @ self.within, found.load, pushes @ self.within)
+                    (self.gravity_factor @ found.weight) @ self.within, found.load, pushes @ self.within, found.sliders)
 
     def _of_beams(self) -> tuple[Array, Array, Array]:
         """Sums of elements, by beams and in space."""
@@ -337,8 +357,8 @@ class _Outside:
         self.structure = numbered.indices, numbered.indptr
         self.mkl = load_mkl()
 
-    def _bordered(self, matrix: Any) -> Any:
-        """With columns and lines of constraints, by columns."""
+    def _bordered(self, matrix: Any, terms: Any, system: Any) -> Any:
+        """With columns and lines of constraints, by columns; of the terms of a system what turns with sleeves."""
         from scipy import sparse
         contact, core = self.stepper.contact, self.stepper.core
         assert contact is not None
@@ -354,18 +374,39 @@ class _Outside:
                 for m in range(contact.entries[k]):
                     out[contact.row[k, m], :, k] += of[k].reshape(-1, n, 8)[m, :, :size]
             parts.append(sparse.csr_matrix((free[:, :, None, None] * out).reshape(core.pattern.n * n, count * size)))
-        corner = sparse.block_diag([x.reshape(8, 8)[:size, :size] for x in contact.corner])
+        corner = sparse.block_diag([x.reshape(8, 8)[:size, :size] for x in contact.corner]).tolil()
+        for (slide, moments), (by_moments, by_s) in zip(size * contact.pair, contact.cross):
+            for a in range(int(contact.forces[moments // size])):
+                corner[slide + core.dim, moments + a] += by_moments[a]
+                corner[moments + a, slide + core.dim] += by_s[a]
+        matrix = matrix + self._turning(free, terms, system)
         return sparse.bmat([[matrix, parts[0]], [parts[1].T, corner]], format="csc")
 
-    def solve(self, blocks: Array, right: Array) -> Array | None:
-        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular."""
+    def _turning(self, free: Array, terms: Any, system: Any) -> Any:
+        """E of theory.md (13.13), by columns; free [rows, n]: 0 where a row is held."""
+        from scipy import sparse
+        contact, core = self.stepper.contact, self.stepper.core
+        assert contact is not None
+        n, d = core.pattern.n, core.dim
+        found = sparse.lil_matrix((n * len(core.dofs), n * len(core.dofs)))
+        rows = {int(row) for c in contact.pair[:, 1] for row in contact.row[c, :contact.entries[c]]}
+        for row in rows:
+            for i in range(d, len(core.dofs)):
+                x, out = aligned(8 * (core.n_nodes + 1)), aligned(8 * (core.n_nodes + 1))
+                x[8 * row + i] = free[row, i]
+                kernels.turn_rows(terms, system, x, out)
+                found[len(core.dofs) * row + i] = -(free * out.reshape(-1, 8)[:n, :len(core.dofs)]).reshape(-1)
+        return found.tocsc()
+
+    def solve(self, blocks: Array, right: Array, terms: Any, system: Any) -> Array | None:
+        """x [rows n], with those of a border behind, with K^T x = right; None where K is singular. terms, system: of the step."""
         from scipy import sparse
         if self.structure is None:
             self._begin()
         n = len(self.stepper.core.dofs) * self.stepper.core.pattern.n
         matrix = sparse.csc_matrix((blocks[self.place], *self.structure), shape=(n, n))
         if right.size > n:
-            matrix = self._bordered(matrix)
+            matrix = self._bordered(matrix, terms, system)
         back = matrix.T
         solved: Any = None
         # the structure of a border changes as sliders go on
@@ -392,6 +433,13 @@ class _Outside:
                 break
             x = x + solved(rest)
         return x if np.isfinite(x).all() else None
+
+
+def _as_taken(term: Any) -> Any:
+    """A term of a run for the way back: forces along beams in the branches that steps took."""
+    if isinstance(term, Sliding) and isinstance(term.along, Along):
+        return term._replace(along=TakenAlong(*term.along))
+    return term
 
 
 def _name(strains: Any) -> str:

@@ -23,10 +23,10 @@ def no_wind(t, position, directors, velocity, spin, parameters, force, moment) -
     force[0] = parameters[0]
 
 
-def bead(friction: Any = None) -> fb.Scene:
+def bead(friction: Any = None, **forces: Any) -> fb.Scene:
     beam, mass = straight("rail", (0, 0, 0), (3, 0, 0)), fb.PointMass("bead", mass=0.5)
-    return fb.Scene(beam, mass, fb.Clamp(beam.start), fb.Clamp(beam.end), fb.Slider("run", mass, beam, at=1.0, friction=friction),
-                    gravity=(0, 0, -1), name="bead")
+    return fb.Scene(beam, mass, fb.Clamp(beam.start), fb.Clamp(beam.end),
+                    fb.Slider("run", mass, beam, at=1.0, friction=friction, **forces), gravity=(0, 0, -1), name="bead")
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -111,8 +111,10 @@ def test_a_parameter_that_leads_out_of_the_plane() -> None:
 
 
 def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
-    with pytest.raises(fb.SceneError, match="adjoint_run: steps with friction, drives, stops, locks or contact that lets go"):
-        fb.adjoint_run(fb.compile_scene(bead(fb.Friction(0.3))), t_end=0.1, step=0.01)
+    for lets_go, what in ((dict(stops=fb.Stops(0.1, 1.0)), "rigid stops .* of slider 'run'"),
+                          (dict(release=fb.Release("end")), "releases of slider 'run'")):
+        with pytest.raises(fb.SceneError, match=f"adjoint_run: steps with {what} have no adjoint here; use differences of runs"):
+            fb.adjoint_run(fb.compile_scene(bead(None, **lets_go)), t_end=0.1, step=0.01)
     scene, points = tip()
     model = fb.compile_scene(scene)
     with pytest.raises(fb.SceneError, match="is no whole number of steps"):
@@ -129,6 +131,10 @@ def test_runs_that_have_no_adjoint_and_weights_that_are_none() -> None:
         run.gradient(points={"top": (0, 0, 1)})
     with pytest.raises(fb.ConvergenceError):
         fb.adjoint_run(model, t_end=1e3, step=1e3, max_iterations=3)
+    # as of a step in which the iterations went from one branch of friction to the other and back
+    run._in_doubt = 1, "run"
+    with pytest.raises(fb.SceneError, match="in the step from t = 0.01 s neither slipping nor sticking of slider 'run' solved"):
+        run.gradient(points={"tip": (0, 0, 1)})
 
 
 def test_sections_that_differ_in_every_stiffness() -> None:

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import fastbeam as fb
-from fastbeam.adjoint import AdjointRun, RunGradient, RunSectionGradient
+from fastbeam.adjoint import AdjointRun, RunGradient, RunSectionGradient, RunSliderGradient
 from fastbeam.checkpoint import Checkpoint
 from fastbeam.critical_slopes import CriticalSlopes
 from fastbeam.mode_shapes import DampedModes, Modes
@@ -180,7 +180,7 @@ def public_calls() -> dict[str, Any]:
     todo = [(name, getattr(fb, name)) for name in fb.__all__ if name != "__version__"]
     todo += [(x.__name__, x) for x in (
         AdjointRun, Checkpoint, CriticalSlopes, DampedModes, FrequencyResponse, Gradient, Model, Modes, RunGradient,
-        RunSectionGradient, SectionForces, SectionGradient, Sensitivity)]
+        RunSectionGradient, RunSliderGradient, SectionForces, SectionGradient, Sensitivity)]
     for name, thing in todo:
         if name in fb.__all__:          # the others are made by calls, not by users
             out[name] = thing

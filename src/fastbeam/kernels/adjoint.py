@@ -16,6 +16,7 @@ from .._generic import generic
 from .._records import in_memory
 from .._jit import kernel
 from .adjoint_border import add_transposed, begin_border, drop_held, end_border, put_slides, solve_step
+from .adjoint_sliders import add_slides, add_start, add_turning, put_branch, put_start
 from .algebra import add2, add3, cross, cross2, ld2, ld3, perp, st2, st3
 from .kinds import Plane, Space, coordinates, dim
 from .planar_nodes import PlanarTies, turned
@@ -36,6 +37,9 @@ class Steps(NamedTuple):
     s: np.ndarray        # float64 [n + 1, S]
     force: np.ndarray    # float64 [n, F]: of all constraints
     gravity: np.ndarray  # float64 [n, d]: mean gravity over every step, m/s^2
+    sign: np.ndarray     # int64 [n, S]: of Coulomb friction, 0 where it holds a slider; S = 0 where nothing acts along beams
+    rest: np.ndarray     # float64 [n, S]: increment of s that it is given there, m
+    values: np.ndarray   # float64 [n + 1, C]: coordinates of joints, counted over turns
 
 
 class Wanted(NamedTuple):
@@ -61,6 +65,7 @@ class Found(NamedTuple):
     place_of: np.ndarray     # int64 [M]: which point
     body_node: np.ndarray    # int64 [B]
     body: np.ndarray     # float64 [B]: by their masses
+    sliders: Any         # adjoint_sliders.Sliders
 
 
 class Adjoint(NamedTuple):
@@ -275,6 +280,7 @@ def begin_back(terms, system, adjoint, steps, h, k):
     """Tangent of step k, and the right-hand side of (13.9)."""
     dofs = system.dofs
     put_step(system, adjoint.border, steps, k, False)
+    put_branch.each(terms, system, steps, h, k, False)
     put_loads.each(terms, system, k)
     assemble_step(terms, system, h)
     y = adjoint.forces
@@ -333,19 +339,24 @@ def end_back(terms, system, sums, adjoint, steps, wanted, found, h, k, row):
     follow_ties.call(adjoint.ties, adjoint.rates)
     multiply_mass(adjoint, d, adjoint.rates, adjoint.inertia)
     collect(sums, system, adjoint, steps, found, h, k)
+    add_slides.each(terms, adjoint.border, system, found.sliders, h, k)
     put_step(system, adjoint.border, steps, k, True)
+    put_branch.each(terms, system, steps, -h, k, True)
     assemble_step(terms, system, -h)
+    put_start.each(terms, system, steps, h, k)
     shape, y = adjoint.shapes, adjoint.forces
     for i in range(shape.shape[0]):
         shape[i] = 0.0
     add_transposed(adjoint.block_row, adjoint.block_column, system.work.blocks, -1.0, adjoint.x, shape, dofs)
     end_border.call(adjoint.border, system, adjoint.x, shape)
+    add_turning.each(terms, system, adjoint.x, shape)
     for i in range(y.shape[0]):
         y[i] = 4.0 / (h * h) * adjoint.inertia[i] - (2.0 / h) * adjoint.rate[i]
         adjoint.rate[i] = 2.0 / h * adjoint.inertia[i] - adjoint.rate[i]
         adjoint.middle[i] = steps.q[k, i]
     add_weights(wanted, row, 0, 1.0, d, y)
     add_weights(wanted, row, 1, 1.0, d, adjoint.rate)
+    add_start.each(terms, adjoint.border, system, adjoint, steps, h, k)
     pull_ties.call(adjoint.ties, y)
     lower.call(dofs, system.row_of, adjoint.middle, y, shape)
     drop_held.each(terms, dofs, shape)
@@ -376,6 +387,12 @@ def half_step_back(all_terms, whole_system, sums, whole_adjoint, all_steps, want
         end_back(terms, system, sums, adjoint, steps, in_memory(wanted), in_memory(found), h, k, row + k)
     else:
         begin_back(terms, system, adjoint, steps, h, k)
+
+
+@kernel
+def turn_rows(all_terms, whole_system, x, rows_out):
+    """For a solver outside: `add_turning` of all terms."""
+    add_turning.each(in_memory(all_terms), in_memory(whole_system), x, rows_out)
 
 
 @kernel

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._generic import generic
 from .._jit import kernel
+from .adjoint_sliders import add_turning
 from .algebra import vld, vst
 from .border import solve_dense
 from .chain import NoSide, factor
@@ -24,7 +25,8 @@ from .work import copy
 REFINE_AT, REFUSE_AT = 1e-13, 1e-9
 # of the scaled Schur complement
 LEAST_PIVOT = 1e-14
-CORRECTIONS = 8
+# corrections of a solution; beyond the first number only while each halves the residual
+CORRECTIONS, MOST_CORRECTIONS = 8, 40
 
 
 class NoBorder(NamedTuple):
@@ -231,6 +233,17 @@ def begin_sliders(border, system):
 
 
 @kernel
+def touches(contact, k, i, dofs):
+    """Whether equation i of constraint k depends on a node."""
+    n = len(dofs)
+    for m in range(contact.entries[k]):
+        for c in range(n):
+            if contact.line[k, 8 * (n * m + c) + i] != 0.0:
+                return True
+    return False
+
+
+@kernel
 def solve_lines(border, plan, terms, system):
     """K^-T times the lines of all equations."""
     contact, work, dofs, solved = system.contact, system.work, system.dofs, border.solved
@@ -241,13 +254,10 @@ def solve_lines(border, plan, terms, system):
         i = e - size * k
         for j in range(solved.shape[1]):
             solved[e, j] = 0.0
-        some = False
         for m in range(contact.entries[k]):
             for c in range(n):
-                z = contact.line[k, 8 * (n * m + c) + i]
-                some = some or z != 0.0
-                solved[e, 8 * contact.row[k, m] + c] += z
-        if some:
+                solved[e, 8 * contact.row[k, m] + c] += contact.line[k, 8 * (n * m + c) + i]
+        if touches(contact, k, i, dofs):
             drop_held.each(terms, dofs, solved[e])
             solve_transposed(plan, work.blocks, work.pivots, solved[e], dofs)
 
@@ -287,17 +297,45 @@ def fill_schur(border, system):
             border.scale[e] = 1.0
         for i in range(size):
             schur[row, size * k + i] += contact.corner[k, 8 * i + row - size * k]
+    # s of a sleeve stands in the equations of its moments, these in its sliding equation
+    for o in range(contact.pair.shape[0]):
+        slide = size * contact.pair[o, 0] + dim(dofs)
+        moments = size * contact.pair[o, 1]
+        for a in range(contact.forces[contact.pair[o, 1]]):
+            schur[moments + a, slide] += contact.cross[o, 0, a]
+            schur[slide, moments + a] += contact.cross[o, 1, a]
     for k in range(contact.entries.shape[0]):
         o = size * k
         largest = 0.0
+        for j in range(contact.forces[k]):
+            # that of a moment that stays zero is none
+            if touches(contact, k, j, dofs):
+                largest = max(largest, abs(schur[o + j, o + j]))
         for j in range(o, o + contact.forces[k]):
-            largest = max(largest, abs(schur[j, j]))
-        for j in range(o, o + contact.forces[k]):
-            schur[j, j] += border.softness[k] * largest
-            if largest > 0.0:
+            if touches(contact, k, j - o, dofs) and largest > 0.0:
+                schur[j, j] += border.softness[k] * largest
                 border.scale[j] = largest
                 for i in range(schur.shape[0]):
                     schur[i, j] /= largest
+
+
+@kernel
+def rest_of_sleeves(border, contact, row, rest, dofs):
+    """`rest` of unknown `row` less what stands in equations of another constraint, and the sum of the squares of this."""
+    size = 2 * dim(dofs) + 1
+    whole = 0.0
+    for o in range(contact.pair.shape[0]):
+        slide = size * contact.pair[o, 0] + dim(dofs)
+        moments = size * contact.pair[o, 1]
+        for a in range(contact.forces[contact.pair[o, 1]]):
+            part = 0.0
+            if row == moments + a:
+                part = contact.cross[o, 0, a] * border.y[slide]
+            elif row == slide:
+                part = contact.cross[o, 1, a] * border.y[moments + a]
+            rest -= part
+            whole += part * part
+    return rest, whole
 
 
 @kernel
@@ -318,12 +356,15 @@ def border_residual(border, terms, adjoint, system):
         for i in range(size):
             rest -= contact.corner[k, 8 * i + j] * border.y[size * k + i]
             whole += (contact.corner[k, 8 * i + j] * border.y[size * k + i])**2
+        rest, crossed = rest_of_sleeves(border, contact, row, rest, dofs)
+        whole += crossed
         border.rest[row] = rest
         left += rest * rest
         # here `row` numbers equations
         for m in range(contact.entries[k]):
             for c in range(n):
                 adjoint.rest[8 * contact.row[k, m] + c] -= contact.line[k, 8 * (n * m + c) + j] * border.y[row]
+    add_turning.each(terms, system, adjoint.x, adjoint.rest)
     drop_held.each(terms, dofs, adjoint.rest)
     of_border = np.sqrt(left / whole) if whole > 0.0 else np.sqrt(left)
     # the forces of constraints may be all there is on the right
@@ -366,13 +407,14 @@ def solve_with_border(border, plan, terms, adjoint, system):
         adjoint.x[i] = 0.0
     for e in range(border.y.shape[0]):
         border.y[e] = 0.0
-    left = np.inf
+    before = left = np.inf
     border_residual(border, terms, adjoint, system)
-    for _ in range(CORRECTIONS):
+    for i in range(MOST_CORRECTIONS):
         if not correct(border, plan, adjoint, system):
             return False
+        before = left
         left = border_residual(border, terms, adjoint, system)
-        if left <= REFINE_AT:
+        if left <= REFINE_AT or (i + 1 >= CORRECTIONS and not left < 0.5 * before):
             break
     return left <= REFUSE_AT
 
@@ -398,3 +440,12 @@ def end_sliders(border, system, of_nodes, shape_out):
                     z += contact.line[k, p + j] * border.rest[o + j]
                 shape_out[8 * contact.row[k, m] + c] += z
         border.slide[k] = slide
+    # the spin of a holder that moments turn with
+    copy_of = n - d
+    for o in range(contact.pair.shape[0]):
+        c = contact.pair[o, 1]
+        for j in range(copy_of, 2 * copy_of):
+            z = column_product(contact, c, j, of_nodes, dofs)
+            for m in range(contact.entries[c]):
+                for i in range(n):
+                    shape_out[8 * contact.row[c, m] + i] += contact.line[c, 8 * (n * m + i) + j] * z
