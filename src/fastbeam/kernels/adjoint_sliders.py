@@ -15,8 +15,8 @@ import numpy as np
 from .._generic import generic
 from .._jit import kernel
 from .algebra import dot, ld3
-from .along import (INCREMENT, POSITION, Along, across_of, force_of_edges, has_signs, hold, is_prescribed, other_forces, rub,
-                    slide_with_forces)
+from .along import (INCREMENT, POSITION, Along, force_of_edges, has_signs, hold, is_prescribed, other_forces,
+                    pressing, rub, slide_with_forces)
 from .curves import add_basis, find_element, node_of, nodes_of, nodes_under, slot
 from .joint_coordinates import VALUE, JointMotion
 from .joint_drive import JointControl
@@ -87,8 +87,8 @@ def slide_as_taken(along, term, system, k, force, tangent, push):
     if along.sign[k] == 0:
         return hold(along, s1 - s0 - along.rest[k], force)
     known = other_forces(along, k, s0, s1)
-    edges = force_of_edges.call(term.sleeves, system, k)
-    return rub(along.sign[k] * along.friction[k], edges,
+    press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, k))
+    return rub(along.sign[k] * along.friction[k], press,
                SlidingLaw(force, tangent, -known.value - push, -known.slope, 1.0, 0.0))
 
 
@@ -275,10 +275,9 @@ def rubbed(along, term, system, i, ds):
     nodes, lo, hi = begin_passage(term, system, i)
     tangent = mean_tangent(pass_along(system.contact.basis, nodes, lo, hi, system, term.sliders.spin_root))
     force = vector(system.state.force, system.contact.first_force[i], 1, system.dofs)
-    across = across_of(force, tangent)
-    edges = force_of_edges.call(term.sleeves, system, i)
+    press = pressing(force, tangent, force_of_edges.call(term.sleeves, system, i))
     sign = np.tanh(ds / (along.clock[0] * along.smoothing[i])) if along.smoothing[i] > 0.0 else 1.0 * along.sign[i]
-    return sign * (np.sqrt(dot(across, across)) + edges) * np.sqrt(dot(tangent, tangent))
+    return sign * (press.normal + press.edges) * press.long
 
 
 # --- moments of sleeves -----------------------------------------------------------------------------------------------------
