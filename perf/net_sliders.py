@@ -6,7 +6,8 @@ one and on two threads in turn, and the memory that sliders take.
 
 A net of (cells + 1)^2 nodes has 2 cells (cells + 1) beams; --a-beam: sliders on every beam that has some. The memory of as many
 sliders, one and four on a beam, tells what belongs to a slider and what to a beam that has some: tables of its elements, their
-blocks that the substitution needs. Exits with 1 where that of a slider misses the bar of perf/sliders.py.
+blocks that the substitution needs; in nets of few beams with sliders the work of a thread hides both. Exits with 1 where that of
+a slider misses the bar of perf/sliders.py.
 """
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 perf/net_sliders.py, one after the other, each in a process of its own.
 
     python perf/slider_bars.py            a quarter of an hour, most of it kernels that are compiled the first time
-    python perf/slider_bars.py --quick    fewer sliders
+    python perf/slider_bars.py --quick    fewer sliders, no net
 
 Exits with 1 where a bar is missed.
 """
@@ -17,7 +17,7 @@ HERE = Path(__file__).resolve().parent
 WHOLE = {"sliders.py": ["--counts", "16", "64", "256", "4096"], "friction.py": [], "sleeves.py": ["--counts", "16"],
          "net_sliders.py": ["--threads", "1"]}
 QUICK = {"sliders.py": ["--counts", "16", "256", "--degrees", "2"], "friction.py": ["--counts", "16"],
-         "sleeves.py": ["--counts", "4"], "net_sliders.py": ["--threads", "1", "--cells", "20", "--sliders", "200"]}
+         "sleeves.py": ["--counts", "4"]}
 
 
 def main() -> int:
