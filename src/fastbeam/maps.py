@@ -93,12 +93,12 @@ def mass_map(model: Model, q: Array | None = None) -> Any:
     return own if ropes is None else own + rope_masses(ropes, q)
 
 
-def vector_masses(model: Model, beside_ropes: bool = False) -> Any:
+def vector_masses(model: Model, without_ropes: bool = False) -> Any:
     """Masses of the vectors (phi, d1, d2, d3) of all nodes, the same in all three directions, sparse [4 N, 4 N]; in a plane of
-    (phi, u), [2 N, 2 N]. beside_ropes: those of ropes are not asked for."""
+    (phi, u), [2 N, 2 N]. without_ropes: those of ropes are not asked for."""
     from scipy import sparse
     # the inertia of a rope couples its nodes with its length
-    if not beside_ropes:
+    if not without_ropes:
         refuse_winches("what works with the masses of nodes alone (blows, mend_start)", model)
     n, vectors = model.n_nodes, 4 if model.dofs == SPACE else 2
     rows, columns, values = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]

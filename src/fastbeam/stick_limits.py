@@ -1,6 +1,7 @@
 """Between which load factors friction holds a slider or a joint where it is (theory.md 8)."""
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -151,15 +152,15 @@ def _number_of(model: Model, slider: str, stays: Array) -> tuple[type[_Held], in
     return _HeldSlider, k
 
 
-class _Held:
+class _Held(ABC):
     """The equilibria of a scene with one part where it is, whatever that takes; k: its number; t: time of its drive."""
 
     def __init__(self, solver: SlidingSolver, k: int, t: float) -> None:
         self.solver, self.k, self.t = solver, k, t
 
+    @abstractmethod
     def margin(self) -> float:
         """The share of its friction that is left."""
-        raise NotImplementedError
 
     def saved(self) -> tuple[Any, ...]:
         """Everything that a later equilibrium depends on."""

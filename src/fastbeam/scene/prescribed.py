@@ -195,6 +195,7 @@ class PrescribedMotion:
             return np.eye(3)
         return take(_turn, f"{self.label}: rotation(t) at t = {t:.6g} s", called(self.label, "rotation", self.rotation, t))
 
+    @checked(t=TIME)
     def rates(self, t: float = 0.0) -> tuple[Array, Array]:
         """Velocity, m/s, and angular velocity in space, rad/s, at time t."""
         times = t + SHORT * np.arange(5)
