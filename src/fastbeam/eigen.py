@@ -96,7 +96,7 @@ class Shifted:
         matrix = unit @ matrix @ unit
         diagonal = np.where(pencil.multiplier, -GIVE, 0.0)
         self.below: int | None = None
-        self.is_plain = False
+        self.needs_no_refinement = False
         for idle in (0.0, IDLE):
             if idle:
                 # neither stiffness nor mass, such as the spin of a thin rod about its axis
@@ -126,7 +126,7 @@ class Shifted:
                     if self.pencil.is_symmetric and not factors.perturbed:
                         self.below = factors.negative - int(self.pencil.multiplier.sum())
                         # where all pivots are positive none grows, whatever the right-hand side
-                        self.is_plain = factors.negative == 0 and self._needs_no_refinement(test)
+                        self.needs_no_refinement = factors.negative == 0 and self._is_round_off(test)
                     self.name = "PARDISO"
                     return True
         from scipy.sparse.linalg import splu
@@ -148,7 +148,7 @@ class Shifted:
             return False
         return True
 
-    def _needs_no_refinement(self, right: Array) -> bool:
+    def _is_round_off(self, right: Array) -> bool:
         """Whether residuals of plain solutions are round-off."""
         x = self._solve(right)
         rest = np.linalg.norm(right - (self.matrix @ x.T).T, axis=1)
@@ -158,7 +158,7 @@ class Shifted:
         """Solutions of the scaled equations [m, n], refined where that helps."""
         if len(right) < BLOCK:
             return self._refined(np.concatenate((right, np.zeros((BLOCK - len(right), right.shape[1])))))[:len(right)]
-        if self.is_plain:
+        if self.needs_no_refinement:
             return self._solve(right)
         return refined(self._solve, self.matrix, right, to_last_bits=False)[0]
 

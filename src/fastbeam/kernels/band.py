@@ -45,18 +45,18 @@ def negative_pivots(upper, least):
 
     Arrays: upper [n, w + 2]
     """
-    n, room = upper.shape[0], upper.shape[1] - 1
+    n, kept = upper.shape[0], upper.shape[1] - 1
     for k in range(n):
-        upper[k, room] = least * abs(upper[k, 0])
+        upper[k, kept] = least * abs(upper[k, 0])
     count = 0
     for k in range(n):
         pivot = upper[k, 0]
         # NaN fails the comparison too
-        if not abs(pivot) > upper[k, room]:
+        if not abs(pivot) > upper[k, kept]:
             return -1
         if pivot < 0.0:
             count += 1
-        last = min(room, n - k)
+        last = min(kept, n - k)
         for i in range(1, last):
             share = upper[k, i] / pivot
             if share != 0.0:
