@@ -5,6 +5,7 @@ the same bits on any number of them, do not make its solutions faster; two halve
 """
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import c_void_p
@@ -123,9 +124,10 @@ class Half:
         y[:, self.rows] = self.tables.x[:, :self.own]
         return code
 
-    def __del__(self) -> None:
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # as of `linsolve.Pardiso`
         tables = getattr(self, "tables", None)
-        if tables is not None and tables.handle.any():
+        if tables is not None and not python_ends() and tables.handle.any():
             self._call(kernels.RELEASE, tables.x)
 
 

@@ -10,6 +10,7 @@ import ctypes.util
 import glob
 import os
 import sys
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any
@@ -158,10 +159,10 @@ class Pardiso:
         with self.threads():
             return bool(kernels.solve_sparse(self.tables, blocks, panel, width, size))
 
-    def __del__(self) -> None:
-        # nothing to free where the analysis was never reached
+    def __del__(self, python_ends: Callable[[], bool] = sys.is_finalizing) -> None:
+        # nothing to free where the analysis was never reached; where Python ends compiled code may be gone before this
         tables = getattr(self, "tables", None)
-        if tables is not None and tables.handle.any():
+        if tables is not None and not python_ends() and tables.handle.any():
             with self.threads():
                 self._call(tables, kernels.RELEASE, tables.b, tables.x)
 
