@@ -245,7 +245,7 @@ def test_too_little_room_is_told_and_more_helps() -> None:
 
 
 def test_order_depends_on_what_is_touched_and_nothing_else() -> None:
-    first = Saddle(14, [(i, i + 1) for i in range(13)], [[1, 2], [6, 7]], [(7, 3, 1)] * 2, SIX, 9)
+    first = Saddle(14, [(i, i + 1) for i in range(13)], [[1, 2], [6, 7]], [(7, 3, 1)] * 2, SIX, 9, scale=8)
     first.check()
     expected = [first.rows.order.order.copy(), first.x.copy(), first.y.copy()]
     first.contact.row[0, 0] = first.pattern.row_of[9]
