@@ -222,7 +222,7 @@ class StepControl:
         start = stepper.save()
         try:
             return self._accepted(stepper, start, t, h, step)
-        except KeyboardInterrupt:
+        except BaseException:
             stepper.load(start)
             raise
 

@@ -84,10 +84,16 @@ class Encounters:
             saved = here, self.stepper.memory
             try:
                 part = self.calls.advance(t, h, 1, k)
+                part, here = self.looked_at(saved, part, t + (k + 1) * h, before)
             except KeyboardInterrupt:
                 self.calls.intact &= k == done
                 raise
-            part, here = self.looked_at(saved, part, t + (k + 1) * h, before)
+            except Exception as failed:
+                if whole is None or not self.calls.intact:
+                    raise
+                # what was done counts
+                self.calls.failed = failed
+                break
             before = part.force[1]
             whole = part if whole is None else part.after(whole)
             if part.status != OK or not part.steps or self.locking.lifting:
@@ -112,7 +118,13 @@ class Encounters:
         if not outcome.steps:
             return outcome, saved[0]
         state = self.stepper.copy_state()
-        if self.locking.reached(state, t)[0] >= 0.0:
+        try:
+            holds = self.locking.reached(state, t)[0] >= 0.0
+        except Exception:
+            self.stepper.load(saved)
+            self.calls.intact = True
+            raise
+        if holds:
             self.stepper.load(saved)
             return replace(outcome, status=CONDITION, steps=0), saved[0]
         if self.locking.sided:
