@@ -95,7 +95,7 @@ class Rows:
         self._feed("append", row, time_of_row)
 
     def close_last(self) -> None:
-        """Finish the waiting row where a run ends; its forces are unknown where a function of time fails in the steps for them."""
+        """Finish the waiting row where a run ends; its forces are unknown where a function of time fails in their steps."""
         try:
             self.close()
         except Exception:
