@@ -108,6 +108,11 @@ class Encounters:
         watches = self.locking.is_present and self.locking.watch(self.stepper.state, t)
         saved = self.stepper.save() if watches else None
         size, proposed, outcome = self.calls.controlled(self.control, t, h, self.steps)
+        for k in [k for k, told in self.control.passed.items() if not told][:MOST_NAMED]:
+            self.control.passed[k] = True
+            self.event({"kind": "unresolved", "time": t + size,
+                        "text": f"{self.model.lines.names[k]}: its ends pass each other in a step of {size:.3g} s, the smallest, "
+                                f"that ends at t = {t + size:.6g} s: its force at short lengths is missed; lower min_step"})
         if saved is not None:
             outcome, _ = self.looked_at(saved, outcome, t + size, self.clock.before)
         return size, proposed, outcome
