@@ -193,8 +193,8 @@ class Lines(NamedTuple):
         return np.flatnonzero(beyond & (np.linalg.norm(y - x, axis=1) > self.most)) if beyond.any() else np.zeros(0, np.int64)
 
     def unseen(self, before: Array, after: Array, t: float, h: float, weight: Array) -> float:
-        """What steps of size h in the middle of which the time is t miss of laws of line forces, as a position, m: they ask them at
-        the mean length alone; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
+        """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean length
+        alone, as a position, m; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
         worst, positions = 0.0, [q.reshape(-1, 12)[:, :3] for q in (before, after)]
         for k, force in self.forces.items():
             a, b = self.node[k]
