@@ -193,8 +193,8 @@ class Lines(NamedTuple):
         return np.flatnonzero(beyond & (np.linalg.norm(y - x, axis=1) > self.most)) if beyond.any() else np.zeros(0, np.int64)
 
     def unseen(self, before: Array, after: Array, t: float, h: float, weight: Array) -> float:
-        """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean length
-        alone, as a position, m; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
+        """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean
+        length alone, as a position, m; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
         worst, positions = 0.0, [q.reshape(-1, 12)[:, :3] for q in (before, after)]
         for k, force in self.forces.items():
             a, b = self.node[k]
@@ -353,8 +353,8 @@ class Links:
         x = self.nodes.phi[node]
         own = np.array([getattr(part, "length", None) or 0.0 for part in parts])
         reach = np.maximum(np.linalg.norm(x[:, 1] - x[:, 0], axis=1), own)
-        plain = np.array([type(part) is Spring and not part.has_law and part.length == 0.0 for part in parts], bool)
-        kept = np.flatnonzero((reach > 0.0) & ~plain)
+        vectorial = np.array([type(part) is Spring and not part.has_law and part.length == 0.0 for part in parts], bool)
+        kept = np.flatnonzero((reach > 0.0) & ~vectorial)
         return Lines([label_of(parts[k]) for k in kept.tolist()], node[kept], SHORT_WAY * reach[kept],
                      {n: parts[k] for n, k in enumerate(kept.tolist()) if type(parts[k]) is LineForce}) if kept.size else None
 
