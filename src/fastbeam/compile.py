@@ -202,7 +202,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         load_parts={load.name: load for load in [*scene.loads, *scene.distributed]},
         slider_forces=slider_forces, sleeves=sleeves_of(scene, nodes, len(unpacked.kept)), twisting=rubbing_sleeves(scene),
         accounts_loads=accounts,
-        damped=damped, dampers=links.losses, find_springs=partial(_springs, links), dragged=unpacked.dragged,
+        damped=damped, dampers=links.losses, find_springs=partial(_springs, links), lines=links.lines, dragged=unpacked.dragged,
         prescribed=unpacked.prescribed,
         released=released_of(scene, nodes, joints, row_of, unpacked.numbered.always),
         user_forces=tuple(str(force.name) for force in (*laws, *links.of(LineForce, ForceElement)[0])),

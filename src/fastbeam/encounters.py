@@ -84,10 +84,16 @@ class Encounters:
             saved = here, self.stepper.memory
             try:
                 part = self.calls.advance(t, h, 1, k)
+                part, here = self.looked_at(saved, part, t + (k + 1) * h, before)
             except KeyboardInterrupt:
                 self.calls.intact &= k == done
                 raise
-            part, here = self.looked_at(saved, part, t + (k + 1) * h, before)
+            except Exception as failed:
+                if whole is None or not self.calls.intact:
+                    raise
+                # what was done counts
+                self.calls.failed = failed
+                break
             before = part.force[1]
             whole = part if whole is None else part.after(whole)
             if part.status != OK or not part.steps or self.locking.lifting:
@@ -102,6 +108,11 @@ class Encounters:
         watches = self.locking.is_present and self.locking.watch(self.stepper.state, t)
         saved = self.stepper.save() if watches else None
         size, proposed, outcome = self.calls.controlled(self.control, t, h, self.steps)
+        for k in [k for k, told in self.control.passed.items() if not told][:MOST_NAMED]:
+            self.control.passed[k] = True
+            self.event({"kind": "unresolved", "time": t + size,
+                        "text": f"{self.model.lines.names[k]}: its ends pass each other in a step of {size:.3g} s, the smallest, "
+                                f"that ends at t = {t + size:.6g} s: its force at short lengths is missed; lower min_step"})
         if saved is not None:
             outcome, _ = self.looked_at(saved, outcome, t + size, self.clock.before)
         return size, proposed, outcome
@@ -112,7 +123,13 @@ class Encounters:
         if not outcome.steps:
             return outcome, saved[0]
         state = self.stepper.copy_state()
-        if self.locking.reached(state, t)[0] >= 0.0:
+        try:
+            holds = self.locking.reached(state, t)[0] >= 0.0
+        except Exception:
+            self.stepper.load(saved)
+            self.calls.intact = True
+            raise
+        if holds:
             self.stepper.load(saved)
             return replace(outcome, status=CONDITION, steps=0), saved[0]
         if self.locking.sided:

@@ -82,7 +82,7 @@ class StaticSolver:
         before = self.stepper.core_state.q.copy()
         try:
             return self._equilibrium(factors)
-        except KeyboardInterrupt:
+        except BaseException:
             self.stepper.core_state.q[:] = before
             raise
 

@@ -1,7 +1,9 @@
 """The errors that fastbeam raises. Each message names the object, the value, the allowed range and the next step."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .checkpoint import Checkpoint
@@ -10,7 +12,16 @@ if TYPE_CHECKING:
 
 
 class SceneError(ValueError):
-    """A scene or an argument is not usable; raised before anything runs."""
+    """A scene or an argument is not usable; raised before anything runs, but for functions of the user that fail on the way.
+
+    Attributes
+    ----------
+    result : Result or None
+        Of a run that ended so: everything computed until then, with `.state` and, of a run in time, `.checkpoint`. Any other
+        exception of a function on the way has the same attribute.
+    """
+
+    result: Result | None = None
 
 
 class ConvergenceError(RuntimeError):
@@ -73,3 +84,10 @@ class ResultFileError(ValueError):
     """
 
     result: Result | None = None
+
+
+def carry(error: BaseException, result: Callable[[], Any]) -> None:
+    """Let an exception on its way out of a run bring what was computed, as `.result`, where that can be had."""
+    with suppress(Exception):
+        setattr(error, "result", result())
+        error.add_note("fastbeam: everything computed until then is in .result of this exception")

@@ -103,23 +103,36 @@ class Calls:
     Attributes
     ----------
     intact : bool
-        After a KeyboardInterrupt: whether the state is the one before the call.
+        After an exception: whether the state is the one before the call.
+    failed : Exception or None
+        Raised by a function of time after some steps of a call; raised again by the next call.
     slow : bool
         Whether a step takes so long that it may have to be left.
     """
 
     def __init__(self, stepper: Stepper, interrupts: Interrupts) -> None:
         self.stepper, self.interrupts, self.intact = stepper, interrupts, False
+        self.failed: Exception | None = None
         # steps of a call
         self._burst, self.slow = 1, True
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
-        """As `Stepper.advance`; fewer steps where a Ctrl-C waits."""
+        """As `Stepper.advance`; fewer steps where a Ctrl-C waits, or a function of time fails behind them."""
+        if self.failed is not None:
+            self.intact = True
+            raise self.failed
         if n <= self._burst and not self.slow:
             # the way of nearly all calls
             self.intact = False
             begin = time.perf_counter()
-            part = self.stepper.advance(t, h, n, done)
+            try:
+                part = self.stepper.advance(t, h, n, done)
+            except Exception:
+                self.intact = not self.stepper.begun
+                if n == 1 or self.stepper.begun:
+                    raise
+                # one by one, up to the step that cannot be taken
+                return self._one_by_one(t, h, n, done)
             if time.perf_counter() - begin > CALL_TIME:
                 self._burst, self.slow = 1, True
             return part
@@ -138,6 +151,11 @@ class Calls:
                     self.stepper.load(saved)
                     self.intact = True
                 raise
+            except Exception:
+                self.intact = not (self.stepper.begun or taken)
+                if self.stepper.begun or n == 1:
+                    raise
+                return self._one_by_one(t, h, n - taken, done + taken, whole)
             finally:
                 self.stepper.stop = _never
             if saved is not None and part.status == OK and not part.steps:
@@ -149,13 +167,31 @@ class Calls:
             if part.status != OK or whole.steps >= n or self.interrupts.asked:
                 return whole
 
+    def _one_by_one(self, t: float, h: float, n: int, done: int, before: Outcome | None = None) -> Outcome:
+        """Steps up to the one for which a function of time fails; before: steps of this call, if any."""
+        whole = before
+        for k in range(done, done + n):
+            try:
+                part = self.stepper.advance(t, h, 1, k)
+            except Exception as failed:
+                self.intact = whole is None and not self.stepper.begun
+                if whole is None or self.stepper.begun:
+                    raise
+                self.failed = failed
+                break
+            whole = part if whole is None else part.after(whole)
+            if part.status != OK or not part.steps or self.interrupts.asked:
+                break
+        assert whole is not None
+        return whole
+
     def controlled(self, control: StepControl, t: float, h: float, step: int) -> tuple[float, float, Outcome]:
         """As `StepControl.advance`; no step where a Ctrl-C waits."""
         self.intact, self.stepper.stop = False, self._waits
         begin = time.perf_counter()
         try:
             return control.advance(self.stepper, t, h, step)
-        except KeyboardInterrupt:
+        except BaseException:
             self.intact = True
             raise
         finally:

@@ -31,6 +31,8 @@ from .user_forces import Loaded, force_elements, line_forces
 from .winches import Ropes
 
 Array = np.ndarray
+# steps of step control in which the ends of a spring pass each other: their ways over its length
+SHORT_WAY = 2e-3
 
 
 class Blocks(Protocol):
@@ -173,6 +175,49 @@ def register(noun: type[Link], table: Callable[[Ends], Any]) -> None:
     REGISTRY.append(Entry(noun, table))
 
 
+class Lines(NamedTuple):
+    """Springs, dampers and line forces, whose force has a direction of its own on either side of the place where both ends meet:
+    names, nodes [L, 2], ways of one end past the other that steps may take at most, m [L]; and line forces by their numbers."""
+
+    names: list[str]
+    node: Array
+    most: Array
+    forces: dict[int, LineForce]
+
+    def passed(self, before: Array, after: Array) -> Array:
+        """Numbers of those whose ends pass each other on a longer way between coordinates before and after, [12 N] each."""
+        a, b = self.node.T
+        x, y = (q.reshape(-1, 12)[:, :3] for q in (before, after))
+        x, y = x[b] - x[a], y[b] - y[a]
+        beyond = np.einsum("lc,lc->l", x, y) < 0.0
+        return np.flatnonzero(beyond & (np.linalg.norm(y - x, axis=1) > self.most)) if beyond.any() else np.zeros(0, np.int64)
+
+    def unseen(self, before: Array, after: Array, t: float, h: float, weight: Array) -> float:
+        """What steps of size h, in the middle of which the time is t, miss of laws of line forces, which they ask at the mean
+        length alone, as a position, m; weight [N]: masses of nodes, kg. 0 where a law cannot be asked."""
+        worst, positions = 0.0, [q.reshape(-1, 12)[:, :3] for q in (before, after)]
+        for k, force in self.forces.items():
+            a, b = self.node[k]
+            x, y = (p[b] - p[a] for p in positions)
+            start, end, way = float(np.linalg.norm(x)), float(np.linalg.norm(y)), y - x
+            square = float(way @ way)
+            if square == 0.0:
+                continue
+            nearest = float(np.linalg.norm(x + min(max(-float(x @ way) / square, 0.0), 1.0) * way))
+            lengths, rate = (start, 0.5 * (start + end), end, nearest), (end - start) / h
+            try:
+                with np.errstate(all="ignore"):
+                    first, middle, last, near = (float(force.law(t, x, rate, force.parameters)) for x in lengths)
+            except ArithmeticError:
+                continue
+            off = max(abs(first - 2.0 * middle + last), abs(near - middle) if nearest < min(start, end) else 0.0)
+            masses = weight[[a, b]]
+            mass = float(np.min(masses[masses > 0.0], initial=np.inf))
+            size = off * h**2 / (12.0 * (mass if np.isfinite(mass) else float(weight.sum())))
+            worst = max(worst, size) if np.isfinite(size) else worst
+        return worst
+
+
 def _tested(entry: Entry, table: Any) -> Any:
     """The table of a kind from outside, which kernels take without a question.
 
@@ -300,6 +345,18 @@ class Links:
         """All links of some classes, and their nodes [L, 2]."""
         found = [(part, node) for group in self.groups for part, node in zip(group.parts, group.node) if type(part) in nouns]
         return [part for part, _ in found], np.array([node for _, node in found], np.int64).reshape(-1, 2)
+
+    @property
+    def lines(self) -> Lines | None:
+        """What may pass through a length of 0; a plain spring without length pulls there as everywhere."""
+        parts, node = self.of(Spring, Damper, LineForce)
+        x = self.nodes.phi[node]
+        own = np.array([getattr(part, "length", None) or 0.0 for part in parts])
+        reach = np.maximum(np.linalg.norm(x[:, 1] - x[:, 0], axis=1), own)
+        vectorial = np.array([type(part) is Spring and not part.has_law and part.length == 0.0 for part in parts], bool)
+        kept = np.flatnonzero((reach > 0.0) & ~vectorial)
+        return Lines([label_of(parts[k]) for k in kept.tolist()], node[kept], SHORT_WAY * reach[kept],
+                     {n: parts[k] for n, k in enumerate(kept.tolist()) if type(parts[k]) is LineForce}) if kept.size else None
 
     def tables(self, blocks: Blocks, row_of: Array, sliders: int, ties: Any, loads_at: int,
                losses_at: int) -> tuple[Any, ...]:

@@ -102,6 +102,8 @@ class Model(HistoryLayout):
         Beams and nets whose sections have damping.
     dampers, find_springs
         Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links.
+    lines : links.Lines or None
+        Springs, dampers and line forces whose ends may pass each other.
     dragged : dissipation.Dragged or None
         Nodes with drag; `drag` its tables.
     added : added.Added or None
@@ -176,6 +178,7 @@ class Model(HistoryLayout):
     damped: Any = None
     dampers: tuple[str, ...] = ()
     find_springs: Callable[[tuple[Any, ...]], list[Any]] | None = None
+    lines: Any = None
     dragged: Any = None
     drag: Any = None
     added: Any = None

@@ -324,6 +324,7 @@ class Stepper:
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or
         event the state is the one before that step. Fewer steps without either mean that `stop` said so."""
+        self.begun = False  # whether the state may have changed
         result = self._run(t, h, n, done)
         while result.status == OK and result.steps < n and not self.stop():
             result = self._run(t, h, n - result.steps, done + result.steps).after(result)
@@ -342,6 +343,7 @@ class Stepper:
                 starts, lengths = starts + h, np.zeros(n)
             loads, factors = model.loads, load_factors(model, starts, lengths)
         schedules = self._schedules(t, h, n, done)
+        self.begun = True
         if self.linear.is_compiled and model.substructures is None:
             with self.linear.threads():
                 kernels.run(*self._loop(loads, factors, schedules, h, n, counts, sizes, force))
@@ -430,12 +432,10 @@ class Stepper:
     def _python_run(self, factors: Array | None, h: float, n: int, schedules: tuple[Any, ...] = ()) -> Outcome:
         """The same loop in Python, around SuperLU or on several threads."""
         model, state, work, parts = self.core, self.core_state, self.work, self.parts
-        force = np.zeros((2, state.force.size))
-        iterations, sizes = 0, np.zeros(0)
+        force, iterations, sizes = np.zeros((2, state.force.size)), 0, np.zeros(0)
         for k in range(n):
             parts.keep()
-            last = np.zeros(state.force.size)
-            status, slider = OK, -1
+            last, status, slider = np.zeros(state.force.size), OK, -1
             for m, weight in enumerate(self.weights):
                 if factors is not None:
                     kernels.external_forces(model.loads, factors[k * self.weights.size + m], work.f_ext)

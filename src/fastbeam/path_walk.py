@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arc_length import Direction, PathSolver, root
-from .errors import ConvergenceError, Interrupted, SceneError
+from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .kernels.work import State
 from .model import Model
@@ -44,6 +44,8 @@ class PathWalk:
         Observer(model, observe, points)  # refuses what does not exist
         self.model, self.solver = model, solver
         self.step, self.largest, self.smallest, self.most = step, largest, smallest, most
+        # where the step begins that is under way
+        self.begun_at: tuple[Any, ...] | None = None
         self.first_step = self.size = step
         # quantities that end the path, and how far they are off their values
         self.wanted, self.off = wanted, np.zeros(0)
@@ -96,6 +98,15 @@ class PathWalk:
         try:
             with Interrupts() as self.solver.interrupts:
                 self._go(to, stop_at, branch, bar)
+        except ConvergenceError:
+            raise
+        except Exception as failed:
+            bar.close()
+            if self.begun_at is not None:
+                self.solver.restore(self.begun_at)
+            self.buffer.event({"kind": "failed", "time": self.length, "text": f"{type(failed).__name__}: {failed}"})
+            carry(failed, self.finish)
+            raise
         except KeyboardInterrupt as stopped:
             bar.close()
             result = self.finish()
@@ -112,8 +123,9 @@ class PathWalk:
         self.off = self._off_values()
         first = solver.saved()
         while self.rows < self.most:
+            self.begun_at = None
             solver.interrupts.serve()
-            before = solver.saved()
+            before = self.begun_at = solver.saved()
             iterations = solver.go(along, self.step)
             after = solver.direction(along) if iterations else None
             if after is None or solver.product(along, after) < LEAST_COSINE:

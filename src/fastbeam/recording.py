@@ -94,6 +94,14 @@ class Rows:
         (time_of_row, row), self.pending = self.pending, None
         self._feed("append", row, time_of_row)
 
+    def close_last(self) -> None:
+        """Finish the waiting row where a run ends; its forces are unknown where a function of time fails in their steps."""
+        try:
+            self.close()
+        except Exception:
+            self.broken_off = True
+            self.close()
+
     def _force(self, t: float, size: float, after: Array | None, steps: int) -> Array | None:
         """Forces of all constraints in the waiting row."""
         if self.forces is None:

@@ -14,7 +14,7 @@ from .arguments import Anything, Count, Flag, Number, Word, checked
 from .damping_matrix import check_still_air
 from .dynamics import failure
 from .equilibrium import StaticSolver
-from .errors import ConvergenceError, Interrupted, SceneError
+from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .interrupt import Interrupts
 from .joint_motion import check_at_rest
 from .kernels.joint_coordinates import VALUE
@@ -138,6 +138,12 @@ def relax(model: Model, *, start: State | None = None, step: float | None = None
     with run.interrupts:
         try:
             return run.go(step, most_steps, finish)
+        except ConvergenceError:
+            raise
+        except Exception as failed:
+            run.buffer.event({"kind": "failed", "time": run.t, "text": f"{type(failed).__name__}: {failed}"})
+            carry(failed, run.result)
+            raise
         except KeyboardInterrupt as stopped:
             run.interrupts.asked = False
             result = run.result()

@@ -19,7 +19,7 @@ from .checkpoint import RESOLVED, SLIVER, Checkpoint, Clock, check_target, check
 from .contact_force import AT_END, AT_ROWS, ContactForces
 from .dynamics import StepControl, composition, failure
 from .encounters import CONDITION, Encounters
-from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError
+from .errors import ConvergenceError, Interrupted, ResultFileError, SceneError, carry
 from .extrapolation import check_two_runs, combine, extrapolates
 from .filtering import FilteringStepper, check_filtered
 from .impacts import Impacts
@@ -132,9 +132,12 @@ def simulate(model: Model, *, t_end: float, step: float, order: int = 2, method:
     Raises
     ------
     SceneError
-        A scene that is not compiled, an argument out of range.
+        A scene that is not compiled, an argument out of range; a time function or the law of a controller that fails on the way.
     ConvergenceError
         A step failed; the error carries the last good state and the result until then.
+    Exception
+        What a function of the user's own raises. On the way that, and a SceneError, has the result until then as `.result`, with
+        `.state` and `.checkpoint` of the last good state; files are closed, the checkpoint renewed.
     ResultFileError
         A file cannot be written; when that happens on the way, the error carries the result until then.
     Interrupted
@@ -281,13 +284,15 @@ class _Run(Encounters):
         clock = self.clock
         if clock.before is None and self.stepper.method.at_end:
             clock.before = self.stepper.state.force.copy()
-        error: ConvergenceError | KeyboardInterrupt | None = None
+        error: BaseException | None = None
+        begun = False
         try:
             # the first row compiles the kernels of its quantities
             self.stepper.begin_compilation()
             if self.happen(clock.now):
                 clock.before = clock.before_size = None
             self.rows.first()
+            begun = True
             for kind, text in self.notes:
                 self.event({"kind": kind, "time": self.t_start, "text": text})
             self.watch.massless()
@@ -319,8 +324,15 @@ class _Run(Encounters):
             error, self.between = stopped, self.between and not self.calls.intact
             self.rows.broken_off = self.between or self.calls.slow
             self.event({"kind": "interrupted", "time": clock.now, "text": f"the run was interrupted at t = {clock.now:.6g} s"})
+        except Exception as failed:
+            # of a function of the user's own
+            if not begun:
+                raise
+            error, self.between = failed, self.between and not self.calls.intact
+            self.rows.broken_off = self.between
+            self.event({"kind": "failed", "time": clock.now, "text": f"{type(failed).__name__}: {failed}"})
         finally:
-            self.rows.close()
+            self.rows.close_last()
             self.progress.close()
             self.info |= {"solver": self.stepper.linear.name, "steps": self.steps, "iterations": self.iterations,
                           "fallbacks": self.stepper.linear.fallbacks,
@@ -348,8 +360,11 @@ class _Run(Encounters):
             way = "" if present is None else ", .checkpoint goes on from there"
             raise Interrupted(f"the run was interrupted at t = {clock.now:.6g} s; everything until then is in .result{way}",
                               result=result, state=present and present.state, checkpoint=present) from final
-        if final is not None:
+        if isinstance(final, ConvergenceError | ResultFileError):
             final.result = result
+        elif final is not None:
+            carry(final, lambda: result)
+        if final is not None:
             raise final
         return result
 

@@ -11,7 +11,7 @@ import numpy as np
 from .arguments import Anything, Count, Flag, Instance, Listing, Name, Number, Numbers, Refusal, Word, checked, shown
 from .dynamics import failure
 from .equilibrium import StaticSolver
-from .errors import ConvergenceError, Interrupted, SceneError
+from .errors import ConvergenceError, Interrupted, SceneError, carry
 from .exact_contact import ExactSolver, Observed
 from .interrupt import Interrupts
 from .joint_motion import check_at_rest
@@ -299,6 +299,13 @@ def _interruptible(solver: StaticSolver, buffer: ResultBuffer, finish: Callable[
     try:
         with Interrupts() as solver.interrupts:
             yield
+    except ConvergenceError:
+        raise
+    except Exception as failed:
+        bar.close()
+        buffer.event({"kind": "failed", "time": bar.done, "text": f"{type(failed).__name__}: {failed}"})
+        carry(failed, finish)
+        raise
     except KeyboardInterrupt as stopped:
         bar.close()
         text = "interrupted; the last equilibrium is in .state, everything until then in .result"
