@@ -3,7 +3,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .assembly import Corner
+from .dynamics import StepControl
 from .errors import ConvergenceError
 from .kernels.step import OK, SLIDER_END
 from .kernels.work import State
@@ -15,6 +18,8 @@ from .scene.switches import chosen, span_of
 
 # a step over a corner that fails, or meets something else, is tried again, up to so many times half as far behind it
 MOST_TRIES = 8
+# with step control; the last of them counts, however large its error is
+MOST_JUDGED = 10
 # velocities of a step to a corner that is shorter, as a share of a whole one, are round-off
 TOO_SHORT = 1e-8
 
@@ -36,10 +41,12 @@ class Corners:
     ----------
     stepper : Stepper
     locking : Locking
+    control : StepControl, optional
+        Judges the steps.
     """
 
-    def __init__(self, stepper: Stepper, locking: Locking) -> None:
-        self.stepper, self.locking, self.model = stepper, locking, stepper.model
+    def __init__(self, stepper: Stepper, locking: Locking, control: StepControl | None = None) -> None:
+        self.stepper, self.locking, self.model, self.control = stepper, locking, stepper.model, control
 
     def passed(self, start: Any, t: float, sizes: tuple[float, float], awaited: Awaited, step: int) -> Passed | None:
         """A step from the saved state `start` at time t over the corner that a slider is at now.
@@ -106,14 +113,17 @@ class Corners:
                track: str) -> tuple[Passed | None, bool]:
         """The longest step over a corner; whether all fail."""
         stepper, failed = self.stepper, True
-        for n in range(MOST_TRIES):
+        tries = MOST_TRIES if self.control is None else MOST_JUDGED
+        for n in range(tries):
             size = sizes[0] + 0.5**n * (sizes[1] - sizes[0])
             stepper.corner = corner
             try:
                 stepper.load(start)
-                outcome = stepper.advance(t, size, 1)
+                outcome, is_good = self._step(start, t, size)
             finally:
                 stepper.corner = None
+            if not is_good and n < tries - 1:
+                continue
             if outcome.status == OK and outcome.steps:
                 state = stepper.copy_state()
                 event = self._moved_on(state, corner.slider, track, start[0], t + sizes[0])
@@ -121,6 +131,18 @@ class Corners:
                     return Passed(size, outcome, state, event), False
             failed &= outcome.status not in (OK, SLIDER_END)
         return None, failed
+
+    def _step(self, start: Any, t: float, size: float) -> tuple[Outcome, bool]:
+        """A step of this size, with step control its halves; whether its local error is below the tolerance."""
+        stepper, control = self.stepper, self.control
+        whole = stepper.advance(t, size, 1)
+        if control is None or whole.status != OK or not whole.steps:
+            return whole, True
+        coarse = stepper.copy_state()
+        stepper.load(start)
+        halves = stepper.advance(t, 0.5 * size, 2)
+        halves.force = np.stack((halves.force.mean(axis=0), halves.force.mean(axis=0)))
+        return halves, halves.status == OK and halves.steps == 2 and control.error(stepper, coarse) <= control.tolerance
 
     def _moved_on(self, state: State, k: int, track: str, before: State, t: float) -> dict[str, Any] | None:
         """Count the arc length of slider k on its new track, reached at time t; the event, None where it turned around."""

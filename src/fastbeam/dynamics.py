@@ -253,7 +253,7 @@ class StepControl:
                         continue
                     return h, h, stepper.advance(t, h, 1)
                 if halves.status == OK:
-                    error = self._error(stepper, coarse)
+                    error = self.error(stepper, coarse)
             if error <= self.tolerance:
                 self.accepted += 1
                 halves.force = np.stack((halves.force.mean(axis=0), halves.force.mean(axis=0)))
@@ -284,13 +284,14 @@ class StepControl:
                 coarse = stepper.copy_state()
                 stepper.load(start)
                 if stepper.advance(t, 0.5 * INSIDE * size, 2).status == OK:
-                    error = 2.0**self.order * self._error(stepper, coarse)
+                    error = 2.0**self.order * self.error(stepper, coarse)
             return size, error
         finally:
             stepper.stop = stop
             stepper.load(start)
 
-    def _error(self, stepper: Stepper, coarse: State) -> float:
+    def error(self, stepper: Stepper, coarse: State) -> float:
+        """Local error of two halves of a step, which led to the present state, against the whole; relative to the scene."""
         difference = (stepper.state.q - coarse.q).reshape(-1, 12)[:, :3]
         size = float(np.max(np.linalg.norm(difference, axis=1)))
         if coarse.s.size:

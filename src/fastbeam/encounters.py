@@ -186,7 +186,7 @@ class Encounters:
             # where a step a little longer takes another branch of friction, this one ends before the stop
             strikes = (slider, end) if arrives and not found else None
             if arrives and found and found[0].action == TRANSFER:
-                passed = Corners(self.stepper, self.locking).passed(start, t, (last, h), found[0], self.steps)
+                passed = Corners(self.stepper, self.locking, self.control).passed(start, t, (last, h), found[0], self.steps)
                 if passed is not None:
                     self.impacts.in_a_row = 0
                     yield from self.behind(t, passed.size, passed.outcome, passed=passed)

@@ -150,6 +150,13 @@ def test_stops_and_friction_behind_a_corner() -> None:
         np.testing.assert_allclose(other.slider("s")["position"][-1], one.slider("s")["position"][-1], atol=1e-3)
 
 
+def test_step_control_over_corners() -> None:
+    """Both approach one motion as the tolerance falls, from 0.2 m apart where no step over the corner was judged."""
+    one, other = (run(fb.compile_scene(corner(45.0, way)[0]), 1.0, 0.004, tolerance=1e-5) for way in ("path", "switch"))
+    assert switched(other)[0] == "b1" and other.drift("total") < 1e-11
+    np.testing.assert_allclose(other.slider("s")["position"][-1], one.slider("s")["position"][-1], atol=0.02)
+
+
 def test_beyond_a_right_angle_the_run_says_so() -> None:
     model = fb.compile_scene(corner(150.0, "switch")[0])
     with pytest.raises(fb.ConvergenceError, match="does not get over the corner between the tracks 'b0' and 'b1'") as caught:
