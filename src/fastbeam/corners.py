@@ -74,6 +74,7 @@ class Corners:
         here, k, at_end = self.stepper.save(), awaited.slider, awaited.when == END
         slider, state = self.locking.sliders[k], here[0]
         switch, number = slider.beam, span_of(slider.beam, float(state.s[k]))
+        assert self.model.sliders is not None
         place = int(self.model.sliders.curve[k]), number, at_end
         is_short = 0.0 < sizes[0] < TOO_SHORT * sizes[1]
         if not any(at[:3] == place and (is_sharp or is_short) for at, (_, is_sharp) in self.model.corners.items()):
