@@ -1,7 +1,7 @@
 """What a run hands to compiled code: the terms of a model and the record of what they share (kernels/terms.py)."""
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,7 +67,9 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     terms: list[Any] = []
     if model.sliders is not None and not static:
         sleeves = NoSleeves() if model.sleeves is None else sleeves_of_run(model.sleeves)
-        terms.append(Sliding(model.curves, model.sliders, NoTies() if model.ties is None else model.ties,
+        # sliders of a run go over corners of switches on curves of their own
+        sliders = model.sliders._replace(curve=model.sliders.curve.copy()) if model.corners else model.sliders
+        terms.append(Sliding(model.curves, sliders, NoTies() if model.ties is None else model.ties,
                              model.put_limits(np.zeros((model.n_sliders, 3)), model.s0),
                              NoForceAlong() if along is None else along,
                              sleeves))
@@ -104,12 +106,24 @@ def terms_of(model: Model, inner: Inner | None, static: bool = False, along: Alo
     return (*terms, *losses, *(x for x in others if x is not None))
 
 
-def put_limits(model: Model, state: State, *all_terms: tuple[Any, ...] | None) -> None:
-    """Let sliders on switches move on the tracks on which they are, to the stops there."""
+class Corner(NamedTuple):
+    """A slider on the curve that leads over a corner of its switch, and between which arc lengths it may go there, m."""
+
+    slider: int
+    curve: int
+    limits: tuple[float, float]
+
+
+def put_limits(model: Model, state: State, corner: Corner | None, *all_terms: tuple[Any, ...] | None) -> None:
+    """Let sliders on switches move on the tracks on which they are, to the stops there, and one of them over a corner."""
     for terms in all_terms if model.spans else ():
         for term in terms or ():
             if isinstance(term, Sliding):
                 model.put_limits(term.limits, state.s, state.history)
+                if model.corners:
+                    term.sliders.curve[:] = model.sliders.curve
+                if corner is not None:
+                    term.sliders.curve[corner.slider], term.limits[corner.slider, :2] = corner.curve, corner.limits
                 if isinstance(term.along, Along):
                     term.along.stops[:, :2] = model.slider_forces.elastic(state.s, model.along_of(state.history))
 

@@ -53,7 +53,7 @@ from .slider_forces import slider_forces_of
 from .spring_laws import SpringRows
 from .supports import waiting
 from .tables import Elements, pack_curves, pack_inner, pack_paths, pack_substructures
-from .tracks import track_of
+from .tracks import corners_of, track_of
 from .unpacked import Unpacked, unpack
 from .winches import WinchRows
 
@@ -176,7 +176,7 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
                                        ordered.n_panel)
     ties = _ties(joints.without_welds(), blocks)
     held = _held(joints.held, pattern)
-    curves, sliders = _sliders(scene, nodes, joints)
+    curves, sliders, corners = _sliders(scene, nodes, joints)
     loads = _loads(unpacked, row_of)
     idle = _idle_spins(scene, nodes, joints, loads, row_of, links)
     state, length = unpacked.state, unpacked.numbered.length
@@ -195,7 +195,8 @@ def pack(scene: Scene, unpacked: Unpacked, condensed: Condensed, ordered: Ordere
         spin_root=joints.spin_root, loads=loads, load_times=unpacked.loads.times, gravity=unpacked.gravity,
         gravity_time=scene.gravity_time, gravity_weight=unpacked.loads.weight, constant_load=unpacked.loads.constant,
         q0=state.q, v0=state.v, s0=state.s,
-        slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), length=length,
+        slider_lengths=np.array([s.beam.length for s in scene.sliders]), spans=_spans(scene), corners=corners,
+        length=length,
         softest=min((part.softest(length) for part in unpacked.elements), default=np.inf), n_blocks=blocks.n_blocks,
         names=_names(scene, nodes), labels=nodes.labels, numbers=nodes, projected=unpacked.projected,
         joints=_joint_names(scene, nodes), load_names=unpacked.loads.names,
@@ -316,15 +317,21 @@ def _idle_spins(scene: Scene, nodes: NodeList, joints: Connections, loads: Array
     return out
 
 
-def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None]:
+def _sliders(scene: Scene, nodes: NodeList, joints: Connections) -> tuple[Any, Sliders | None, dict[Any, tuple[int, bool]]]:
+    """Curves, sliders, and which curves lead over the corners of switches."""
     if not scene.sliders:
-        return None, None
+        return None, None, {}
     tracks = [track_of(scene, nodes, slider) for slider in scene.sliders]
     index = {id(track): k for k, track in enumerate({id(track): track for track in tracks}.values())}
     point = np.array([nodes.number(s.point) for s in scene.sliders], np.int64)
     curve = np.array([index[id(track)] for track in tracks], np.int64)
     pack = pack_paths if any(isinstance(slider.beam, Path) for slider in scene.sliders) else pack_curves
-    return pack(list({id(track): track for track in tracks}.values())), Sliders(curve, point, joints.spin_root.astype(np.int64))
+    every, corners = list({id(track): track for track in tracks}.values()), {}
+    for c, slider in {c: slider for c, slider in zip(curve.tolist(), scene.sliders) if isinstance(slider.beam, Switch)}.items():
+        for place, (track, is_sharp) in corners_of(scene, nodes, slider).items():
+            corners[c, *place] = -1 if track is None else len(every), is_sharp
+            every += [] if track is None else [track]
+    return pack(every), Sliders(curve, point, joints.spin_root.astype(np.int64)), corners
 
 
 def _spans(scene: Scene) -> dict[int, Array]:

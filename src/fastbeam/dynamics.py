@@ -257,7 +257,7 @@ class StepControl:
                         continue
                     return h, h, stepper.advance(t, h, 1)
                 if halves.status == OK:
-                    error = self._error(stepper, coarse)
+                    error = self.error(stepper, coarse)
                     if error <= self.tolerance:
                         error = max(error, self._unseen(stepper, start[0].q, t, h))
             if error <= self.tolerance:
@@ -290,7 +290,7 @@ class StepControl:
                 coarse = stepper.copy_state()
                 stepper.load(start)
                 if stepper.advance(t, 0.5 * INSIDE * size, 2).status == OK:
-                    error = 2.0**self.order * self._error(stepper, coarse)
+                    error = 2.0**self.order * self.error(stepper, coarse)
             return size, error
         finally:
             stepper.stop = stop
@@ -312,7 +312,8 @@ class StepControl:
             return 0.0
         return float(lines.unseen(before, state.q, t + 0.5 * h, h, stepper.model.gravity_weight)) / stepper.model.length
 
-    def _error(self, stepper: Stepper, coarse: State) -> float:
+    def error(self, stepper: Stepper, coarse: State) -> float:
+        """Local error of two halves of a step, which led to the present state, against the whole; relative to the scene."""
         difference = (stepper.state.q - coarse.q).reshape(-1, 12)[:, :3]
         size = float(np.max(np.linalg.norm(difference, axis=1)))
         if coarse.s.size:

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 from .checkpoint import Clock
+from .corners import TOO_SHORT, Corners, Passed
 from .dynamics import END_TOLERANCE, TRANSFER_TOLERANCE, StepControl, failure, run_to_condition, run_to_end_of_beam
 from .impacts import Impacts
 from .interrupt import Calls
 from .kernels.step import NOT_CONVERGED, OK
 from .kernels.work import State
-from .locking import Locking
+from .locking import TRANSFER, Locking
 from .model import Model
 from .newton import Stepper
 from .outcome import Outcome
@@ -153,9 +154,10 @@ class Encounters:
         yield from self.behind(t, last, final, [replace(x, rests=last == 0.0) for x in found])
         return True
 
-    def behind(self, t: float, last: float, final: Outcome, found: Sequence[Any] = (), strikes: Any = None) -> Any:
-        """Go on behind what happens after a step from t of size `last`: conditions that hold, and a slider that strikes a
-        stop, with its end."""
+    def behind(self, t: float, last: float, final: Outcome, found: Sequence[Any] = (), strikes: Any = None,
+               passed: Passed | None = None) -> Any:
+        """Go on behind what happens after a step from t of size `last`: conditions that hold, a slider that strikes a stop, with
+        its end, and one that has passed a corner."""
         if last > 0.0:
             t = self.t_end if self.t_end - t - last < NEXT_TO_NOTHING * self.clock.size else t + last
             self.progress.update(last)
@@ -163,6 +165,10 @@ class Encounters:
         self.took(t, final, last)
         if strikes is not None:
             self.impact(strikes[0], t, strikes[1], last)
+        if passed is not None:
+            self.stepper.set_state(passed.state)
+            if passed.event is not None:
+                self.event(passed.event)
         self.happen(t, found)
         # the row, the callback and the checkpoint of this time are behind it
         self.count_from(t)
@@ -196,6 +202,16 @@ class Encounters:
         if (is_impact or found) and (arrives or last > 0.0) and self.impacts.may_go_on(last > 0.0 and arrives):
             # where a step a little longer takes another branch of friction, this one ends before the stop
             strikes = (slider, end) if arrives and not found else None
+            if arrives and found and found[0].action == TRANSFER:
+                passed = Corners(self.stepper, self.locking, self.control).passed(start, t, (last, h), found[0], self.steps)
+                if passed is not None:
+                    self.impacts.in_a_row = 0
+                    yield from self.behind(t, passed.size, passed.outcome, passed=passed)
+                    return True
+                if 0.0 < last < TOO_SHORT * h:
+                    # it stands there already: velocities of such a step are round-off
+                    self.stepper.load(start)
+                    last, final = 0.0, replace(final, steps=0)
             yield from self.behind(t, last, final, found if arrives else (), strikes)
             return True
         if last > 0.0:

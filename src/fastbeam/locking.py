@@ -301,8 +301,20 @@ class Locking:
         state = State(*(x.copy() for x in state))
         number = span_of(switch, float(state.s[k]))
         track = chosen(switch, self._options(state, k, awaited.when), t, state, name)
-        at_end = awaited.when == END
-        target = switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)]
+        self.move_on(state, k, number, awaited.when == END, track)
+        return state, self.switched(state, k, number, track, t)
+
+    def switched(self, state: State, k: int, number: int, track: str, t: float) -> dict[str, Any]:
+        """The event of slider k, which left the track of this number for the one on which it is in a state."""
+        name, s, own = self.model.names["sliders"][k], float(state.s[k]), self.model.along_of(state.history)[k]
+        return {"kind": "switched", "time": t, "slider": name, "s": s, "way": float(s + own[OFFSET]), "track": track, "loss": 0.0,
+                "text": f"slider {name!r} goes on from {self.sliders[k].beam.tracks[number].name!r} to {track!r} at t = "
+                        f"{t:.6g} s"}
+
+    def move_on(self, state: State, k: int, number: int, at_end: bool, track: str) -> float:
+        """Count the arc length of slider k, which leaves the track of this number, on another; by how much it falls."""
+        switch = self.sliders[k].beam
+        target = float(switch.spans[[x.name for x in switch.tracks].index(track), int(not at_end)])
         own, stored = self.model.along_of(state.history)[k], self._in_stop(state, k)
         # what is left of the way is left on the other track, too
         before = float(switch.spans[number, int(at_end)])
@@ -311,9 +323,7 @@ class Locking:
         own[CAME_BY] = 1.0 if at_end else -1.0
         # a stop that stands on the track behind swings back by itself
         own[STOP_LOSS] += stored - self._in_stop(state, k)
-        return state, {"kind": "switched", "time": t, "slider": name, "s": float(state.s[k]),
-                       "way": float(state.s[k] + own[OFFSET]), "track": track, "loss": 0.0,
-                       "text": f"slider {name!r} goes on from {switch.tracks[number].name!r} to {track!r} at t = {t:.6g} s"}
+        return before - target
 
     def happens(self, awaited: Awaited, state: State, t: float) -> tuple[State, dict[str, Any]]:
         """The state behind one of them, and its event."""

@@ -55,6 +55,9 @@ class Model(HistoryLayout):
         Of each of them the share of 1/a of theory.md (5.5) that its equations have.
     static_held : Held or None
         What is held in statics: with one spin of every beam of a net that may spin about its axis.
+    spans, corners : dict
+        Of sliders on switches where their tracks begin and end, m; by (curve of the switch, track, whether by its end, next
+        track) the number of the curve over a corner, -1 where there is none, and whether it is sharp.
     pattern : Pattern
         Order, blocks and elimination plan.
     spinless : int8 [N]
@@ -154,6 +157,7 @@ class Model(HistoryLayout):
     s0: Array
     slider_lengths: Array
     spans: dict[int, Array]
+    corners: dict[tuple[int, int, bool, int], tuple[int, bool]]
     length: float
     softest: float
     n_blocks: int

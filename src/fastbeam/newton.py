@@ -10,7 +10,7 @@ import numpy as np
 from ._jit import announce_first_use, begin_background
 from ._records import Record, record_of
 from .arguments import count, number
-from .assembly import put_limits, system_of, terms_of
+from .assembly import Corner, put_limits, system_of, terms_of
 from .condensed import CondensedIteration, thread_count
 from .constraints import constraints_of
 from .errors import SceneError
@@ -94,13 +94,12 @@ class Stepper:
         compared = method.middle is not None or method.parameters is not None
         if compared and model.substructures is not None and model.uncondensed is not None:
             model = model.uncondensed()
-        self.model = model
+        self.model, self.method = model, method
         start = None if state is None else own_state(model, state)
         self.augmentation = number("augmentation", augmentation)
         if self.augmentation != 0.0 and not 1.0 <= self.augmentation <= 1e12:
             raise SceneError(f"augmentation: must be 0 (plain multipliers) or from 1 to 1e12, got {augmentation:g}; the default "
                              f"is {AUGMENTATION:g}")
-        self.method = method
         # the methods for comparison run in space, so does a state that left the plane of its scene, and what went on from there
         flat = model.plane is not None and not compared
         from_space = memory is not None and memory.size == model.past_size + 6 * model.n_nodes
@@ -145,7 +144,8 @@ class Stepper:
         # of user forces: the time in the middle of a step, and the load factor in statics
         self.law_work = law_work()
         self.terms = terms_of(core, self.inner, static, self.along, self.prescribed, self.law_work, self.motion)
-        put_limits(core, self.core_state, self.terms)
+        self.corner: Corner | None = None  # a slider on its way over a corner of a switch
+        put_limits(core, self.core_state, None, self.terms)
         self.parts = CondensedIteration(self, threads) if condensed and threads else Iteration(self)
         self._factors = np.ones((1, len(model.load_times)))
         self._fallback: Stepper | None = None
@@ -295,7 +295,7 @@ class Stepper:
             fallback = Stepper(self.model.uneliminated(planar=self.plane is not None), self.weights, None, self.max_iterations,
                                "superlu", self.method, memory=self.memory, augmentation=self.augmentation)
             fallback.core_state, fallback.alpha = self.core_state, self.alpha
-            put_limits(self.core, self.core_state, fallback.terms)
+            put_limits(self.core, self.core_state, self.corner, fallback.terms)
             fallback.work = fallback.work._replace(**{name: getattr(self.work, name) for name in BY_NODE},
                                                    increment=fallback.work.increment._replace(theta=self.work.theta))
             self._fallback = fallback
@@ -319,7 +319,7 @@ class Stepper:
         self.work.past[0] = 0.0
         for mine, other in zip(self.core_state, state if self.plane is None else self.plane.reduce(state)):
             mine[:] = other
-        put_limits(self.core, self.core_state, self.terms, self._fallback and self._fallback.terms)
+        put_limits(self.core, self.core_state, self.corner, self.terms, self._fallback and self._fallback.terms)
 
     def advance(self, t: float, h: float, n: int, done: int = 0) -> Outcome:
         """n steps of size h, the first from time t + done*h: times do not depend on how a run is cut into calls. On a failure or

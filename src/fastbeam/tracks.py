@@ -11,10 +11,13 @@ from .basis import CurveBasis, end_bumps
 from .errors import SceneError
 from .numbering import NodeList
 from .scene import Beam, Path, Scene, Slider, Switch
+from .scene.switches import END
 
 Array = np.ndarray
 # angle between the references of two beams, rad, up to which their common curve gets one tangent
 STRAIGHT = 1e-6
+# angle between two tracks of a switch, rad, from which on no step ends at the corner
+SHARP = 0.1
 
 
 @dataclass(frozen=True)
@@ -91,11 +94,52 @@ def _of_path(scene: Scene, nodes: NodeList, path: Path, kind: str) -> Track:
                  int(smooth.sum()))
 
 
+def corners_of(scene: Scene, nodes: NodeList, slider: Slider) -> dict[tuple[int, bool, int], tuple[Track | None, bool]]:
+    """Where tracks of the switch of a slider meet at a corner: (number of the track that it leaves, whether by its end, number of
+    the one behind) -> both as one curve, on which the first has the arc lengths that it has on the switch, and the other goes on
+    from there, None of tracks that share nodes; whether the corner is sharp."""
+    switch: Switch = slider.beam
+    tracks = _tracks_of(scene, nodes, switch, slider.curve)
+    number = {x.name: k for k, x in enumerate(switch.tracks)}
+    out: dict[tuple[int, bool, int], tuple[Track | None, bool]] = {}
+    for k, (one, (begin, end)) in enumerate(zip(tracks, switch.spans.tolist())):
+        for name in switch.options(switch.tracks[k], END):
+            j, other = number[name], tracks[number[name]]
+            a, b = (nodes.phi[x.at(s)[0]].T @ x.at(s)[2] for x, s in ((one, end - begin), (other, 0.0)))
+            turn = float(np.linalg.norm(a / np.linalg.norm(a) - b / np.linalg.norm(b)))
+            if turn > STRAIGHT:
+                is_one = not np.isin(one.nodes, other.nodes).any()
+                meet = float(switch.spans[j, 0])
+                out[k, True, j] = (_end_to_end(one, other, begin, end) if is_one else None), turn > SHARP
+                out[j, False, k] = (_end_to_end(one, other, meet - (end - begin), meet) if is_one else None), turn > SHARP
+    return out
+
+
+def _end_to_end(one: Track, other: Track, begin: float, meet: float) -> Track:
+    """Two tracks as one curve with a corner at arc length `meet`; the first begins at `begin`."""
+    width, size = (max(x.basis.coef.shape[k] for x in (one, other)) for k in (1, 2))
+    coef = [_padded(x.basis.coef, width, size) for x in (one, other)]
+    ends = np.concatenate((begin + one.basis.element_ends, meet + other.basis.element_ends[1:]))
+    ends[one.basis.element_ends.size - 1] = meet
+    return Track(np.concatenate((one.nodes, other.nodes)), CurveBasis(
+        ends, np.concatenate((one.basis.first_node, one.nodes.size + other.basis.first_node)),
+        np.concatenate((one.basis.n_nodes_of, other.basis.n_nodes_of)), np.concatenate(coef)))
+
+
+def _padded(coef: Array, width: int, size: int) -> Array:
+    """Coefficients with room for more nodes and coefficients."""
+    return np.pad(coef, ((0, 0), (0, width - coef.shape[1]), (0, size - coef.shape[2])))
+
+
+def _tracks_of(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> list[Track]:
+    return [_of_path(scene, nodes, on, kind) if isinstance(on, Path) else Track(
+        nodes.start(on) + np.arange(on.n_nodes), on.basis.curve(kind)) for on in switch.tracks]
+
+
 def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Track:
     """All tracks one behind the other, as one curve. What lies between goes on straight, for iterations of a step that leads
     beyond an end: a slider never gets there."""
-    tracks = [_of_path(scene, nodes, on, kind) if isinstance(on, Path) else Track(
-        nodes.start(on) + np.arange(on.n_nodes), on.basis.curve(kind)) for on in switch.tracks]
+    tracks = _tracks_of(scene, nodes, switch, kind)
     together = _Together(scene, nodes)
     for one, other in switch.joints():
         if not together.joined(nodes.number(one), nodes.number(other)):
@@ -106,8 +150,7 @@ def _of_switch(scene: Scene, nodes: NodeList, switch: Switch, kind: str) -> Trac
     node = 0
     for k, (track, (begin, end)) in enumerate(zip(tracks, switch.spans.tolist())):
         basis, last = track.basis, k == len(tracks) - 1
-        own = np.zeros((basis.coef.shape[0], width, size))
-        own[:, :basis.coef.shape[1], :basis.coef.shape[2]] = basis.coef
+        own = _padded(basis.coef, width, size)
         arc = begin + basis.element_ends[1:]
         arc[-1] = end
         pieces = [(own, node + basis.first_node, basis.n_nodes_of, arc)]

@@ -104,6 +104,66 @@ def test_corners_of_a_long_switch_open_no_gaps() -> None:
         assert len(switched(result)) >= 2 and result.series["gap"].max() < 2e-14 and result.drift("total") < 1e-12
 
 
+def corner(angle: float, way: str, stiffness: float = 1e4, rate: float = 2.0, **slide: Any) -> tuple[fb.Scene, Any]:
+    """Three free beams with corners of an angle in degrees, a bead runs over them; way: 'path' or 'switch'."""
+    soft = fb.Section(EA=stiffness, GA2=0.5 * stiffness, GA3=0.5 * stiffness, GJ=50, EI2=50, EI3=50, rhoA=1.0, rhoI2=1e-2,
+                      rhoI3=1e-2)
+    beams, at = [], np.zeros(3)
+    for k in range(3):
+        turn = np.deg2rad(angle) * (k % 2)
+        along = np.array((np.cos(turn), np.sin(turn), 0.0))
+        beams.append(fb.Beam.straight(f"b{k}", at, at + along, section=soft, elements=3))
+        at = at + along
+    on = fb.Path("path", beams) if way == "path" else fb.Switch("corners", beams)
+    bead, joints = fb.PointMass("bead", mass=0.5), [fb.RigidConnection(x.end, y.start) for x, y in zip(beams, beams[1:])]
+    at_s = 0.4 if rate > 0.0 else on.offset(beams[2]) + 0.6 if way == "switch" else 2.6
+    return fb.Scene(*beams, *joints, bead, fb.Slider("s", bead, on=on, at=at_s, rate=rate, **slide),
+                    fb.RigidMotion(velocity=(0.2, 0.1, 0.0), spin=(0, 0, 0.1)), project_velocities=True), on
+
+
+@pytest.mark.parametrize("rate", [2.0, -2.0])
+@pytest.mark.parametrize("angle, stiffness", [(88.0, 1e4), (90.0, 1e4), (88.0, 1e6), (90.0, 1e6)])
+def test_a_corner_is_passed_as_on_a_path(angle: float, stiffness: float, rate: float) -> None:
+    """Steps that ended at the corner once failed there, one of them 4e-16 s long with energy from round-off."""
+    found = []
+    for way in ("path", "switch"):
+        scene, on = corner(angle, way, stiffness, rate)
+        found.append(run(fb.compile_scene(scene), 1.0, 0.002))
+    one, other = found
+    assert len(switched(other)) >= 1 and other.drift("total") < 1e-11 and other.series["gap"].max() < 1e-13
+    np.testing.assert_allclose(other.slider("s")["position"][:len(one.t)], one.slider("s")["position"], atol=1e-6)
+    np.testing.assert_allclose(other.t, one.t, atol=1e-12)
+    # where it is on its track is where it is on the path
+    here, s = on.where(other.slider("s")["s"][-1])
+    before = sum(x.length for x in on.tracks[:on.tracks.index(here)])
+    assert abs(before + s - one.slider("s")["s"][-1]) < 1e-6
+
+
+def test_stops_and_friction_behind_a_corner() -> None:
+    """A wall on the next track, counted along the way, and friction over the corner."""
+    for slide in ({"stops": fb.Stops(end=1.3, restitution=0.5)}, {"friction": 0.05}):
+        found = [run(fb.compile_scene(corner(80.0, way, **slide)[0]), 0.6, 0.002) for way in ("path", "switch")]
+        one, other = found
+        assert switched(other)[0] == "b1"
+        books = other.balance()["sum"]
+        assert np.ptp(books) < 1e-11 * np.max(books)
+        np.testing.assert_allclose(other.slider("s")["position"][-1], one.slider("s")["position"][-1], atol=1e-3)
+
+
+def test_step_control_over_corners() -> None:
+    """Both approach one motion as the tolerance falls, from 0.2 m apart where no step over the corner was judged."""
+    one, other = (run(fb.compile_scene(corner(45.0, way)[0]), 1.0, 0.004, tolerance=1e-5) for way in ("path", "switch"))
+    assert switched(other)[0] == "b1" and other.drift("total") < 1e-11
+    np.testing.assert_allclose(other.slider("s")["position"][-1], one.slider("s")["position"][-1], atol=0.02)
+
+
+def test_beyond_a_right_angle_the_run_says_so() -> None:
+    model = fb.compile_scene(corner(150.0, "switch")[0])
+    with pytest.raises(fb.ConvergenceError, match="does not get over the corner between the tracks 'b0' and 'b1'") as caught:
+        run(model, 1.0)
+    assert caught.value.result.drift("total") < 1e-12 and 0.9 < caught.value.state.s[0] < 1.0
+
+
 def test_backwards_through_the_start() -> None:
     scene, on = yard(rate=-4.0)
     result = run(fb.compile_scene(scene), 1.0)
