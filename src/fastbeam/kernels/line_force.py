@@ -2,8 +2,8 @@
 
 The law gives the tension from the time in the middle of the step, the mean of the lengths at both ends and their difference over
 the step. With these a linear spring and a damper written as laws are those of theory.md (4.9) and (4.18); the force lies along
-the mean of both ends, so that both momenta stay, and what it takes from the energy is accounted. In statics it acts in full at every
-load factor, as springs do.
+the mean of both ends, so that both momenta stay, and what it takes from the energy is accounted. In statics it acts in full at
+every load factor, as springs do.
 
 Arrays: q [12 N], in a plane [4 N].
 """
