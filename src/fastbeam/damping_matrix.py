@@ -36,7 +36,7 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
         In space.
     q : float64 [N, 4, 3]
     t, factor : float
-        Time, s, and load factor with which laws of forces are evaluated.
+        Time, s, with which laws are evaluated, and load factor, which scales those on nodes.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def damping_map(model: Model, q: Array, t: float, factor: float) -> Any:
     """
     damped = () if model.damped is None else model.damped.strains
     links = _of_joints(model, q) + _of_springs(model, q) + _of_bushings(model, q) + _of_laws(model, q, t, factor)
-    links = links + _of_lines(model, q, t, factor) + _of_elements(model, q, t, factor)
+    links = links + _of_lines(model, q, t) + _of_elements(model, q, t)
     return (_of_sections(model, q, damped, VISCOSITY) + _of_drag(model) + links).tocsr()
 
 
@@ -165,7 +165,7 @@ def _of_springs(model: Model, q: Array) -> Any:
     return total
 
 
-def _of_lines(model: Model, q: Array, t: float, factor: float) -> Any:
+def _of_lines(model: Model, q: Array, t: float) -> Any:
     """Of forces along lines the derivative of the tension by the rate of the length: central differences."""
     from scipy import sparse
     total = sparse.csr_matrix((12 * model.n_nodes, 12 * model.n_nodes))
@@ -182,7 +182,7 @@ def _of_lines(model: Model, q: Array, t: float, factor: float) -> Any:
                 LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found[i:])))
             at = np.concatenate((12 * b + np.arange(3), 12 * a + np.arange(3)))
             lead = sparse.csr_matrix((np.concatenate((way, -way)) / length, (np.zeros(6, int), at)), shape=(1, total.shape[0]))
-            total = total + factor * (found[0] - found[1]) / (2.0 * size) * (lead.T @ lead)
+            total = total + (found[0] - found[1]) / (2.0 * size) * (lead.T @ lead)
     return total
 
 
@@ -245,7 +245,7 @@ def _of_laws(model: Model, q: Array, t: float, factor: float) -> Any:
     return total
 
 
-def _of_elements(model: Model, q: Array, t: float, factor: float) -> Any:
+def _of_elements(model: Model, q: Array, t: float) -> Any:
     """The same of force elements, whose forces do work on the rates of position and rotation in the axes of the first node."""
     from scipy import sparse
     n = 12 * model.n_nodes
@@ -277,7 +277,7 @@ def _of_elements(model: Model, q: Array, t: float, factor: float) -> Any:
                     given[12 + column] = sign * size
                     LAW(int(table.laws.address[k]))(t, *(x.ctypes.data_as(NUMBERS) for x in (given, parameters, found)))
                     ends.append(found)
-                block[:, column] = -factor * (ends[0] - ends[1]) / (2.0 * size)
+                block[:, column] = -(ends[0] - ends[1]) / (2.0 * size)
             at = (12 * np.array([a, b])[:, None] + np.arange(12)).reshape(-1)
             rows, columns = np.broadcast_arrays(at[:, None], at)
             block = lead.T @ block @ lead

@@ -142,18 +142,20 @@ def solve_path(model: Model, *, to: float = 1.0, start: State | None = None, loa
     if to == load_factor:
         raise SceneError(f"to: the path begins at load factor {load_factor:g} and has no way to go; give another `to`")
     stays_put = moves is None and prestrains is None
-    if stays_put and not np.any(model.loads) and not model.user_forces:
+    # those along lines and between triads act in full, as springs do
+    by_laws = bool(model.user_forces) and bool(model.uneliminated.scene.user_forces)  # type: ignore[union-attr]
+    if stays_put and not np.any(model.loads) and not by_laws:
         raise SceneError("solve_path: the scene has no loads that could grow; add a Load, a DistributedLoad or gravity, move "
                          "supports, moves={clamp: (0, 0, -0.1)}, or strain beams, prestrains={beam: -0.01}")
     shifts = {} if moves is None else _shifts(model, moves)
     strains = None if prestrains is None else StrainPath(model, prestrains_of(model, prestrains))
     laws = law_path("solve_path", model, at_time, stays_put)
     if stays_put or isinstance(at_time, tuple):
-        factors = load_path("solve_path", model, at_time, bool(model.user_forces) and laws.moves)
+        factors = load_path("solve_path", model, at_time, by_laws and laws.moves)
     else:
         stay = load_factors_at("solve_path", model, at_time)
         factors = stay, np.zeros_like(stay)
-    if start is None and (np.any(factors[0]) and np.any(model.loads) or model.user_forces and laws.begins):
+    if start is None and (np.any(factors[0]) and np.any(model.loads) or by_laws and laws.begins):
         raise SceneError("solve_path: the start carries loads already; say which equilibrium it is, as in "
                          "start=solve_static(model, at_time=...).state")
     if start is not None:

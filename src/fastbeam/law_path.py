@@ -54,7 +54,7 @@ def law_path(who: str, model: Model, at_time: float | tuple[float, float] | None
     other = [name for name in model.user_forces if name not in {x.name for x in forces if isinstance(x, FollowerForce)}]
     if other:
         raise SceneError(f"{who}: user force {other[0]!r} is a law of its own, of which two times of at_time= tell no path; give "
-                         "one time, with which it grows from zero, or write it as a load with follower=True")
+                         "one time, with which forces on nodes grow from zero, or write it as a load with follower=True")
 
     def values(t: float) -> Array:
         return np.array([1.0 if x.time is None else factor_at(x.time, t) for x in forces])

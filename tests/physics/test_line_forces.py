@@ -25,6 +25,7 @@ def pair(*links: Any) -> Any:
 ARM = fb.RigidBody("arm", mass=2.0, inertia=(0.1, 0.2, 0.25), position=(0, 0, 0), velocity=(0.3, 0, 0.1), spin=(1.0, 2.0, -0.5))
 LEG = fb.RigidBody("leg", mass=1.0, inertia=(0.05, 0.04, 0.06), position=(1.0, 0.2, 0), spin=(-0.7, 0.3, 1.0))
 BALL = fb.PointMass("ball", mass=0.5, position=(0.5, 1.0, 0.3), velocity=(0, -0.4, 0.2))
+BOB = fb.PointMass("bob", mass=2.0, position=(0, 0, -1.0))
 ENDS = ((ARM.point((0.2, 0.1, 0)), LEG.point((-0.1, 0.15, 0.05))), (LEG.point((0.1, 0, 0)), BALL), (BALL, ARM.center))
 
 
@@ -50,6 +51,46 @@ def test_a_muscle_that_depends_on_time_keeps_momenta_and_closes_its_books() -> N
     assert np.ptp(result.series["kinetic"]) > 0.5
     for name in ("balance", "lin_mom", "ang_mom"):
         assert abs(result.drift(name)) < 1e-12
+
+
+def hardening(t, length, rate, parameters):
+    e = length - parameters[0]
+    return parameters[1] * e + parameters[2] * e**2 + parameters[3] * e**3 + parameters[4] * rate
+
+
+def hung(*parameters: float) -> fb.Model:
+    """A mass 1 m below the ground that is pulled down by 1 N times the load factor."""
+    rope = fb.LineForce(fb.GROUND.point((0, 0, 0)), BOB, "rope", law=hardening, parameters=parameters)
+    return fb.compile_scene(fb.Scene(BOB, fb.Pin(BOB, axes="xy"), rope, fb.Load("pull", BOB, force=(0, 0, -1.0))), planar=False)
+
+
+def test_a_law_acts_in_full_at_every_load_factor() -> None:
+    """Rows of an equilibrium: F = 100 e + 20 e^3 with e = l - 0.99, and its damped mode there and at another load factor."""
+    model = hung(0.99, 100.0, 0.0, 20.0, 0.8)
+    rest = fb.solve_static(model, load_step=0.25, points={"bob": BOB})
+    e = -rest.point("bob")[1:, 2] - 0.99
+    assert len(e) >= 3
+    np.testing.assert_allclose(100.0 * e + 20.0 * e**3, rest.t[1:], rtol=0, atol=1e-11)
+    for factor, state in ((1.0, rest.state), (0.5, fb.solve_path(model, to=0.5).state)):
+        stretch = -state.q.reshape(-1, 4, 3)[0, 0, 2] - 0.99
+        found = fb.modes(model, state=state, n=1, damped=True, load_factor=factor)
+        np.testing.assert_allclose(found.damping_ratios[0], 0.8 / (2.0 * np.sqrt(2.0 * (100.0 + 60.0 * stretch**2))), rtol=1e-7)
+
+
+def test_a_path_goes_through_the_limit_points_of_a_law() -> None:
+    """F = 10 e - 30 e^2 + 20 e^3, with limit points at F = +-10/sqrt(108)."""
+    model = hung(1.0, 10.0, -30.0, 20.0, 0.0)
+    path = fb.solve_path(model, to=1.2, step=0.2, largest_step=0.4, points={"bob": BOB})
+    e = -path.point("bob")[:, 2] - 1.0
+    np.testing.assert_allclose(10.0 * e - 30.0 * e**2 + 20.0 * e**3, path.series["load_factor"], rtol=0, atol=1e-11)
+    limits = [x["load_factor"] for x in path.info["critical_points"]]
+    np.testing.assert_allclose(limits, np.array([1.0, -1.0]) * 10.0 / np.sqrt(108.0), rtol=1e-10)
+
+
+def test_a_scene_whose_laws_alone_act_has_nothing_that_grows() -> None:
+    rope = fb.LineForce(fb.GROUND.point((0, 0, 0)), BOB, "rope", law=strut, parameters=(1.0, 0.5, 0.0))
+    with pytest.raises(fb.SceneError, match="no loads that could grow"):
+        fb.solve_path(fb.compile_scene(fb.Scene(BOB, fb.Pin(BOB, axes="xy"), rope), planar=False))
 
 
 def test_laws_that_cannot_be_are_refused() -> None:

@@ -2,7 +2,8 @@
 
 The law gives the tension from the time in the middle of the step, the mean of the lengths at both ends and their difference over
 the step. With these a linear spring and a damper written as laws are those of theory.md (4.9) and (4.18); the force lies along
-the mean of both ends, so that both momenta stay, and what it takes from the energy is accounted.
+the mean of both ends, so that both momenta stay, and what it takes from the energy is accounted. In statics it acts in full at
+every load factor, as springs do.
 
 Arrays: q [12 N], in a plane [4 N].
 """
@@ -16,7 +17,7 @@ from .._jit import kernel
 from .algebra import call_force, dot
 from .spring import add_pair, difference
 from .terms import account, assemble, spread_nodes
-from .user_force import FACTOR, FOUND, GIVEN, INCREMENT, TIME, Laws
+from .user_force import FOUND, GIVEN, INCREMENT, TIME, Laws
 
 
 class LineForces(NamedTuple):
@@ -41,7 +42,7 @@ def tension_at(lines, k, length, rate):
     base = w.ctypes.data
     call_force(lines.laws.address[k], w[TIME], base + 8 * GIVEN, lines.parameters.ctypes.data + 8 * lines.first[k],
                base + 8 * FOUND)
-    return w[FACTOR] * w[FOUND]
+    return w[FOUND]
 
 
 @assemble.register(LineForces)

@@ -31,7 +31,7 @@ class LineForce(Link):
     (m/s). Tension (N) pulls both points together with the same force, so that momenta stay. Linear springs and dampers come out
     as `Spring` and `Damper` to round-off (theory.md (4.29)). Its derivatives are taken by differences; what it takes from the
     energy, elastic or not, is `work taken by ...` in `Result.balance`. In space and in a plane, with conserving steps, of order 4
-    by two runs; in statics the rate is 0 and the load factor scales it.
+    by two runs; in statics, also in `solve_path`, the rate is 0, and it acts in full at every load factor, as springs do.
 
     Parameters
     ----------
