@@ -103,10 +103,9 @@ class Model(HistoryLayout):
         The sliders that are sleeves; `twisting` numbers of those that rub on beams that turn in them, int64 [R].
     damped : dissipation.Damped or None
         Beams and nets whose sections have damping.
-    dampers, find_springs
-        Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links.
-    lines : links.Lines or None
-        Springs, dampers and line forces whose ends may pass each other.
+    dampers, find_springs, lines
+        Springs, dampers and bushings that take energy away; makes what these have at rows from the tables of the links; springs,
+        dampers and line forces whose ends may pass each other (links.Lines).
     dragged : dissipation.Dragged or None
         Nodes with drag; `drag` its tables.
     added : added.Added or None
