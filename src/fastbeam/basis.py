@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import SceneError
 from .shapes import bspline_shapes, fix_sum, gll_nodes, lagrange_shapes, spread_table
+from .spline_points import points_of
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -71,7 +72,8 @@ class CurveBasis:
 
 @dataclass(frozen=True)
 class Basis:
-    """Tables of one beam (theory.md 3.2). nn nodes per element, nq = degree and nm = degree + 1 Gauss points.
+    """Tables of one beam (theory.md 3.2). nn nodes per element, nq points of the strain energy: degree Gauss points, of
+    splines of degree 2 and 3 two, of which one may have weight zero (`spline_points`); nm = degree + 1 Gauss points.
 
     Attributes
     ----------
@@ -84,7 +86,7 @@ class Basis:
     element_nodes : int [n_elements, nn]
         Nodes of every element, numbered along the beam, consecutive. A table entry is zero where a node does not matter.
     point_s, weight : [n_elements, nq]
-        Arc length (m) and Gauss weight times ds/dxi (m) of the points of the strain energy.
+        Arc length and weight, m, of the points of the strain energy.
     phi, phi_s, dir, dir_s : [n_elements, nq, nn]
         Position and director basis there and their d/ds (1/m). `dir is phi` unless directors is 'greville'.
     mass_phi, mass_dir : [n_elements, nn, nn]
@@ -242,6 +244,12 @@ def build_basis(interpolation: str, degree: int, n_elements_or_ends: int | Array
         return np.broadcast_to(table, (n_elements, *table.shape[1:]))
 
     point_s, weight, own, own_s = shapes(p)
+    rule = points_of(p, sizes) if interpolation == "bspline" else None
+    if rule is not None:
+        at, share = rule
+        point_s, weight = ends[:-1, None] + at * sizes[:, None], share * sizes[:, None]
+        own, own_s = bspline_shapes(p, knots, at)
+        own_s /= unit
     mass_point_s, mass_weight, mass_own, _ = shapes(p + 1)  # exact to degree 2 p + 1
     shift = element * stride - first
     phi, phi_s, mass_values = (_widen(table, shift, nn) for table in (own, own_s, mass_own))  # zero for nodes that do not matter
