@@ -116,8 +116,11 @@ def _solved(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
     m = (size + 1) // 2
     whole = (knots[q + 1:] - knots[:size]) / (q + 1)
     centre = np.array([knots[i + 1:i + q + 1].mean() for i in range(size)])
-    pairs = np.minimum(np.arange(size) // 2, m - 1)
-    x, w = np.bincount(pairs, centre) / np.bincount(pairs), np.bincount(pairs, whole)
+    # a point begins between two functions. An odd space leaves one choice: least changes of a start that a mirrored mesh has, too
+    share = np.zeros((m, size))
+    share[np.arange(size) // 2, np.arange(size)] = 0.5
+    share = share + share[::-1, ::-1] if size % 2 else 2.0 * share
+    x, w = share @ centre / share.sum(axis=1), share @ whole
     fold = _folded(m) if symmetric else np.eye(2 * m)
     z = np.linalg.pinv(fold) @ np.concatenate((x - 0.5, w))
 
@@ -125,24 +128,25 @@ def _solved(p: int, ends: Array, symmetric: bool) -> tuple[Array, Array] | None:
         both = fold @ z
         return np.clip(both[:m] + 0.5, 0.0, 1.0 - 1e-15), both[m:]
 
-    def missing(z: Array) -> tuple[Array, Array, Array]:
+    def missing(z: Array) -> tuple[Array, Array]:
+        """What integrals lack, and its derivative."""
         x, w = unfolded(z)
         values, slopes = _splines(q, knots, x)
-        return values.T @ w - whole, values, slopes
+        return values.T @ w - whole, np.hstack((slopes.T * w, values.T)) @ fold
 
-    miss, values, slopes = missing(z)
+    miss, tangent = missing(z)
     for _ in range(200):
-        change = np.linalg.lstsq(np.hstack((slopes.T * unfolded(z)[1], values.T)) @ fold, -miss, rcond=1e-12)[0]
-        share = 1.0
-        while share > 1e-4:
-            tried = missing(z + share * change)
-            if np.linalg.norm(tried[0]) < (1.0 - 0.1 * share) * np.linalg.norm(miss):
+        change = np.linalg.lstsq(tangent, -miss, rcond=1e-12)[0]
+        part = 1.0
+        while part > 1e-4:
+            tried = missing(z + part * change)
+            if np.linalg.norm(tried[0]) < (1.0 - 0.1 * part) * np.linalg.norm(miss):
                 break
-            share *= 0.5
+            part *= 0.5
         else:
             break
-        z = z + share * change
-        miss, values, slopes = tried
+        z = z + part * change
+        miss, tangent = tried
     x, w = unfolded(z)
     sound = np.max(np.abs(miss)) <= EXACT * np.min(np.diff(ends)) and np.all(np.diff(x) > 0.0) and np.all(w > 0.0)
     return (x, w) if sound else None
