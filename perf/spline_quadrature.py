@@ -1,5 +1,5 @@
-"""Points of the strain energy of B-splines: p Gauss points an element, as the package has them, against Gauss rules of spline
-spaces, on the linear Timoshenko beam, with NumPy and SciPy alone.
+"""Points of the strain energy of B-splines: p Gauss points an element against Gauss rules of spline spaces, which the package has
+for degree 2 and 3 (fastbeam/spline_points.py), on the linear Timoshenko beam, with NumPy and SciPy alone.
 
     python perf/spline_quadrature.py      errors of the third frequency of a pinned beam, slender in bending and taut
 

@@ -1,4 +1,4 @@
-"""Points at which the strain energy of B-splines of degree 2 and 3 is taken: Gauss rules of spline spaces, theory.md 3.2.
+"""Points at which the strain energy of B-splines of degree 2 and 3 is taken: Gauss rules of spline spaces, theory.md 3.1.
 
 With p Gauss points an element splines of few elements lock: shear is to vanish at more points than there are shapes to choose
 from. The energy of derivatives is exact with fewer: those of the Gauss rule of splines of degree 2 p - 2 with p - 2 continuous
